@@ -1,0 +1,106 @@
+// What a run leaves on disk, the same for both solvers: frames, curves and a record of how it was made.
+//
+//   frames.pvd, frames/frame_000000.vtu ...   deformed points; field data TimeValue (s) and n_surface; point data displacement (m),
+//                                             velocity (m/s), node_id; cells: the surface triangles first, then springs or tetrahedra
+//   curves.csv                                one row per step, named columns, SI units
+//   run.json                                  written last: a folder without it is not a result
+#pragma once
+
+#include <Eigen/Core>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace testbed {
+
+/// Cells of one VTK type (VTK_LINE 3, VTK_TRIANGLE 5, VTK_TETRA 10, VTK_QUADRATIC_TETRA 24).
+struct CellBlock {
+  int vtk_type;
+  Eigen::MatrixXi nodes;  ///< nodes per cell x n_cells
+};
+
+/// A value per node: components x n_nodes.
+struct Field {
+  std::string name;
+  Eigen::MatrixXd values;
+};
+
+/// Writes an unstructured grid (.vtu, raw appended, LZ4) to a temporary name and renames it.
+/// @throws std::runtime_error when the file cannot be written.
+void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
+               const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
+               const std::map<std::string, double>& field_data);
+
+/// Writes `text` to a temporary name beside `file` and renames it.
+void write_file(const std::filesystem::path& file, const std::string& text);
+
+/// Writes frames and curves of one run into a folder, and run.json when it is finished.
+class Recorder {
+ public:
+  /// Empties the folder of an older run. `cells` are those of every frame, surface triangles first.
+  Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface);
+
+  /// Adds a frame: rest points X and displacement u (3 x n, m), further fields as given.
+  void add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
+                 const std::vector<Field>& fields = {});
+
+  /// Adds a row to curves.csv; every row must have the columns of the first, in its order.
+  void add_row(const std::vector<std::pair<std::string, double>>& row);
+
+  /// Writes curves.csv and, last of all, run.json.
+  void finish(const nlohmann::json& record);
+
+ private:
+  std::filesystem::path folder_;
+  std::vector<CellBlock> cells_;
+  int n_surface_;
+  std::vector<std::pair<double, std::string>> frames_;
+  std::vector<std::string> columns_;
+  std::string rows_;
+};
+
+/// Seconds of the named stages of a run, in the order in which they first ran.
+class StageTimer {
+ public:
+  void start(const std::string& stage);  ///< ends the stage before it
+  void stop();
+  nlohmann::ordered_json seconds() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::vector<std::pair<std::string, double>> stages_;
+  std::string current_;
+  Clock::time_point since_;
+};
+
+/// What is the same in every run.json: program, versions, compiler and flags, machine, threads, date.
+nlohmann::json environment_record(const std::string& program);
+
+/// 16 hex digits of a 64-bit hash of bytes.
+std::string hash_of(const std::string& bytes);
+
+/// Hash of the running program's executable file: a rebuilt program is a different one.
+std::string program_hash();
+
+/// True when `folder` holds a finished run (run.json, status "ok") with this input hash.
+bool is_up_to_date(const std::filesystem::path& folder, const std::string& input_hash);
+
+/// Progress of long stages on stderr: a line with a time estimate on a terminal, plain lines elsewhere.
+class Progress {
+ public:
+  explicit Progress(bool quiet);
+  void stage(const std::string& name);  ///< begins a stage
+  void update(double fraction);         ///< of the current stage, in [0, 1]
+  ~Progress();
+
+ private:
+  bool quiet_, is_terminal_;
+  std::string name_;
+  std::chrono::steady_clock::time_point since_, shown_;
+};
+
+}  // namespace testbed

@@ -1,0 +1,146 @@
+// The scene: one physical problem, read from one TOML file by both solvers.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "meshing/mesh.h"
+
+namespace testbed {
+
+struct Everywhere {};
+struct Box {
+  Eigen::Vector3d low, high;
+};
+/// Points x with (x - point) . normal <= 0.
+struct HalfSpace {
+  Eigen::Vector3d point, normal;
+};
+struct Ball {
+  Eigen::Vector3d centre;
+  double radius;
+};
+
+/// A part of the surface, by vertex position at rest. Boundaries are included (to 1e-9 of the bounding box).
+struct Region {
+  std::variant<Everywhere, Box, HalfSpace, Ball> shape;
+  bool relative = false;  ///< coordinates are fractions of the surface's bounding box (a radius: of its smallest side)
+};
+
+struct SurfaceSource {
+  std::string file;           ///< path, relative to the scene file; empty when `shape` is given
+  std::string shape;          ///< ball, torus, bar, handle or head
+  int n_vertices = 642;       ///< wanted number of vertices of a generated shape; the nearest possible is made
+  Eigen::Vector3d size{0, 0, 0};  ///< bounding box of a generated shape (m); 0: the shape's own
+  double scale = 1;           ///< factor on all coordinates, before normalise
+  bool normalise = false;     ///< scale so that the smallest side of the bounding box is 1 m, centre at the origin
+};
+
+struct Material {
+  double E = 1e5;      ///< Young's modulus (Pa), > 0
+  double nu = 0.25;    ///< Poisson's ratio, in (-1, 0.5)
+  double rho = 1000;   ///< density (kg/m3), > 0
+  double damping = 0;  ///< mass-proportional damping (1/s): force -damping * m * v, >= 0
+};
+
+struct Support {
+  Region region;
+  std::array<bool, 3> fixed{true, true, true};  ///< which components are prescribed ("xyz" in the file)
+  Eigen::Vector3d displacement{0, 0, 0};        ///< their displacement at full load (m)
+};
+
+/// Surface load on triangles whose three vertices lie in the region; on the undeformed area unless stated.
+struct Load {
+  Region region;
+  double pressure = 0;                 ///< Pa, acts against the outward normal
+  Eigen::Vector3d traction{0, 0, 0};   ///< Pa
+};
+
+/// Rest lengths collapse around a pivot [paper eq. 8].
+struct Pivot {
+  Eigen::Vector3d point;  ///< m
+  double start = 0;       ///< s (static scenes: load factor at which it begins)
+};
+struct Collapse {
+  double coefficient = 0.1;  ///< depletion R in [0, 1)
+  std::vector<Pivot> pivots;
+};
+
+/// A fixed rigid body that the surface cannot enter: outside of the region's shape is free.
+struct Obstacle {
+  std::variant<HalfSpace, Ball> shape;
+};
+
+enum class TimeMode { Static, Dynamic };
+enum class Integrator { ExplicitEuler, SymplecticEuler, ImplicitEuler };
+struct TimeOptions {
+  TimeMode mode = TimeMode::Static;
+  int load_steps = 10;  ///< static: loads grow linearly to full in this many steps
+  double step = 0;      ///< dynamic: s; 0 chooses one
+  double end = 1;       ///< dynamic: s
+  Integrator integrator = Integrator::ImplicitEuler;
+};
+
+struct NetworkOptions {
+  std::optional<double> phi;  ///< least distance between internal nodes (normalised box); chosen from the surface if absent
+  std::optional<double> psi;  ///< least distance of an internal node to the surface (normalised box)
+  std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
+  int multiplicity = 5;       ///< springs projected by each white node, >= 3
+  std::uint64_t seed = 1;
+  std::string calibration = "affine";  ///< name of the spring model
+};
+
+struct ReferenceOptions {
+  int degree = 2;                        ///< polynomial degree of the displacement, 1 or 2
+  std::optional<double> interior_size;   ///< m; from the surface's edges if absent
+  int refine = 0;                        ///< uniform refinements of the tetrahedra
+};
+
+struct ComparisonOptions {
+  std::vector<std::string> calibrations;  ///< spring models to run beside network.calibration
+};
+
+struct OutputOptions {
+  int frames_every = 1;  ///< load or time steps between frames; 0: none but the last
+  bool curves = true;
+  std::vector<std::string> fields{"displacement", "velocity"};
+};
+
+struct Scene {
+  std::string name;
+  SurfaceSource surface;
+  Material material;
+  std::optional<Eigen::Vector3d> gravity;  ///< m/s2
+  std::vector<Support> supports;
+  std::vector<Load> loads;
+  std::optional<Collapse> collapse;
+  std::vector<Obstacle> obstacles;
+  TimeOptions time;
+  NetworkOptions network;
+  ReferenceOptions reference;
+  ComparisonOptions comparison;
+  OutputOptions output;
+};
+
+/// Reads a scene, then applies `overrides` ("material.nu=0.3", the value in TOML).
+/// @throws std::runtime_error naming file, line, key, value found, what is allowed and the nearest known key.
+Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
+
+/// The scene with every default filled in, as TOML that read_scene accepts. File paths are made absolute.
+std::string to_toml(const Scene& scene);
+
+/// The scene's surface: file or generated shape, scaled, checked to be closed and oriented outward.
+SurfaceMesh load_surface(const SurfaceSource& source);
+
+/// Indices (ascending) of the surface vertices in the region.
+std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface);
+/// Indices (ascending) of the triangles with all three vertices in the region.
+std::vector<int> triangles_in(const Region& region, const SurfaceMesh& surface);
+
+}  // namespace testbed
