@@ -10,13 +10,16 @@
 namespace testbed {
 
 struct SampleOptions {
-  std::optional<double> phi;  ///< least distance between internal nodes, in the normalised box; from the surface's edges if absent
-  std::optional<double> psi;  ///< least distance to the surface, in the normalised box; from the surface's edges if absent
-  std::optional<int> k;       ///< nodes wanted; as many as fit if absent
+  std::optional<double> phi;  ///< least distance between internal nodes, in the normalised box; from the
+                              ///< surface's edges if absent
+  std::optional<double>
+      psi;  ///< least distance to the surface, in the normalised box; from the surface's edges if absent
+  std::optional<int> k;  ///< nodes wanted; as many as fit if absent
   std::uint64_t seed = 1;
 };
 
-/// Random internal nodes, 3 x k' with k' <= k (m) [paper 4.2, fig. 4]. Always ends; the same seed gives the same nodes everywhere.
+/// Random internal nodes, 3 x k' with k' <= k (m) [paper 4.2, fig. 4]. Always ends; the same seed gives the
+/// same nodes everywhere.
 Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& options);
 
 struct PcpOptions {
@@ -28,7 +31,7 @@ struct PcpReport {
 };
 
 /// Links surface and internal nodes by projective cascading propagation [paper 4.2, fig. 8], stage by stage.
-SpringNetwork link_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior, const PcpOptions& options,
-                       PcpReport* report = nullptr);
+SpringNetwork link_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
+                       const PcpOptions& options, PcpReport* report = nullptr);
 
 }  // namespace testbed

@@ -1,7 +1,9 @@
 // What a run leaves on disk, the same for both solvers: frames, curves and a record of how it was made.
 //
-//   frames.pvd, frames/frame_000000.vtu ...   deformed points; field data TimeValue (s) and n_surface; point data displacement (m),
-//                                             velocity (m/s), node_id; cells: the surface triangles first, then springs or tetrahedra
+//   frames.pvd, frames/frame_000000.vtu ...   deformed points; field data TimeValue (s) and n_surface; point
+//   data displacement (m),
+//                                             velocity (m/s), node_id; cells: the surface triangles first,
+//                                             then springs or tetrahedra
 //   curves.csv                                one row per step, named columns, SI units
 //   run.json                                  written last: a folder without it is not a result
 #pragma once

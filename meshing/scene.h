@@ -30,16 +30,18 @@ struct Ball {
 /// A part of the surface, by vertex position at rest. Boundaries are included (to 1e-9 of the bounding box).
 struct Region {
   std::variant<Everywhere, Box, HalfSpace, Ball> shape;
-  bool relative = false;  ///< coordinates are fractions of the surface's bounding box (a radius: of its smallest side)
+  bool relative =
+      false;  ///< coordinates are fractions of the surface's bounding box (a radius: of its smallest side)
 };
 
 struct SurfaceSource {
-  std::string file;           ///< path, relative to the scene file; empty when `shape` is given
-  std::string shape;          ///< ball, torus, bar, handle or head
-  int n_vertices = 642;       ///< wanted number of vertices of a generated shape; the nearest possible is made
+  std::string file;      ///< path, relative to the scene file; empty when `shape` is given
+  std::string shape;     ///< ball, torus, bar, handle or head
+  int n_vertices = 642;  ///< wanted number of vertices of a generated shape; the nearest possible is made
   Eigen::Vector3d size{0, 0, 0};  ///< bounding box of a generated shape (m); 0: the shape's own
-  double scale = 1;           ///< factor on all coordinates, before normalise
-  bool normalise = false;     ///< scale so that the smallest side of the bounding box is 1 m, centre at the origin
+  double scale = 1;               ///< factor on all coordinates, before normalise
+  bool normalise =
+      false;  ///< scale so that the smallest side of the bounding box is 1 m, centre at the origin
 };
 
 struct Material {
@@ -58,8 +60,8 @@ struct Support {
 /// Surface load on triangles whose three vertices lie in the region; on the undeformed area unless stated.
 struct Load {
   Region region;
-  double pressure = 0;                 ///< Pa, acts against the outward normal
-  Eigen::Vector3d traction{0, 0, 0};   ///< Pa
+  double pressure = 0;                ///< Pa, acts against the outward normal
+  Eigen::Vector3d traction{0, 0, 0};  ///< Pa
 };
 
 /// Rest lengths collapse around a pivot [paper eq. 8].
@@ -88,7 +90,8 @@ struct TimeOptions {
 };
 
 struct NetworkOptions {
-  std::optional<double> phi;  ///< least distance between internal nodes (normalised box); chosen from the surface if absent
+  std::optional<double>
+      phi;  ///< least distance between internal nodes (normalised box); chosen from the surface if absent
   std::optional<double> psi;  ///< least distance of an internal node to the surface (normalised box)
   std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
   int multiplicity = 5;       ///< springs projected by each white node, >= 3
@@ -97,9 +100,9 @@ struct NetworkOptions {
 };
 
 struct ReferenceOptions {
-  int degree = 2;                        ///< polynomial degree of the displacement, 1 or 2
-  std::optional<double> interior_size;   ///< m; from the surface's edges if absent
-  int refine = 0;                        ///< uniform refinements of the tetrahedra
+  int degree = 2;                       ///< polynomial degree of the displacement, 1 or 2
+  std::optional<double> interior_size;  ///< m; from the surface's edges if absent
+  int refine = 0;                       ///< uniform refinements of the tetrahedra
 };
 
 struct ComparisonOptions {

@@ -7,11 +7,15 @@
 
 namespace testbed {
 
-/// Enclosed volume (m3) by the divergence theorem about the centroid; positive when oriented outward [paper 3.3].
+/// Enclosed volume (m3) by the divergence theorem about the centroid; positive when oriented outward
+/// [paper 3.3].
 double volume(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
 
 /// Area of the surface (m2).
 double area(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
+
+/// Area times outward unit normal of each triangle, 3 x m (m2).
+Eigen::Matrix3Xd area_vectors(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
 
 /// A third of the area of its triangles, for each vertex (m2).
 Eigen::VectorXd vertex_areas(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
@@ -19,8 +23,8 @@ Eigen::VectorXd vertex_areas(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& 
 /// Undirected edges, 2 x n_edges, i < j, in ascending order.
 Eigen::Matrix2Xi edges_of(const Eigen::Matrix3Xi& F);
 
-/// @throws std::runtime_error naming `name`, what is wrong and where, unless the surface is closed, manifold, consistently and
-/// outwardly oriented and free of degenerate triangles.
+/// @throws std::runtime_error naming `name`, what is wrong and where, unless the surface is closed, manifold,
+/// consistently and outwardly oriented and free of degenerate triangles.
 void check_closed(const SurfaceMesh& surface, const std::string& name);
 
 }  // namespace testbed
