@@ -7,13 +7,17 @@
 
 namespace testbed {
 
-/// Reads OBJ, OFF, PLY (ASCII and binary) or STL (ASCII and binary) in double precision; polygons are cut
-/// into fans. Vertex order is the file's; corners of an STL with equal bits are merged. The readers are ours
-/// because VTK's return single precision, split vertices at OBJ normals and know no OFF.
-/// @throws std::runtime_error with file, line (text formats), value found and expected.
-SurfaceMesh read_surface(const std::filesystem::path& file);
+struct ReadReport {
+  int n_merged = 0;  ///< vertices dropped because an earlier one has the same position (texture seams, STL)
+};
 
-/// Writes OFF with 17 digits, under a temporary name until complete.
-void write_off(const std::filesystem::path& file, const SurfaceMesh& surface);
+/// Reads OBJ, OFF, PLY or STL in double precision. Vertices keep the file's order; those at equal positions
+/// are merged into the first. Polygons are cut into triangles.
+/// @throws std::runtime_error with file, line (text formats), value found and expected.
+SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report = nullptr);
+
+/// Writes OBJ or OFF, by the file's extension, with all digits of a double.
+/// @throws std::runtime_error when the extension is another or the file cannot be written.
+void write_surface(const std::filesystem::path& file, const SurfaceMesh& surface);
 
 }  // namespace testbed
