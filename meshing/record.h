@@ -11,7 +11,6 @@
 #include <Eigen/Core>
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -37,13 +36,10 @@ void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points
                const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
                const std::map<std::string, double>& field_data);
 
-/// Writes `text` to a temporary name beside `file` and renames it.
-void write_file(const std::filesystem::path& file, const std::string& text);
-
 /// Writes frames and curves of one run into a folder, and run.json when it is finished.
 class Recorder {
  public:
-  /// Empties the folder of an older run. `cells` are those of every frame, surface triangles first.
+  /// Removes an older run from the folder. `cells` are those of every frame, surface triangles first.
   Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface);
 
   /// Adds a frame: rest points X and displacement u (3 x n, m), further fields as given.
@@ -51,10 +47,11 @@ class Recorder {
                  const std::vector<Field>& fields = {});
 
   /// Adds a row to curves.csv; every row must have the columns of the first, in its order.
+  /// @throws std::runtime_error when a value is not finite.
   void add_row(const std::vector<std::pair<std::string, double>>& row);
 
-  /// Writes curves.csv and, last of all, run.json.
-  void finish(const nlohmann::json& record);
+  /// Writes curves.csv if it has rows and, last of all, run.json.
+  void finish(const nlohmann::ordered_json& record);
 
  private:
   std::filesystem::path folder_;
@@ -80,7 +77,7 @@ class StageTimer {
 };
 
 /// What is the same in every run.json: program, versions, compiler and flags, machine, threads, date.
-nlohmann::json environment_record(const std::string& program);
+nlohmann::ordered_json environment_record(const std::string& program);
 
 /// 16 hex digits of a 64-bit hash of bytes.
 std::string hash_of(const std::string& bytes);
@@ -90,19 +87,5 @@ std::string program_hash();
 
 /// True when `folder` holds a finished run (run.json, status "ok") with this input hash.
 bool is_up_to_date(const std::filesystem::path& folder, const std::string& input_hash);
-
-/// Progress of long stages on stderr: a line with a time estimate on a terminal, plain lines elsewhere.
-class Progress {
- public:
-  explicit Progress(bool quiet);
-  void stage(const std::string& name);  ///< begins a stage
-  void update(double fraction);         ///< of the current stage, in [0, 1]
-  ~Progress();
-
- private:
-  bool quiet_, is_terminal_;
-  std::string name_;
-  std::chrono::steady_clock::time_point since_, shown_;
-};
 
 }  // namespace testbed

@@ -135,11 +135,18 @@ struct Scene {
 /// @throws std::runtime_error naming file, line, key, value found, what is allowed and the nearest known key.
 Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 
-/// The scene with every default filled in, as TOML that read_scene accepts. File paths are made absolute.
+/// The scene with every default filled in and every key explained, as TOML that read_scene accepts.
 std::string to_toml(const Scene& scene);
 
 /// The scene's surface: file or generated shape, scaled, checked to be closed and oriented outward.
+/// @throws std::runtime_error when it cannot be read or is not closed.
 SurfaceMesh load_surface(const SurfaceSource& source);
+
+/// Hash of all that a program's result depends on: the scene less the parts it ignores, the surface and the
+/// program itself.
+/// @param ignored  top-level keys of the scene that the program does not read, e.g. {"network", "comparison"}
+std::string input_hash(const Scene& scene, const SurfaceMesh& surface,
+                       const std::vector<std::string>& ignored);
 
 /// Indices (ascending) of the surface vertices in the region.
 std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface);

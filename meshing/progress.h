@@ -1,0 +1,25 @@
+// Progress of long stages, for people.
+#pragma once
+
+#include <chrono>
+#include <string>
+
+namespace testbed {
+
+/// Writes to stderr: on a terminal a line with a time estimate, elsewhere a plain line as a stage begins and
+/// every half minute.
+class Progress {
+ public:
+  explicit Progress(bool is_quiet);
+  ~Progress();
+  void stage(const std::string& name);
+  void update(double fraction);  ///< of the current stage, in [0, 1]
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool is_quiet_, is_terminal_;
+  std::string name_;
+  Clock::time_point since_, shown_;
+};
+
+}  // namespace testbed
