@@ -4,6 +4,7 @@
 
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
+#include "tests/meshing/surfaces.h"
 
 using namespace testbed;
 
@@ -29,14 +30,6 @@ std::string complaint(const SurfaceMesh& mesh) {
     return error.what();
   }
   return "";
-}
-
-SurfaceMesh join(const SurfaceMesh& a, const SurfaceMesh& b) {
-  SurfaceMesh both{Eigen::Matrix3Xd(3, a.X.cols() + b.X.cols()),
-                   Eigen::Matrix3Xi(3, a.F.cols() + b.F.cols())};
-  both.X << a.X, b.X;
-  both.F << a.F, (b.F.array() + static_cast<int>(a.X.cols())).matrix();
-  return both;
 }
 
 }  // namespace
@@ -66,10 +59,7 @@ TEST(Surface, EdgesAreListedOnceInAscendingOrder) {
 TEST(CheckClosed, AcceptsATetrahedronAndAHollowBall) {
   EXPECT_EQ(complaint(unit_tetrahedron()), "");
   const SurfaceMesh ball = make_shape("ball", 162);
-  SurfaceMesh cavity = ball;
-  cavity.X *= 0.5;
-  cavity.F.row(0).swap(cavity.F.row(1));
-  EXPECT_EQ(complaint(join(ball, cavity)), "");
+  EXPECT_EQ(complaint(join(ball, inside_out(scaled(ball, 0.5)))), "");
 }
 
 TEST(CheckClosed, NamesEveryFault) {
@@ -90,9 +80,7 @@ TEST(CheckClosed, NamesEveryFault) {
   std::swap(flipped.F(0, 0), flipped.F(1, 0));
   expect(flipped, "oriented against each other");
 
-  SurfaceMesh inside_out = good;
-  inside_out.F.row(0).swap(inside_out.F.row(1));
-  expect(inside_out, "outward");
+  expect(inside_out(good), "outward");
 
   SurfaceMesh flat = good;
   flat.X(2, 3) = 0;
