@@ -18,7 +18,8 @@ struct BlockMatrix {
   void set_zero();
 };
 
-/// Zero matrix of n rows whose pattern is the diagonal and the given node pairs (2 x m, any order, repeats allowed).
+/// Zero matrix of n rows whose pattern is the diagonal and the given node pairs (2 x m, any order, repeats
+/// allowed).
 BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs);
 
 /// y = A x for 3 x n fields of node vectors.

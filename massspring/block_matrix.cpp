@@ -1,0 +1,47 @@
+#include "massspring/block_matrix.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace testbed {
+
+int BlockMatrix::find(int i, int j) const {
+  const auto begin = column.begin() + row_start[i], end = column.begin() + row_start[i + 1];
+  const auto at = std::lower_bound(begin, end, j);
+  assert(at != end && *at == j);
+  return static_cast<int>(at - column.begin());
+}
+
+void BlockMatrix::set_zero() {
+  std::fill(block.begin(), block.end(), Eigen::Matrix3d::Zero());
+}
+
+BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs) {
+  std::vector<std::vector<int>> rows(n);
+  for (int i = 0; i < n; ++i) rows[i].push_back(i);
+  for (const auto& pair : pairs.colwise()) {
+    rows[pair(0)].push_back(pair(1));
+    rows[pair(1)].push_back(pair(0));
+  }
+  BlockMatrix A;
+  A.row_start.push_back(0);
+  for (std::vector<int>& row : rows) {
+    std::sort(row.begin(), row.end());
+    row.erase(std::unique(row.begin(), row.end()), row.end());
+    A.column.insert(A.column.end(), row.begin(), row.end());
+    A.row_start.push_back(static_cast<int>(A.column.size()));
+  }
+  A.block.assign(A.column.size(), Eigen::Matrix3d::Zero());
+  return A;
+}
+
+void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) {
+  y.resize(3, A.rows());
+  for (int i = 0; i < A.rows(); ++i) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) sum += A.block[k] * x.col(A.column[k]);
+    y.col(i) = sum;
+  }
+}
+
+}  // namespace testbed

@@ -1,0 +1,27 @@
+// Spring models by name: from a network and a material to masses and stiffnesses.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "massspring/model.h"
+
+namespace testbed {
+
+struct Calibration {
+  std::string name;
+  bool needs_tetrahedra;
+};
+
+/// Every spring model there is.
+const std::vector<Calibration>& calibrations();
+
+/// @throws std::runtime_error listing the known names.
+const Calibration& find_calibration(const std::string& name);
+
+/// The mass-spring solid that stands for `material` on `network` (with tetrahedra where the calibration needs
+/// them).
+MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
+                          const Calibration& calibration);
+
+}  // namespace testbed

@@ -1,0 +1,63 @@
+// Preconditioned conjugate gradients on node vectors.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <vector>
+
+#include "massspring/block_matrix.h"
+
+namespace testbed {
+
+struct SolveReport {
+  int iterations = 0;
+  double residual = 0;  ///< |b - A x| / |b|
+  bool is_converged = false;
+};
+
+/// Solves A x = b for a symmetric positive semidefinite A and a right-hand side in its range, from the guess
+/// in x [Hestenes & Stiefel 1952].
+/// @param product       (p, y): y = A p
+/// @param precondition  (r, z): z = a symmetric positive definite approximation of A^-1 times r
+template <class Product, class Precondition>
+SolveReport conjugate_gradients(const Product& product, const Precondition& precondition,
+                                const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance,
+                                int max_iterations) {
+  const auto dot = [](const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& w) {
+    return u.cwiseProduct(w).sum();
+  };
+  SolveReport report;
+  const double b_norm = b.norm();
+  Eigen::Matrix3Xd r, z, p, Ap;
+  product(x, Ap);
+  r = b - Ap;
+  precondition(r, z);
+  p = z;
+  double rz = dot(r, z);
+  while (true) {
+    report.residual = b_norm > 0 ? r.norm() / b_norm : r.norm();
+    report.is_converged = report.residual <= tolerance;
+    if (report.is_converged || report.iterations == max_iterations) return report;
+    product(p, Ap);
+    const double pAp = dot(p, Ap);
+    if (!(pAp > 0)) return report;  // p lies in the null space: nothing more to gain
+    const double alpha = rz / pAp;
+    x += alpha * p;
+    r -= alpha * Ap;
+    precondition(r, z);
+    const double rz_before = rz;
+    rz = dot(r, z);
+    p = z + rz / rz_before * p;
+    ++report.iterations;
+  }
+}
+
+/// Inverses of the diagonal blocks of A, which must be positive definite.
+inline std::vector<Eigen::Matrix3d> block_jacobi(const BlockMatrix& A) {
+  std::vector<Eigen::Matrix3d> inverse(A.rows());
+  for (int i = 0; i < A.rows(); ++i) inverse[i] = A.block[A.find(i, i)].inverse();
+  return inverse;
+}
+
+}  // namespace testbed
