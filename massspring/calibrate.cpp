@@ -33,8 +33,11 @@ Eigen::VectorXd squared_lengths(const SpringNetwork& network) {
 }  // namespace
 
 const std::vector<Calibration>& calibrations() {
-  static const std::vector<Calibration> all{
-      {"uniform", false}, {"affine", false}, {"edge_coupled", true}, {"node_averaged", true}};
+  static const std::vector<Calibration> all{{"uniform", false},
+                                            {"affine", false},
+                                            {"edge_coupled", true},
+                                            {"node_averaged", true},
+                                            {"edge_averaged", true}};
   return all;
 }
 
@@ -55,7 +58,9 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
   if (calibration.needs_tetrahedra) {
     model.mass = lumped_mass(network.X, network.T, material.rho);
     model.tet_springs = couple_springs(network.X, network.T, lame_of(material),
-                                       calibration.name == "edge_coupled" ? edge_coupled : node_averaged);
+                                       calibration.name == "edge_coupled"    ? edge_coupled
+                                       : calibration.name == "node_averaged" ? node_averaged
+                                                                             : edge_averaged);
     return model;
   }
   // An affinely deformed isotropic network has E = sum k r^2 / (6 V) and nu = 1/4 [method 6].
