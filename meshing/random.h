@@ -20,6 +20,9 @@ class Random {
   /// Uniform in [0, 1).
   double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
 
+  /// Uniform in 0 ... n - 1, n < 2^32 (multiply and shift; the bias is below n/2^32).
+  std::uint64_t below(std::uint64_t n) { return (bits() >> 32) * n >> 32; }
+
  private:
   std::uint64_t state_;
 };

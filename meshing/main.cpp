@@ -1,0 +1,139 @@
+// meshing: surfaces, spring networks and tetrahedra on the command line.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <iostream>
+
+#include "meshing/network.h"
+#include "meshing/record.h"
+#include "meshing/shapes.h"
+#include "meshing/surface.h"
+#include "meshing/surface_io.h"
+#include "meshing/tetrahedralize.h"
+
+using namespace testbed;
+
+namespace {
+
+constexpr int vtk_line = 3, vtk_triangle = 5, vtk_tetra = 10;
+
+/// Nodes and cells for ParaView; n_surface as field data.
+void write_cells(const std::string& file, const Eigen::Matrix3Xd& X, const std::vector<CellBlock>& cells,
+                 int n_surface) {
+  write_vtu(file, X, cells, {}, {{"n_surface", n_surface}});
+}
+
+void add_check(CLI::App& app) {
+  auto* command = app.add_subcommand("check", "Report whether a simulation can use a surface file");
+  auto file = std::make_shared<std::string>();
+  command->add_option("file", *file, "OBJ, OFF, PLY or STL")->required();
+  command->callback([file] {
+    const SurfaceMesh surface = read_surface(*file);
+    check_closed(surface, *file);
+    std::printf("%s: closed, %ld vertices, %ld triangles, volume %.6g m3, area %.6g m2\n", file->c_str(),
+                surface.X.cols(), surface.F.cols(), volume(surface.X, surface.F), area(surface.X, surface.F));
+  });
+}
+
+void add_shape(CLI::App& app) {
+  struct Arguments {
+    std::string name, out;
+    int n_vertices = 642;
+    std::vector<double> size{0, 0, 0};
+  };
+  auto* command = app.add_subcommand("shape", "Generate a closed surface");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("name", arguments->name, "ball, torus, bar, handle or head")
+      ->required()
+      ->check(CLI::IsMember(shape_names()));
+  command->add_option("out", arguments->out, "file to write (.obj or .off)")->required();
+  command->add_option("--vertices", arguments->n_vertices, "wanted; the nearest possible is made")
+      ->capture_default_str();
+  command->add_option("--size", arguments->size, "bounding box (m); 0: the shape's own")->expected(3);
+  command->callback([arguments] {
+    const SurfaceMesh surface = make_shape(arguments->name, arguments->n_vertices,
+                                           Eigen::Map<Eigen::Vector3d>(arguments->size.data()));
+    write_surface(arguments->out, surface);
+    std::printf("%s: %ld vertices, %ld triangles\n", arguments->out.c_str(), surface.X.cols(),
+                surface.F.cols());
+  });
+}
+
+void add_network(CLI::App& app) {
+  struct Arguments {
+    std::string file, out;
+    SampleOptions sample;
+    PcpOptions pcp;
+  };
+  auto* command = app.add_subcommand("network", "Fill a surface with internal nodes and link them by PCP");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("file", arguments->file, "surface")->required();
+  command->add_option("out", arguments->out, "file to write (.vtu): triangles, then springs");
+  command->add_option("--phi", arguments->sample.phi, "least distance of internal nodes (normalised box)");
+  command->add_option("--psi", arguments->sample.psi, "least distance to the surface (normalised box)");
+  command->add_option("-k,--nodes", arguments->sample.k, "internal nodes wanted (absent: as many as fit)");
+  command->add_option("--seed", arguments->sample.seed, "of the random nodes")->capture_default_str();
+  command->add_option("--multiplicity", arguments->pcp.multiplicity, "springs projected by each white node")
+      ->capture_default_str();
+  command->callback([arguments] {
+    const SurfaceMesh surface = read_surface(arguments->file);
+    check_closed(surface, arguments->file);
+    const Eigen::Matrix3Xd interior = sample_interior(surface, arguments->sample);
+    if (arguments->sample.k && interior.cols() < *arguments->sample.k)
+      std::fprintf(stderr, "only %ld of %d internal nodes fit\n", interior.cols(), *arguments->sample.k);
+    PcpReport report;
+    const SpringNetwork network = link_pcp(surface, interior, arguments->pcp, &report);
+    const long n_edges = edges_of(surface.F).cols();
+    std::printf("nodes %ld (surface %d, internal %ld)\nsprings %ld (surface edges %ld)\n", network.X.cols(),
+                network.n_surface, interior.cols(), network.E.cols(), n_edges);
+    std::printf("coordination %.2f\nstages %zu\n", 2.0 * network.E.cols() / network.X.cols(),
+                report.white_per_stage.size());
+    if (!arguments->out.empty())
+      write_cells(arguments->out, network.X, {{vtk_triangle, network.F}, {vtk_line, network.E}},
+                  network.n_surface);
+  });
+}
+
+void add_tetrahedralize(CLI::App& app) {
+  struct Arguments {
+    std::string file, out;
+    TetOptions tets;
+  };
+  auto* command =
+      app.add_subcommand("tetrahedralize", "Fill a surface with tetrahedra, its vertices kept bit for bit");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("file", arguments->file, "surface")->required();
+  command->add_option("out", arguments->out, "file to write (.vtu): triangles, then tetrahedra");
+  command->add_option("--interior-size", arguments->tets.interior_size, "edge length inside (m)");
+  command->callback([arguments] {
+    const SurfaceMesh surface = read_surface(arguments->file);
+    const TetMesh mesh = tetrahedralize(surface, arguments->tets);
+    std::printf("nodes %ld (surface %d)\ntetrahedra %ld\n", mesh.X.cols(), mesh.n_surface, mesh.T.cols());
+    if (!arguments->out.empty())
+      write_cells(arguments->out, mesh.X, {{vtk_triangle, mesh.F}, {vtk_tetra, mesh.T}}, mesh.n_surface);
+  });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Surfaces in; spring networks and tetrahedra out.");
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  meshing check bunny.obj\n"
+      "  meshing shape torus torus.obj --vertices 924\n"
+      "  meshing network torus.obj torus.vtu --nodes 500 --multiplicity 5\n"
+      "  meshing tetrahedralize bunny.obj bunny.vtu --interior-size 0.1");
+  add_check(app);
+  add_shape(app);
+  add_network(app);
+  add_tetrahedralize(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error);
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << '\n';
+    return 1;
+  }
+}

@@ -1,0 +1,93 @@
+#include <gtest/gtest.h>
+
+#include "meshing/network.h"
+#include "meshing/shapes.h"
+#include "meshing/surface_tree.h"
+#include "tests/meshing/surfaces.h"
+
+using namespace testbed;
+
+namespace {
+
+SampleOptions options_of(double phi, double psi, std::optional<int> k = {}) {
+  SampleOptions options;
+  options.phi = phi;
+  options.psi = psi;
+  options.k = k;
+  return options;
+}
+
+double smallest_distance(const Eigen::Matrix3Xd& X) {
+  double smallest = 1e300;
+  for (int i = 0; i < X.cols(); ++i)
+    for (int j = 0; j < i; ++j) smallest = std::min(smallest, (X.col(i) - X.col(j)).norm());
+  return smallest;
+}
+
+}  // namespace
+
+TEST(SampleInterior, NodesPassTheThreeTestsOfFigure4) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  const SurfaceMesh hollow = join(ball, inside_out(scaled(ball, 0.4)));
+  for (const SurfaceMesh& surface : {make_shape("torus", 924), make_shape("handle", 932), hollow}) {
+    const double side = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).minCoeff();
+    const Eigen::Matrix3Xd X = sample_interior(surface, options_of(0.15, 0.1));
+    const SurfaceTree tree(surface);
+    ASSERT_GT(X.cols(), 30);
+    EXPECT_GE(smallest_distance(X), 0.15 * side);
+    for (const auto& x : X.colwise()) EXPECT_GE(tree.depth(x), 0.1 * side);
+  }
+}
+
+TEST(SampleInterior, ReturnsWhatIsWantedOrWhatFits) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  EXPECT_EQ(sample_interior(ball, options_of(0.05, 0.05, 500)).cols(), 500);
+  EXPECT_EQ(sample_interior(ball, options_of(0.05, 0.05, 0)).cols(), 0);
+  const auto few = sample_interior(ball, options_of(0.3, 0.05, 100000)).cols();
+  EXPECT_GT(few, 10);
+  EXPECT_LT(few, 200);
+  EXPECT_EQ(sample_interior(ball, options_of(0.1, 0.6)).cols(), 0);  // psi beyond the radius
+}
+
+TEST(SampleInterior, FillsTheBody) {
+  // Saturated dart throwing has 0.73 nodes per phi^3; giving a cell up after 30 misses stops a tenth short of it.
+  // phi^3.
+  const SurfaceMesh ball = make_shape("ball", 642);
+  const double phi = 0.05, side = 2, psi = 0.01;
+  const double free_volume = 4 * 3.14159265 / 3 * std::pow(1 - psi * side, 3);
+  const double density =
+      sample_interior(ball, options_of(phi, psi)).cols() * std::pow(phi * side, 3) / free_volume;
+  EXPECT_GT(density, 0.60);
+  EXPECT_LT(density, 0.75);
+}
+
+TEST(SampleInterior, IsUniform) {
+  const SurfaceMesh ball = make_shape("ball", 642);
+  const Eigen::Matrix3Xd X = sample_interior(ball, options_of(0.02, 0.0, 4000));
+  // 4000 nodes: the mean of a coordinate scatters by sqrt(1/5)/sqrt(4000) = 0.007, taken five times
+  EXPECT_LT(X.rowwise().mean().cwiseAbs().maxCoeff(), 0.035);
+  EXPECT_NEAR((X.colwise().norm().array() < 0.5).count() / 4000.0, 0.125, 5 * std::sqrt(0.125 / 4000));
+}
+
+TEST(SampleInterior, SameSeedSameNodesOtherSeedOthers) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  SampleOptions options = options_of(0.1, 0.05, 100);
+  const Eigen::Matrix3Xd first = sample_interior(ball, options);
+  EXPECT_EQ(sample_interior(ball, options), first);
+  options.seed = 2;
+  EXPECT_NE(sample_interior(ball, options), first);
+}
+
+TEST(SampleInterior, ChoosesSpacingForThickAndThinBodies) {
+  for (const SurfaceMesh& surface :
+       {make_shape("ball", 642), make_shape("bar", 500, {1, 1, 0.02}), make_shape("torus", 80)})
+    EXPECT_GT(sample_interior(surface, {}).cols(), 20);
+}
+
+TEST(SampleInterior, RefusesOptionsOutOfRange) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  EXPECT_THROW(sample_interior(ball, options_of(0, 0.1)), std::runtime_error);
+  EXPECT_THROW(sample_interior(ball, options_of(0.1, -0.1)), std::runtime_error);
+  EXPECT_THROW(sample_interior(ball, options_of(0.1, 0.1, -1)), std::runtime_error);
+  EXPECT_THROW(sample_interior(ball, options_of(1e-5, 0.1)), std::runtime_error);
+}
