@@ -107,8 +107,8 @@ SampleOptions fill_spacing(const SurfaceMesh& surface, SampleOptions options) {
   // Half the thickness of a plate, a third of a ball's radius: edges may be longer than the body is thick.
   const double thickness = volume(surface.X, surface.F) / area(surface.X, surface.F);
   const double side = smallest_side(surface);
-  if (!options.phi) options.phi = std::min(0.8 * edge, thickness) / side;
-  if (!options.psi) options.psi = std::min(0.4 * edge, thickness / 2) / side;
+  if (!options.phi) options.phi = std::min(edge, thickness) / side;
+  if (!options.psi) options.psi = std::min(edge, thickness) / 2 / side;
   return options;
 }
 
