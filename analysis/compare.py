@@ -1,0 +1,152 @@
+"""Numbers that say how far two runs of a scene differ."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .runs import Array, Run, RunError
+
+# Both solvers keep the surface bit for bit, but a frame stores X + u and u, so that X comes back rounded.
+_SAME_POINT = 1e-12  # of the bounding box
+_SAME_TIME = 1e-9  # of the run's length
+
+
+class DisplacementError(NamedTuple):
+    """Difference of two displacement fields as fractions of the reference's own size."""
+
+    l2: float  #: area-weighted L2 norm over area-weighted L2 norm
+    max: float  #: largest length over largest length
+
+
+class VolumeError(NamedTuple):
+    """Difference of two volume curves."""
+
+    relative: float  #: L2 over the curve of the difference in dV/V0, over that of the reference's dV/V0
+    absolute: float  #: largest difference in dV/V0
+
+
+def triangle_normals(X: Array, F: Array) -> Array:
+    """Outward normals (m, 3) as long as the triangles' areas (m2)."""
+    a, b, c = (X[F[:, k]] for k in range(3))
+    return np.cross(b - a, c - a) / 2
+
+
+def volume(X: Array, F: Array) -> float:
+    """Enclosed volume (m3) by the divergence theorem about the centroid [paper 3.3]."""
+    Y = X - X.mean(axis=0)
+    return float((Y[F].mean(axis=1) * triangle_normals(Y, F)).sum() / 3)
+
+
+def vertex_areas(X: Array, F: Array) -> Array:
+    """A third of the area of its triangles, for each vertex (m2)."""
+    areas = np.linalg.norm(triangle_normals(X, F), axis=1)
+    return np.bincount(F.ravel(), weights=np.repeat(areas / 3, 3), minlength=len(X))
+
+
+def remove_rigid_motion(X: Array, u: Array, weights: Array) -> Array:
+    """u less the small rigid motion a + w x (X - c) nearest to it in the weighted least-squares sense."""
+    Y = X - np.average(X, axis=0, weights=weights)
+    translation = np.tile(np.eye(3), (len(X), 1))
+    rotation = np.cross(np.eye(3)[None, :, :], Y[:, None, :]).transpose(0, 2, 1).reshape(-1, 3)
+    # Both parts scaled alike, so that the size of the body does not matter to lstsq's rank decision.
+    rigid = np.hstack([translation, rotation / np.abs(Y).max()])
+    root = np.repeat(np.sqrt(weights), 3)
+    motion, *_ = np.linalg.lstsq(rigid * root[:, None], u.ravel() * root, rcond=None)
+    return u - (rigid @ motion).reshape(-1, 3)
+
+
+def displacement_error(X: Array, F: Array, u: Array, u_reference: Array, is_free: bool) -> DisplacementError:
+    """Relative difference of two surface displacements (n, 3) over the rest surface X, F.
+
+    is_free: the body has no supports, so a rigid motion means nothing and is removed from both.
+    """
+    weights = vertex_areas(X, F)
+    if is_free:
+        u = remove_rigid_motion(X, u, weights)
+        u_reference = remove_rigid_motion(X, u_reference, weights)
+    squares = ((u - u_reference) ** 2).sum(axis=1)
+    squares_reference = (u_reference**2).sum(axis=1)
+    if not squares_reference.max() > 0:
+        raise RunError("the reference does not deform, so there is nothing to compare with")
+    return DisplacementError(
+        float(np.sqrt(weights @ squares / (weights @ squares_reference))),
+        float(np.sqrt(squares.max() / squares_reference.max())),
+    )
+
+
+def volume_change_error(times: Array, change: Array, times_ref: Array, change_ref: Array) -> VolumeError:
+    """Difference of two curves dV/V0 over the reference's times, the first linearly interpolated to them."""
+    difference = np.interp(times_ref, times, change) - change_ref
+    norm = _curve_norm(times_ref, change_ref)
+    relative = _curve_norm(times_ref, difference) / norm if norm > 0 else float("nan")
+    return VolumeError(relative, float(np.abs(difference).max()))
+
+
+def _curve_norm(times: Array, values: Array) -> float:
+    if len(times) == 1:
+        return float(abs(values[0]))
+    return float(np.sqrt(np.trapezoid(values**2, times)))
+
+
+def volume_change(run: Run) -> tuple[Array, Array]:
+    """Times and dV/V0 of a run's volume curve."""
+    V0 = volume(run.last.X, run.last.F)
+    return run.curves["time"], run.curves["volume"] / V0 - 1
+
+
+def check_same_problem(run: Run, reference: Run) -> None:
+    """Raises RunError unless both runs are of the same surface, vertex by vertex, and end at the same time."""
+    a, b = run.last, reference.last
+    if len(a.X) != len(b.X) or a.F.shape != b.F.shape or (a.F != b.F).any():
+        raise RunError(
+            f"{run.folder} and {reference.folder} are of different surfaces: "
+            f"{len(a.X)} nodes, {len(a.F)} triangles against {len(b.X)} nodes, {len(b.F)} triangles"
+        )
+    tolerance = _SAME_POINT * np.ptp(b.X, axis=0).max() + 4 * np.finfo(float).eps * np.abs(b.X).max()
+    distances = np.abs(a.X - b.X).max(axis=1)
+    if distances.max() > tolerance:
+        worst = int(distances.argmax())
+        raise RunError(
+            f"{run.folder} and {reference.folder} are of different surfaces: "
+            f"vertex {worst} lies {distances[worst]:.3g} m apart"
+        )
+    t, t_reference = run.times[-1], reference.times[-1]
+    if abs(t - t_reference) > _SAME_TIME * max(abs(t_reference), 1e-300):
+        raise RunError(
+            f"{run.folder}: last frame is at time {t:g}, expected {t_reference:g} as in {reference.folder}"
+        )
+
+
+def compare_runs(run: Run, reference: Run, is_free: bool) -> dict[str, Any]:
+    """The figures of one spring model against the reference, as they stand in comparison.json."""
+    check_same_problem(run, reference)
+    a, b = run.last, reference.last
+    displacement = displacement_error(b.X, b.F, a.u, b.u, is_free)
+    change = volume_change_error(*volume_change(run), *volume_change(reference))
+    return {
+        "status": run.record["status"],
+        "displacement_error_l2": displacement.l2,
+        "displacement_error_max": displacement.max,
+        "volume_change_error": change.relative,
+        "volume_change_difference": change.absolute,
+        "n_nodes": run.record["n_nodes"],
+        "n_springs": run.record["n_springs"],
+        "seconds": run.record["seconds"],
+    }
+
+
+def describe_reference(reference: Run) -> dict[str, Any]:
+    """How much the reference moves: what the relative errors are relative to."""
+    frame = reference.last
+    V0 = volume(frame.X, frame.F)
+    swept = np.abs((triangle_normals(frame.X, frame.F) * frame.u[frame.F].mean(axis=1)).sum(axis=1)).sum()
+    return {
+        "n_nodes": reference.record["n_nodes"],
+        "n_dofs": reference.record["n_dofs"],
+        "largest_displacement": float(np.linalg.norm(frame.u, axis=1).max()),
+        "largest_volume_change": float(np.abs(volume_change(reference)[1]).max()),
+        "swept_volume": float(swept / V0),
+        "seconds": reference.record["seconds"],
+    }

@@ -1,0 +1,173 @@
+"""A paired experiment: both solvers on one scene, then comparison.json and report.html."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import shutil
+import subprocess
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .compare import compare_runs, describe_reference, volume_change
+from .pictures import draw_comparison
+from .plots import plot_times, plot_volume
+from .report import render
+from .runs import RunError, load_run
+from .style import REFERENCE, label_of
+
+ROOT = Path(__file__).resolve().parents[1]
+PROGRAMS = ROOT / "build" / "bin"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A finished pair of solver runs, side by side in one folder."""
+
+    folder: Path
+    scene: dict[str, Any]  #: filled in, as the solvers read it
+    failed: dict[str, str]  #: spring models that gave no result, and why
+
+    @property
+    def name(self) -> str:
+        return self.scene["name"]
+
+    @property
+    def calibration(self) -> str:
+        return self.scene["network"]["calibration"]
+
+    @property
+    def calibrations(self) -> list[str]:
+        """Every spring model of the comparison, the scene's own first."""
+        return list(dict.fromkeys([self.calibration, *self.scene["comparison"]["calibrations"]]))
+
+    @property
+    def is_free(self) -> bool:
+        return not self.scene.get("supports")
+
+    def massspring_folder(self, calibration: str) -> Path:
+        return self.folder / "massspring" / calibration
+
+    @property
+    def reference_folder(self) -> Path:
+        return self.folder / "fem_reference"
+
+
+def default_folder(scene: Path, surface: Path | None) -> Path:
+    """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
+    name = scene.stem
+    try:
+        name = tomllib.loads(scene.read_text()).get("name", name)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        pass  # the solver says what is wrong with it
+    return ROOT / "out" / (f"{name}-{surface.stem}" if surface else name)
+
+
+def run_solvers(
+    scene_file: Path, folder: Path, surface: Path | None, overrides: list[str], is_quiet: bool
+) -> Experiment:
+    """Runs the reference and every spring model; each skips itself where its last result still holds.
+
+    Raises RunError when the reference gives no result.
+    """
+    if surface:
+        overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
+
+    def run(program: str, out: Path, *more: str) -> int:
+        command = [str(PROGRAMS / program), str(scene_file), "--out", str(out)]
+        for override in [*overrides, *more]:
+            command += ["--set", override]
+        return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
+
+    status = run("fem_reference", folder / "fem_reference")
+    if status != 0:
+        raise RunError(f"fem_reference gave no result (exit status {status})")
+    shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
+    scene = tomllib.loads((folder / "scene.toml").read_text())
+
+    experiment = Experiment(folder, scene, {})
+    for calibration in experiment.calibrations:
+        out = experiment.massspring_folder(calibration)
+        status = run("massspring", out, f"network.calibration={calibration}")
+        outcome = f"exit status {status}"
+        if status == 0:
+            outcome = json.loads((out / "run.json").read_text())["status"]
+        if outcome != "ok":
+            experiment.failed[calibration] = outcome
+    return experiment
+
+
+def fingerprint(experiment: Experiment) -> str:
+    """Hash of all that the comparison depends on: the solvers' records and this package."""
+    digest = hashlib.sha256()
+    records = sorted(experiment.folder.glob("**/run.json"))
+    for file in [*records, experiment.folder / "scene.toml", *sorted(Path(__file__).parent.glob("*.py"))]:
+        digest.update(file.read_bytes())
+    digest.update(json.dumps(experiment.failed, sort_keys=True).encode())
+    return digest.hexdigest()[:16]
+
+
+def write_text(file: Path, text: str) -> None:
+    """Writes to a temporary name, then renames."""
+    temporary = file.with_name(file.name + ".tmp")
+    temporary.write_text(text)
+    temporary.replace(file)
+
+
+def compare(experiment: Experiment) -> dict[str, Any]:
+    """Compares all runs of the experiment, writes report.html and, last of all, comparison.json."""
+    reference = load_run(experiment.reference_folder)
+    models: dict[str, dict[str, Any]] = {}
+    runs = {}
+    for name in experiment.calibrations:
+        if name in experiment.failed:
+            models[name] = {"status": experiment.failed[name]}
+            continue
+        runs[name] = load_run(experiment.massspring_folder(name))
+        models[name] = compare_runs(runs[name], reference, experiment.is_free)
+
+    main = models[experiment.calibration]
+    described = describe_reference(reference)
+    figures = ["displacement_error_l2", "displacement_error_max", "volume_change_error"]
+    comparison = {
+        "scene": experiment.name,
+        "status": main["status"],
+        "calibration": experiment.calibration,
+        "rigid_motion_removed": experiment.is_free,
+        **{key: main.get(key) for key in [*figures, "n_nodes", "n_springs"]},
+        "n_dofs_reference": described["n_dofs"],
+        "seconds": {"massspring": main.get("seconds"), "fem_reference": described["seconds"]},
+        "reference": described,
+        "models": models,
+        "fingerprint": fingerprint(experiment),
+    }
+
+    pictures = {}
+    for name, run in runs.items():
+        file = experiment.folder / f"error_{name}.png"
+        draw_comparison(file, run.last, reference.last, experiment.is_free, label_of(name))
+        pictures[f"Deformed surfaces and the error of the {name} springs."] = file
+    is_static = experiment.scene["time"]["mode"] == "static"
+    methods = {**runs, REFERENCE: reference}
+    plots = {
+        "Volume over the load, and the difference from the finite elements.": plot_volume(
+            {name: volume_change(run) for name, run in methods.items()},
+            "load factor (1)" if is_static else "time (s)",
+        ),
+        "Wall-clock time by stage.": plot_times({name: run.record["seconds"] for name, run in methods.items()}),
+    }
+    scene = (experiment.folder / "scene.toml").read_text()
+    records = {name: run.record for name, run in methods.items()}
+    write_text(experiment.folder / "report.html", render(comparison, plots, pictures, scene, records))
+    write_text(experiment.folder / "comparison.json", json.dumps(_without_nan(comparison), indent=2) + "\n")
+    return comparison
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON has no NaN: null stands for a figure that does not exist."""
+    if isinstance(value, dict):
+        return {key: _without_nan(part) for key, part in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value

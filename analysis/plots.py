@@ -1,0 +1,73 @@
+"""Plots of a comparison, as SVG text."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .runs import Array
+from .style import REFERENCE, label_of, style_of
+
+Curve = tuple[Array, Array]
+
+
+def svg_of(figure: Figure) -> str:
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def plot_volume(curves: dict[str, Curve], time_label: str) -> str:
+    """Volume curves, with their difference from the reference below.
+
+    curves: method -> times and dV/V0, the reference among them.
+    """
+    figure = Figure(figsize=(7, 5.2))
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    times_ref, change_ref = curves[REFERENCE]
+    for method, (times, change) in curves.items():
+        colour, marker = style_of(method)
+        shape = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.6}
+        if len(times) > 25:
+            shape["markevery"] = len(times) // 12
+        above.plot(times, 100 * change, label=label_of(method), **shape)
+        if method != REFERENCE:
+            difference = np.interp(times_ref, times, change) - change_ref
+            below.plot(times_ref, 100 * difference, **(shape | {"markevery": None}))
+    above.set_ylabel("volume change (% of volume)")
+    above.legend()
+    below.axhline(0, color=style_of(REFERENCE).colour, linewidth=1)
+    below.set_ylabel("difference\n(% of volume)")
+    below.set_xlabel(time_label)
+    figure.align_ylabels()
+    return svg_of(figure)
+
+
+def plot_times(seconds: dict[str, dict[str, float]]) -> str:
+    """Bars of seconds per stage and in total, on a logarithmic axis.
+
+    seconds: method -> stage -> s.
+    """
+    stages = list(dict.fromkeys(stage for by_stage in seconds.values() for stage in by_stage))
+    order = ["mesh", "setup", "assemble", "solve", "output"]
+    stages.sort(key=lambda stage: order.index(stage) if stage in order else len(order))
+    rows = [*stages, "total"]
+    figure = Figure(figsize=(7, 0.6 + 0.24 * len(rows) * (len(seconds) + 1)))
+    axes = figure.subplots()
+    height = 1 / (len(seconds) + 1)
+    for k, (method, by_stage) in enumerate(seconds.items()):
+        times = [by_stage.get(stage, 0) for stage in stages]
+        times.append(sum(times))
+        at = np.arange(len(rows)) + (k - (len(seconds) - 1) / 2) * height
+        bars = axes.barh(at, times, height, color=style_of(method).colour, label=label_of(method))
+        axes.bar_label(bars, [f"{t:.3g}" if t > 0 else "" for t in times], padding=2, fontsize=8)
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(rows)), rows)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("wall-clock time (s)")
+    axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
+    axes.margins(x=0.1)
+    return svg_of(figure)

@@ -1,0 +1,153 @@
+"""The report of a comparison: one HTML file that needs nothing beside it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+from pathlib import Path
+from typing import Any
+
+from .style import REFERENCE, label_of
+
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
+h1 { margin-bottom: 0; } .finding { font-size: 1.25rem; margin-top: .5rem; }
+table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
+th, td { padding: .25rem .75rem; border-bottom: 1px solid #ddd; text-align: right; }
+th:first-child, td:first-child { text-align: left; }
+img { max-width: 100%; } pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: .85rem; }
+figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: .9rem; }
+"""
+
+
+def percent(fraction: float | None) -> str:
+    """A fraction as a percentage of three digits."""
+    if fraction is None or fraction != fraction:
+        return "-"
+    value = 100 * fraction
+    return f"{value:.3g} %" if 1e-3 <= value < 1e4 or value == 0 else f"{value:.1e} %"
+
+
+def total(seconds: dict[str, float]) -> float:
+    return sum(seconds.values())
+
+
+def finding(comparison: dict[str, Any]) -> str:
+    """What the comparison found, in one sentence."""
+    name, model = comparison["calibration"], comparison["models"][comparison["calibration"]]
+    if model["status"] != "ok":
+        return f"{comparison['scene']}: the {name} springs gave no result: {model['status']}."
+    springs, fem = total(model["seconds"]), total(comparison["reference"]["seconds"])
+    ratio = f"{fem / springs:.2g} times less" if fem >= springs else f"{springs / fem:.2g} times more"
+    sentence = (
+        f"{comparison['scene']}: the {name} springs miss the finite elements' surface displacement by "
+        f"{percent(model['displacement_error_l2'])} (at worst {percent(model['displacement_error_max'])}) "
+    )
+    sentence += f"and their volume change by {percent(model['volume_change_error'])}"
+    if is_nearly_isochoric(comparison["reference"]):
+        change = percent(comparison["reference"]["largest_volume_change"])
+        sentence += f" (of a mere {change} of the volume)"
+    return f"{sentence}; they took {springs:.2g} s against {fem:.2g} s, {ratio}."
+
+
+def is_nearly_isochoric(reference: dict[str, Any]) -> bool:
+    """True when the volume changes by less than a hundredth of what the surface sweeps: bending, torsion."""
+    return reference["largest_volume_change"] < 0.01 * reference["swept_volume"]
+
+
+def table_rows(comparison: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of the table shown on the terminal and in the report."""
+    reference, models = comparison["reference"], comparison["models"]
+    stages = ["mesh", "setup", "assemble", "solve", "output"]
+
+    def times(seconds: dict[str, float]) -> list[str]:
+        known = [f"{seconds[stage]:.2f}" if stage in seconds else "-" for stage in stages]
+        return [*known, f"{total(seconds):.2f}"]
+
+    head = ["", "nodes", "springs", "dofs", "displacement error", "largest", "volume error"]
+    head += [f"{stage} s" for stage in [*stages, "total"]]
+    rows = []
+    for name, model in models.items():
+        label = label_of(name)
+        if model["status"] != "ok":
+            rows.append([label, model["status"], *[""] * (len(head) - 2)])
+            continue
+        size = [str(model["n_nodes"]), str(model["n_springs"]), str(3 * model["n_nodes"])]
+        errors = ["displacement_error_l2", "displacement_error_max", "volume_change_error"]
+        rows.append([label, *size, *(percent(model[key]) for key in errors), *times(model["seconds"])])
+    size = [str(reference["n_nodes"]), "-", str(reference["n_dofs"])]
+    rows.append([label_of(REFERENCE), *size, "-", "-", "-", *times(reference["seconds"])])
+    return head, rows
+
+
+def text_table(comparison: dict[str, Any]) -> str:
+    """The table for a terminal: errors first, then seconds."""
+    head, rows = table_rows(comparison)
+    blocks = []
+    for columns in ([0, 1, 2, 3, 4, 5, 6], [0, 7, 8, 9, 10, 11, 12]):
+        lines = [[row[c] for c in columns] for row in [head, *rows]]
+        widths = [max(len(cells[c]) for cells in lines) for c in range(len(columns))]
+        blocks.append(
+            "\n".join(
+                "  ".join([cells[0].ljust(widths[0]), *(t.rjust(w) for t, w in zip(cells[1:], widths[1:]))]).rstrip()
+                for cells in lines
+            )
+        )
+    return "\n\n".join(blocks)
+
+
+def _image(data: bytes, kind: str, caption: str) -> str:
+    source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+    return f'<figure><img src="{source}" alt=""><figcaption>{html.escape(caption)}</figcaption></figure>'
+
+
+def _html_table(head: list[str], rows: list[list[str]]) -> str:
+    cells = [f"<tr>{''.join(f'<th>{html.escape(cell)}</th>' for cell in head)}</tr>"]
+    cells += [f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows]
+    return f"<table>{''.join(cells)}</table>"
+
+
+def render(
+    comparison: dict[str, Any],
+    plots: dict[str, str],
+    pictures: dict[str, Path],
+    scene: str,
+    records: dict[str, dict[str, Any]],
+) -> str:
+    """The whole report.
+
+    plots: caption -> SVG; pictures: caption -> PNG file; scene: filled-in TOML; records: method -> run.json.
+    """
+    figures = [_image(svg.encode(), "svg+xml", caption) for caption, svg in plots.items()]
+    figures += [_image(file.read_bytes(), "png", caption) for caption, file in pictures.items()]
+    rigid = (
+        "The body is free, so rigid motion is removed from both displacements first. "
+        if comparison["rigid_motion_removed"]
+        else ""
+    )
+    protocol = [
+        f"<details><summary>{html.escape(label_of(method))}: run.json</summary>"
+        f"<pre>{html.escape(json.dumps(record, indent=2))}</pre></details>"
+        for method, record in records.items()
+    ]
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{html.escape(comparison["scene"])}</title>
+<style>{_STYLE}</style></head><body>
+<h1>{html.escape(comparison["scene"])}</h1>
+<p class="finding">{html.escape(finding(comparison))}</p>
+{_html_table(*table_rows(comparison))}
+{"".join(figures)}
+<h2>How to read this</h2>
+<p>Both solvers start from the same surface, vertex by vertex. <b>Displacement error</b>: area-weighted L2 norm over
+the surface nodes of the difference at full load (or at the end), as a fraction of the same norm of the finite-element
+displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
+<b>Volume error</b>: L2 norm over the whole curve of the difference in volume change, as a fraction of the finite elements'
+own; it says little where the reference hardly changes its volume ({percent(comparison["reference"]["largest_volume_change"])}
+here, while its surface sweeps {percent(comparison["reference"]["swept_volume"])}). <b>Seconds</b>: wall-clock, by stage.</p>
+<h2>Protocol</h2>
+<p>Scene with every default filled in; running it reproduces this.</p>
+<details><summary>scene.toml</summary><pre>{html.escape(scene)}</pre></details>
+{"".join(protocol)}
+</body></html>
+"""

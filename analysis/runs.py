@@ -1,0 +1,116 @@
+"""Reads what a solver left on disk: frames.pvd, curves.csv, run.json (written by meshing/record.h)."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pyvista as pv
+
+Array = np.ndarray
+
+
+class RunError(Exception):
+    """A run that cannot be used; the message names the file and what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The surface at one moment: rest points X and displacement u, both (n_surface, 3) in m, triangles F."""
+
+    X: Array
+    u: Array
+    F: Array
+
+
+@dataclass(frozen=True)
+class Run:
+    """One solver's finished run.
+
+    times: time of each frame (s; static scenes: load factor); curves: column name -> values, SI units.
+    """
+
+    folder: Path
+    record: dict[str, Any]
+    curves: dict[str, Array]
+    times: Array
+    files: tuple[Path, ...]
+
+    @cached_property
+    def last(self) -> Frame:
+        return self.frame(-1)
+
+    def frame(self, index: int) -> Frame:
+        """The surface of one frame. Raises RunError for a missing, unreadable or non-finite file."""
+        file = self.files[index]
+        if not file.exists():
+            raise RunError(f"{file}: frame is missing, run the solver again")
+        grid = pv.read(file)
+        if not grid.n_points or "displacement" not in grid.point_data or "n_surface" not in grid.field_data:
+            raise RunError(f"{file}: expected points, 'displacement' and field data 'n_surface'")
+        n = int(grid.field_data["n_surface"][0])
+        u = np.asarray(grid.point_data["displacement"], dtype=float)[:n]
+        x = np.asarray(grid.points, dtype=float)[:n]
+        F = np.asarray(grid.cells_dict.get(pv.CellType.TRIANGLE, np.empty((0, 3))), dtype=int)
+        if not (np.isfinite(u).all() and np.isfinite(x).all()):
+            raise RunError(f"{file}: displacement is not finite")
+        if not len(F) or F.max() >= n:
+            raise RunError(f"{file}: expected the triangles of {n} surface nodes")
+        return Frame(x - u, u, F)
+
+
+def load_run(folder: Path | str) -> Run:
+    """Opens a finished run. Raises RunError when it is half-written, damaged or holds NaN."""
+    folder = Path(folder)
+    record_file = folder / "run.json"
+    if not record_file.exists():
+        raise RunError(f"{folder}: no run.json, the run is not finished")
+    try:
+        record = json.loads(record_file.read_text())
+    except json.JSONDecodeError as error:
+        raise RunError(f"{record_file}:{error.lineno}: not JSON: {error.msg}") from None
+    if record.get("status") != "ok":
+        raise RunError(f"{folder}: status is '{record.get('status')}', expected 'ok'")
+    times, files = _read_pvd(folder / "frames.pvd")
+    return Run(folder, record, _read_curves(folder / "curves.csv"), times, files)
+
+
+def _read_pvd(file: Path) -> tuple[Array, tuple[Path, ...]]:
+    if not file.exists():
+        raise RunError(f"{file}: missing")
+    try:
+        sets = ElementTree.parse(file).getroot().findall("./Collection/DataSet")
+    except ElementTree.ParseError as error:
+        raise RunError(f"{file}: not XML: {error}") from None
+    if not sets:
+        raise RunError(f"{file}: holds no frame")
+    return (
+        np.array([float(s.attrib["timestep"]) for s in sets]),
+        tuple(file.parent / s.attrib["file"] for s in sets),
+    )
+
+
+def _read_curves(file: Path) -> dict[str, Array]:
+    if not file.exists():
+        raise RunError(f"{file}: missing; the comparison needs output.curves = true")
+    try:
+        names, *rows = csv.reader(file.read_text().splitlines())
+        values = np.array(rows, dtype=float).reshape(len(rows), len(names))
+    except ValueError as error:
+        raise RunError(f"{file}: not a table of numbers: {error}") from None
+    if not np.isfinite(values).all():
+        row, column = np.argwhere(~np.isfinite(values))[0]
+        raise RunError(f"{file}:{row + 2}: {names[column]} = {values[row, column]}, expected a number")
+    curves = dict(zip(names, values.T, strict=True))
+    for name in ("time", "volume"):
+        if name not in curves:
+            raise RunError(f"{file}: no column '{name}' (found {', '.join(names)})")
+    if not len(rows):
+        raise RunError(f"{file}: holds no row")
+    return curves

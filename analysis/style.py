@@ -1,0 +1,50 @@
+"""The look of every plot: one colour and marker for a method everywhere, safe for the colour-blind."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import matplotlib
+
+matplotlib.use("svg")
+matplotlib.rcParams.update(
+    {
+        "axes.grid": True,
+        "axes.spines.right": False,
+        "axes.spines.top": False,
+        "font.size": 10,
+        "grid.alpha": 0.3,
+        "legend.frameon": False,
+        "svg.fonttype": "none",
+        "svg.hashsalt": "testbed",
+    }
+)
+
+
+class Style(NamedTuple):
+    colour: str
+    marker: str
+
+
+REFERENCE = "fem_reference"
+
+# Okabe & Ito 2008, "Color universal design".
+_STYLES = {
+    REFERENCE: Style("#000000", "s"),
+    "uniform": Style("#D55E00", "v"),
+    "affine": Style("#0072B2", "o"),
+    "van_gelder": Style("#E69F00", "^"),
+    "lloyd": Style("#CC79A7", "<"),
+    "moment": Style("#B8A200", ">"),
+    "edge_coupled": Style("#56B4E9", "D"),
+    "node_averaged": Style("#009E73", "P"),
+}
+
+
+def style_of(method: str) -> Style:
+    """Colour and marker of the reference or a spring model; grey for one that has none yet."""
+    return _STYLES.get(method, Style("#888888", "X"))
+
+
+def label_of(method: str) -> str:
+    return "finite elements" if method == REFERENCE else f"springs, {method}"

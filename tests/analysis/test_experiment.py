@@ -1,0 +1,113 @@
+"""The comparison of a whole experiment folder, and the report that it leaves."""
+
+import html
+import json
+import re
+
+import numpy as np
+import pytest
+import pyvista as pv
+from synthetic import write_run
+
+from analysis.experiment import Experiment, compare, default_folder, fingerprint
+from analysis.pictures import magnification
+from analysis.report import finding, percent, text_table
+
+REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
+
+
+@pytest.fixture
+def experiment(ball, tmp_path):
+    scene = {
+        "name": "synthetic",
+        "network": {"calibration": "affine"},
+        "comparison": {"calibrations": ["uniform", "moment", "affine"]},
+        "time": {"mode": "static"},
+    }
+    (tmp_path / "scene.toml").write_text('name = "synthetic"\n')
+    write_run(tmp_path / "fem_reference", *ball, lambda X: -0.01 * X, seconds=REFERENCE_SECONDS)
+    write_run(tmp_path / "massspring" / "affine", *ball, lambda X: -0.012 * X)
+    write_run(tmp_path / "massspring" / "uniform", *ball, lambda X: [-0.02, -0.01, -0.01] * X)
+    return Experiment(tmp_path, scene, {"moment": "not converged"})
+
+
+def test_comparison_of_known_runs(experiment):
+    comparison = compare(experiment)
+    written = json.loads((experiment.folder / "comparison.json").read_text())
+    assert written == comparison
+    assert written["status"] == "ok"
+    assert written["displacement_error_l2"] == pytest.approx(0.2)
+    assert written["displacement_error_max"] == pytest.approx(0.2)
+    # Both cubed: (1 - 0.012 t)^3 - 1 against (1 - 0.01 t)^3 - 1, 0.2 to first order.
+    assert written["volume_change_error"] == pytest.approx(0.2, rel=0.01)
+    assert written["n_springs"] == 2
+    assert written["n_dofs_reference"] == 3 * written["n_nodes"]
+    assert written["seconds"]["fem_reference"] == REFERENCE_SECONDS
+    assert set(written["seconds"]["massspring"]) == {"mesh", "setup", "solve", "output"}
+    # 0.01 x against 0.01 (x, y, z): x, y, z share the surface evenly.
+    assert written["models"]["uniform"]["displacement_error_l2"] == pytest.approx(np.sqrt(1 / 3), rel=1e-6)
+    assert written["models"]["moment"] == {"status": "not converged"}
+    assert list(written["models"]) == ["affine", "uniform", "moment"]
+
+
+def test_report_stands_alone_and_opens_with_the_finding(experiment):
+    comparison = compare(experiment)
+    page = (experiment.folder / "report.html").read_text()
+    assert html.escape(finding(comparison)) in page
+    assert "1 s against 9 s, 9 times less" in finding(comparison)
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+    assert page.count("data:image/svg+xml") == 2
+    assert page.count("data:image/png") == 2
+    assert "not converged" in page
+
+
+def test_pictures_show_the_body(experiment):
+    compare(experiment)
+    pixels = pv.read(experiment.folder / "error_affine.png").active_scalars
+    assert len(pixels) == 1500 * 560
+    # A part of the white ground is covered by three balls in colour, and not all.
+    share = (np.ptp(pixels, axis=1) > 40).mean()
+    assert 0.1 < share < 0.7
+
+
+def test_failed_model_of_the_scene_is_the_status(experiment):
+    failed = Experiment(experiment.folder, experiment.scene, {"affine": "diverged", "moment": "not converged"})
+    comparison = compare(failed)
+    assert comparison["status"] == "diverged"
+    assert comparison["displacement_error_l2"] is None
+    assert "gave no result: diverged" in finding(comparison)
+    assert "diverged" in text_table(comparison)
+
+
+def test_fingerprint_follows_the_runs(experiment):
+    before = fingerprint(experiment)
+    assert fingerprint(experiment) == before
+    record = experiment.reference_folder / "run.json"
+    record.write_text(record.read_text().replace("ok", "diverged"))
+    assert fingerprint(experiment) != before
+
+
+def test_isochoric_scene_is_called_so(ball, experiment):
+    (experiment.reference_folder).rename(experiment.folder / "old")
+    write_run(experiment.reference_folder, *ball, lambda X: [1e-4, -1e-4, 0] * X, seconds=REFERENCE_SECONDS)
+    assert "of a mere" in finding(compare(experiment))
+
+
+def test_small_displacements_are_enlarged_and_large_ones_are_not(ball):
+    X, _ = ball
+    assert magnification(X, 2 * X) == 1
+    assert magnification(X, 1e-3 * X) == 200  # 0.08 of the diagonal 3.46 over 1e-3, rounded down
+
+
+def test_default_folder_carries_the_names(tmp_path):
+    scene = tmp_path / "bend.toml"
+    scene.write_text("gravity = [0, 0, 1]")
+    assert default_folder(scene, None).name == "bend"
+    assert default_folder(scene, tmp_path / "bunny.obj").name == "bend-bunny"
+    scene.write_text('name = "twist"')
+    assert default_folder(scene, None).name == "twist"
+
+
+@pytest.mark.parametrize("fraction, text", [(0.12345, "12.3 %"), (None, "-"), (float("nan"), "-"), (1e-9, "1.0e-07 %")])
+def test_percent(fraction, text):
+    assert percent(fraction) == text

@@ -1,0 +1,87 @@
+"""Runs that cannot be trusted are refused in one clear line."""
+
+import json
+
+import numpy as np
+import pytest
+import pyvista as pv
+from synthetic import N_STEPS, write_run
+
+from analysis.runs import RunError, load_run
+
+
+@pytest.fixture
+def folder(ball, tmp_path):
+    return write_run(tmp_path / "run", *ball, lambda X: 0.1 * X)
+
+
+def test_surface_is_read_as_written(ball, folder):
+    run = load_run(folder)
+    assert len(run.times) == N_STEPS + 1
+    assert (run.last.F == ball[1]).all()
+    assert run.last.X == pytest.approx(ball[0], abs=1e-15)
+    assert run.frame(0).u == pytest.approx(0 * ball[0], abs=0)
+    assert run.last.u == pytest.approx(0.1 * ball[0], abs=1e-15)
+
+
+def test_half_written_run_is_refused(folder):
+    (folder / "run.json").unlink()
+    with pytest.raises(RunError, match="no run.json, the run is not finished"):
+        load_run(folder)
+
+
+def test_damaged_record_is_refused(folder):
+    (folder / "run.json").write_text('{"status": "ok",\n oops')
+    with pytest.raises(RunError, match="run.json:2: not JSON"):
+        load_run(folder)
+
+
+def test_diverged_run_is_refused(folder):
+    record = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(record | {"status": "diverged"}))
+    with pytest.raises(RunError, match="status is 'diverged', expected 'ok'"):
+        load_run(folder)
+
+
+def test_missing_frame_is_refused(folder):
+    (folder / "frames" / f"frame_{N_STEPS:06d}.vtu").unlink()
+    with pytest.raises(RunError, match="frame_000004.vtu: frame is missing"):
+        load_run(folder).last
+
+
+def test_cut_frame_is_refused(folder):
+    file = folder / "frames" / f"frame_{N_STEPS:06d}.vtu"
+    file.write_bytes(file.read_bytes()[:3000])
+    with pytest.raises(RunError, match="frame_000004.vtu: expected points"):
+        load_run(folder).last
+
+
+def test_nan_in_a_frame_is_refused(folder):
+    file = folder / "frames" / f"frame_{N_STEPS:06d}.vtu"
+    grid = pv.read(file)
+    grid.point_data["displacement"][3, 1] = np.nan
+    grid.save(file)
+    with pytest.raises(RunError, match="frame_000004.vtu: displacement is not finite"):
+        load_run(folder).last
+
+
+def test_nan_in_the_curves_is_refused(folder):
+    file = folder / "curves.csv"
+    lines = file.read_text().splitlines()
+    lines[2] = "0.25,0.25,nan"
+    file.write_text("\n".join(lines))
+    with pytest.raises(RunError, match="curves.csv:3: volume = nan, expected a number"):
+        load_run(folder)
+
+
+@pytest.mark.parametrize("rows", ["", "time,load_factor\n0,0\n", "time,volume\n", "time,volume\n0,x\n", "time,volume\n0\n"])
+def test_damaged_curves_are_refused(folder, rows):
+    (folder / "curves.csv").write_text(rows)
+    with pytest.raises(RunError, match="curves.csv"):
+        load_run(folder)
+
+
+def test_missing_curves_are_refused(folder):
+    (folder / "curves.csv").unlink()
+    with pytest.raises(RunError, match="output.curves = true"):
+        load_run(folder)
