@@ -114,4 +114,10 @@ SurfaceError surface_error(const Matrix3Xd& u, const Matrix3Xd& exact, const Mat
           difference.colwise().norm().maxCoeff() / reference.colwise().norm().maxCoeff()};
 }
 
+Eigen::VectorXd node_errors(const Matrix3Xd& u, const Matrix3Xd& exact, const Matrix3Xd& X) {
+  const Eigen::VectorXd equal = Eigen::VectorXd::Ones(X.cols());
+  const double largest = without_rigid_motion(exact, X, equal).colwise().norm().maxCoeff();
+  return without_rigid_motion(u - exact, X, equal).colwise().norm().transpose() / largest;
+}
+
 }  // namespace testbed

@@ -40,4 +40,8 @@ struct SurfaceError {
 SurfaceError surface_error(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& exact,
                            const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
 
+/// The same difference at every node, over the largest displacement; the rigid motion fits all nodes equally.
+Eigen::VectorXd node_errors(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& exact,
+                            const Eigen::Matrix3Xd& X);
+
 }  // namespace testbed
