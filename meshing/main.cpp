@@ -7,6 +7,8 @@
 #include "meshing/record.h"
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
+#include "meshing/surface_check.h"
+#include "meshing/surface_faults.h"
 #include "meshing/surface_io.h"
 #include "meshing/tetrahedralize.h"
 
@@ -23,14 +25,52 @@ void write_cells(const std::string& file, const Eigen::Matrix3Xd& X, const std::
 }
 
 void add_check(CLI::App& app) {
-  auto* command = app.add_subcommand("check", "Report whether a simulation can use a surface file");
-  auto file = std::make_shared<std::string>();
-  command->add_option("file", *file, "OBJ, OFF, PLY or STL")->required();
-  command->callback([file] {
-    const SurfaceMesh surface = read_surface(*file);
-    check_closed(surface, *file);
-    std::printf("%s: closed, %ld vertices, %ld triangles, volume %.6g m3, area %.6g m2\n", file->c_str(),
-                surface.X.cols(), surface.F.cols(), volume(surface.X, surface.F), area(surface.X, surface.F));
+  struct Arguments {
+    std::string file;
+    bool is_json = false;
+  };
+  auto* command =
+      app.add_subcommand("check", "Report whether a simulation can use a surface: exit status 0 if so");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("file", arguments->file, "OBJ, OFF, PLY or STL")->required();
+  command->add_flag("--json", arguments->is_json, "report as JSON");
+  command->callback([arguments] {
+    ReadReport read;
+    const SurfaceMesh surface = read_surface(arguments->file, &read);
+    SurfaceReport report = report_surface(surface, read.n_merged);
+    if (arguments->is_json) {
+      report.values["problems"] = report.problems;
+      std::cout << report.values.dump(2) << '\n';
+    } else {
+      for (const auto& [key, value] : report.values.items()) std::cout << key << ' ' << value.dump() << '\n';
+      for (const std::string& problem : report.problems) std::cout << "problem: " << problem << '\n';
+    }
+    if (!report.problems.empty()) throw CLI::RuntimeError(1);
+  });
+}
+
+void add_repair(CLI::App& app) {
+  struct Arguments {
+    std::string in, out;
+  };
+  auto* command = app.add_subcommand(
+      "repair",
+      "Merge equal positions, drop what bounds nothing, orient outward; holes and crossings stay errors");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("in", arguments->in, "surface")->required();
+  command->add_option("out", arguments->out, "file to write (.obj or .off)")->required();
+  command->callback([arguments] {
+    ReadReport read;
+    RepairReport done;
+    const SurfaceMesh mended = repair(read_surface(arguments->in, &read), done);
+    std::printf("merged vertices %d\ndropped vertices %d\ndropped degenerate triangles %d\n", read.n_merged,
+                done.n_unused_vertices, done.n_degenerate_triangles);
+    std::printf("dropped doubled triangles %d\nturned triangles %d\n", done.n_doubled_triangles,
+                done.n_turned_triangles);
+    write_surface(arguments->out, mended);
+    const SurfaceReport report = report_surface(mended, 0);
+    for (const std::string& problem : report.problems) std::cout << "problem: " << problem << '\n';
+    if (!report.problems.empty()) throw CLI::RuntimeError(1);
   });
 }
 
@@ -120,11 +160,13 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"
-      "  meshing check bunny.obj\n"
+      "  meshing check bunny.obj --json\n"
+      "  meshing repair scan.stl clean.obj\n"
       "  meshing shape torus torus.obj --vertices 924\n"
       "  meshing network torus.obj torus.vtu --nodes 500 --multiplicity 5\n"
       "  meshing tetrahedralize bunny.obj bunny.vtu --interior-size 0.1");
   add_check(app);
+  add_repair(app);
   add_shape(app);
   add_network(app);
   add_tetrahedralize(app);

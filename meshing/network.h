@@ -22,7 +22,7 @@ struct SampleOptions {
 /// @throws std::runtime_error for options out of range or a grid too fine to store.
 Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& options);
 
-/// The options with phi and psi filled in: 0.8 and 0.4 of the mean surface edge, less in bodies thinner than
+/// The options with phi and psi filled in: the mean surface edge (less in a body thinner than that) and half of
 /// that.
 SampleOptions fill_spacing(const SurfaceMesh& surface, SampleOptions options);
 

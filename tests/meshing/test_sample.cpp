@@ -50,8 +50,8 @@ TEST(SampleInterior, ReturnsWhatIsWantedOrWhatFits) {
 }
 
 TEST(SampleInterior, FillsTheBody) {
-  // Saturated dart throwing has 0.73 nodes per phi^3; giving a cell up after 30 misses stops a tenth short of it.
-  // phi^3.
+  // Saturated dart throwing has 0.73 nodes per phi^3; giving a cell up after 30 misses stops a tenth short of
+  // it. phi^3.
   const SurfaceMesh ball = make_shape("ball", 642);
   const double phi = 0.05, side = 2, psi = 0.01;
   const double free_volume = 4 * 3.14159265 / 3 * std::pow(1 - psi * side, 3);

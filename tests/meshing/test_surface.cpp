@@ -69,12 +69,12 @@ TEST(CheckClosed, NamesEveryFault) {
   };
   SurfaceMesh open = good;
   open.F.conservativeResize(3, 3);
-  expect(open, "open");
+  expect(open, "have one triangle");
 
   SurfaceMesh doubled = good;
   doubled.F.conservativeResize(3, 5);
   doubled.F.col(4) = doubled.F.col(0);
-  expect(doubled, "has 3 triangle(s)");
+  expect(doubled, "more than two triangles");
 
   SurfaceMesh flipped = good;
   std::swap(flipped.F(0, 0), flipped.F(1, 0));
@@ -85,12 +85,12 @@ TEST(CheckClosed, NamesEveryFault) {
   SurfaceMesh flat = good;
   flat.X(2, 3) = 0;
   flat.X.col(3) << 0.5, 0.5, 0;
-  expect(flat, "has no area");
+  expect(flat, "have no area");
 
   SurfaceMesh unused = good;
   unused.X.conservativeResize(3, 5);
   unused.X.col(4).setOnes();
-  expect(unused, "belongs to no triangle");
+  expect(unused, "belong to no triangle");
 
   SurfaceMesh not_finite = good;
   not_finite.X(1, 2) = NAN;
