@@ -18,10 +18,19 @@ const char* const kClearLine = "\r\033[K";
 Progress::Progress(bool is_quiet) : is_quiet_(is_quiet), is_terminal_(isatty(STDERR_FILENO)) {}
 
 Progress::~Progress() {
-  if (!is_quiet_ && is_terminal_) std::fputs(kClearLine, stderr);
+  end_stage();
+}
+
+void Progress::end_stage() {
+  if (is_quiet_ || name_.empty()) return;
+  if (is_terminal_)
+    std::fputs(kClearLine, stderr);
+  else
+    std::fprintf(stderr, "%s: %.1f s\n", name_.c_str(), seconds(Clock::now() - since_));
 }
 
 void Progress::stage(const std::string& name) {
+  end_stage();
   name_ = name;
   since_ = shown_ = Clock::now();
   if (is_quiet_) return;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <ctime>
+#include <regex>
 #include <sstream>
 #include <stdexcept>
 #include <thread>
@@ -16,20 +17,31 @@ namespace testbed {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+/// run.json goes first: what is left of an interrupted removal is no result.
+void remove_older_run(const fs::path& folder) {
+  for (const char* name : {"run.json", "frames.pvd", "curves.csv"}) fs::remove(folder / name);
+  static const std::regex kFrame("frame_[0-9]{6,}\\.vtu(\\.tmp)?");
+  std::vector<fs::path> frames;
+  for (const auto& entry : fs::directory_iterator(folder / "frames"))
+    if (std::regex_match(entry.path().filename().string(), kFrame)) frames.push_back(entry.path());
+  for (const fs::path& frame : frames) fs::remove(frame);
+}
+
+}  // namespace
+
 Recorder::Recorder(fs::path folder, std::vector<CellBlock> cells, int n_surface)
     : folder_(std::move(folder)), cells_(std::move(cells)), n_surface_(n_surface) {
-  fs::create_directories(folder_);
-  for (const char* mine : {"run.json", "frames.pvd", "curves.csv", "frames"}) fs::remove_all(folder_ / mine);
-  fs::create_directory(folder_ / "frames");
+  fs::create_directories(folder_ / "frames");
+  remove_older_run(folder_);
 }
 
 void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
                          const std::vector<Field>& fields) {
   char name[32];
   std::snprintf(name, sizeof name, "frames/frame_%06zu.vtu", frames_.size());
-  std::vector<Field> all{
-      {"displacement", u},
-      {"node_id", Eigen::RowVectorXd::LinSpaced(X.cols(), 0, static_cast<double>(X.cols() - 1))}};
+  std::vector<Field> all{{"displacement", u}};
   all.insert(all.end(), fields.begin(), fields.end());
   write_vtu(folder_ / name, X + u, cells_, all, {{"TimeValue", time}, {"n_surface", n_surface_}});
   frames_.emplace_back(time, name);
@@ -44,18 +56,19 @@ void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Ma
 }
 
 void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
-  const bool is_first = columns_.empty();
+  std::vector<std::string> columns;
   std::string line;
-  for (size_t c = 0; c < row.size(); ++c) {
-    const auto& [name, value] = row[c];
-    if (is_first) columns_.push_back(name);
-    assert(columns_[c] == name && columns_.size() >= row.size());
+  for (const auto& [name, value] : row) {
     if (!std::isfinite(value))
       throw std::runtime_error((folder_ / "curves.csv").string() + ": " + name +
                                " is not finite, expected a number");
     char text[32];
-    line += (c ? "," : "") + std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+    line +=
+        (columns.empty() ? "" : ",") + std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+    columns.push_back(name);
   }
+  assert(columns_.empty() || columns_ == columns);
+  columns_ = std::move(columns);
   rows_ += line + "\n";
 }
 
@@ -93,7 +106,7 @@ nlohmann::ordered_json StageTimer::seconds() const {
   return json;
 }
 
-nlohmann::ordered_json environment_record(const std::string& program) {
+nlohmann::ordered_json environment_record(const std::string& program, std::optional<int> n_threads) {
   std::istringstream cpuinfo(fs::exists("/proc/cpuinfo") ? read_file("/proc/cpuinfo") : "");
   std::string processor = "unknown";
   for (std::string line; std::getline(cpuinfo, line);)
@@ -104,15 +117,19 @@ nlohmann::ordered_json environment_record(const std::string& program) {
   char date[32];
   const std::time_t now = std::time(nullptr);
   std::strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
-  return {{"program", program},
-          {"date", date},
-          {"program_hash", program_hash()},
-          {"compiler", "g++ " __VERSION__},
-          {"build", TESTBED_BUILD},
-          {"eigen", std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
-                        std::to_string(EIGEN_MINOR_VERSION)},
-          {"processor", processor},
-          {"cores", std::thread::hardware_concurrency()}};
+  nlohmann::ordered_json record{
+      {"program", program},
+      {"date", date},
+      {"program_hash", program_hash()},
+      {"compiler", TESTBED_COMPILER},
+      {"build", TESTBED_BUILD},
+      {"eigen", std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
+                    std::to_string(EIGEN_MINOR_VERSION)},
+      {"vtk", TESTBED_VTK},
+      {"processor", processor},
+      {"cores", std::thread::hardware_concurrency()}};
+  if (n_threads) record["threads"] = *n_threads;
+  return record;
 }
 
 std::string hash_of(const std::string& bytes) {
@@ -132,8 +149,8 @@ std::string program_hash() {
 bool is_up_to_date(const fs::path& folder, const std::string& input_hash) {
   if (!fs::exists(folder / "run.json")) return false;
   const auto record = nlohmann::json::parse(read_file(folder / "run.json"), nullptr, false);
-  return record.is_object() && record.value("status", "") == "ok" &&
-         record.value("input_hash", "") == input_hash;
+  return record.is_object() && record.value("status", nlohmann::json()) == "ok" &&
+         record.value("input_hash", nlohmann::json()) == input_hash;
 }
 
 }  // namespace testbed

@@ -1,11 +1,12 @@
 // What a run leaves on disk, the same for both solvers: frames, curves and a record of how it was made.
 //
-//   frames.pvd, frames/frame_000000.vtu ...   deformed points; field data TimeValue (s) and n_surface; point
-//   data displacement (m),
-//                                             velocity (m/s), node_id; cells: the surface triangles first,
-//                                             then springs or tetrahedra
-//   curves.csv                                one row per step, named columns, SI units
-//   run.json                                  written last: a folder without it is not a result
+//   frames.pvd                  the frames and their times
+//   frames/frame_000000.vtu ... deformed points; field data TimeValue (s) and n_surface; point data
+//   displacement
+//                               (m), velocity (m/s), node_id; cells: the surface triangles first, then
+//                               springs or tetrahedra
+//   curves.csv                  one row per step, named columns, SI units
+//   run.json                    written last: a folder without it is not a result
 #pragma once
 
 #include <Eigen/Core>
@@ -13,6 +14,7 @@
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,8 +32,9 @@ struct Field {
   Eigen::MatrixXd values;
 };
 
-/// Writes an unstructured grid (.vtu, raw appended, LZ4) to a temporary name and renames it.
-/// @throws std::runtime_error when the file cannot be written.
+/// Writes an unstructured grid (.vtu, raw appended, LZ4) to a temporary name and renames it. Point data
+/// node_id (integers) is added to the given fields.
+/// @throws std::runtime_error when a value is not finite or the file cannot be written.
 void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
                const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
                const std::map<std::string, double>& field_data);
@@ -39,10 +42,12 @@ void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points
 /// Writes frames and curves of one run into a folder, and run.json when it is finished.
 class Recorder {
  public:
-  /// Removes an older run from the folder. `cells` are those of every frame, surface triangles first.
+  /// Removes the files of an older run from the folder, and no others. `cells` are those of every frame,
+  /// surface triangles first.
   Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface);
 
-  /// Adds a frame: rest points X and displacement u (3 x n, m), further fields as given.
+  /// Adds a frame: time (s), rest points X and displacement u (3 x n, m), further fields as given.
+  /// @throws std::runtime_error when a value is not finite; the frame is not written.
   void add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
                  const std::vector<Field>& fields = {});
 
@@ -76,8 +81,11 @@ class StageTimer {
   Clock::time_point since_;
 };
 
-/// What is the same in every run.json: program, versions, compiler and flags, machine, threads, date.
-nlohmann::ordered_json environment_record(const std::string& program);
+/// What is the same in every run.json: program, versions, compiler and flags, machine, date.
+/// @param n_threads  that the solve may use; only the program knows, as libraries keep idle ones (VTK one of
+/// its
+///                   own); not recorded if absent
+nlohmann::ordered_json environment_record(const std::string& program, std::optional<int> n_threads = {});
 
 /// 16 hex digits of a 64-bit hash of bytes.
 std::string hash_of(const std::string& bytes);

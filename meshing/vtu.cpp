@@ -10,8 +10,11 @@
 #include <vtkXMLUnstructuredGridWriter.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 #include <stdexcept>
 
+#include "meshing/files.h"
 #include "meshing/record.h"
 
 namespace testbed {
@@ -53,18 +56,25 @@ void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points
       throw std::runtime_error(file.string() + ": field " + field.name + " is not finite, nothing written");
     grid->GetPointData()->AddArray(array_of(field.name, field.values));
   }
-  for (const auto& [name, value] : field_data)
+  vtkNew<vtkIdTypeArray> node_id;
+  node_id->SetName("node_id");
+  node_id->SetNumberOfTuples(points.cols());
+  std::iota(node_id->GetPointer(0), node_id->GetPointer(0) + points.cols(), 0);
+  grid->GetPointData()->AddArray(node_id);
+  for (const auto& [name, value] : field_data) {
+    if (!std::isfinite(value))
+      throw std::runtime_error(file.string() + ": " + name + " is not finite, nothing written");
     grid->GetFieldData()->AddArray(array_of(name, Eigen::MatrixXd::Constant(1, 1, value)));
+  }
 
   vtkNew<vtkXMLUnstructuredGridWriter> writer;
-  const std::string temporary = file.string() + ".tmp";
-  writer->SetFileName(temporary.c_str());
+  writer->WriteToOutputStringOn();  // VTK reports a full disk or a missing folder to stderr only
   writer->SetInputData(grid);
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToLZ4();
-  if (!writer->Write()) throw std::runtime_error(temporary + ": cannot be written");
-  std::filesystem::rename(temporary, file);
+  if (!writer->Write()) throw std::runtime_error(file.string() + ": cannot be made by VTK");
+  write_file(file, writer->GetOutputString());
 }
 
 }  // namespace testbed

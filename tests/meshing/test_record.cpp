@@ -1,9 +1,14 @@
 #include <gtest/gtest.h>
 #include <vtkDoubleArray.h>
+#include <vtkFieldData.h>
+#include <vtkIdTypeArray.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkUnstructuredGrid.h>
 #include <vtkXMLUnstructuredGridReader.h>
+
+#include <cmath>
+#include <thread>
 
 #include "meshing/files.h"
 #include "meshing/record.h"
@@ -15,10 +20,13 @@ namespace fs = std::filesystem;
 
 class RecorderTest : public testing::Test {
  protected:
-  fs::path folder = fs::temp_directory_path() / "testbed_record";
+  // Its own for every test: ctest runs them side by side.
+  fs::path folder = fs::temp_directory_path() /
+                    (std::string("testbed_") + testing::UnitTest::GetInstance()->current_test_info()->name());
   Eigen::Matrix3Xd X = Eigen::Matrix3Xd::Random(3, 4), u = 1e-3 * Eigen::Matrix3Xd::Random(3, 4);
   std::vector<CellBlock> cells{{5, Eigen::Vector3i(0, 1, 2)}, {10, Eigen::Vector4i(0, 1, 2, 3)}};
   void SetUp() override { fs::remove_all(folder); }
+  void TearDown() override { fs::remove_all(folder); }
 };
 
 TEST_F(RecorderTest, FramesHoldEveryBitOfPositionsAndFields) {
@@ -36,6 +44,9 @@ TEST_F(RecorderTest, FramesHoldEveryBitOfPositionsAndFields) {
       EXPECT_EQ(grid->GetPoint(i)[c], X(c, i) + u(c, i));
       EXPECT_EQ(grid->GetPointData()->GetArray("displacement")->GetComponent(i, c), u(c, i));
     }
+  const auto* node_id = vtkIdTypeArray::SafeDownCast(grid->GetPointData()->GetArray("node_id"));
+  ASSERT_NE(node_id, nullptr) << "node ids are integers";
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(node_id->GetValue(i), i);
   EXPECT_EQ(grid->GetFieldData()->GetArray("TimeValue")->GetComponent(0, 0), 0.25);
   EXPECT_EQ(grid->GetFieldData()->GetArray("n_surface")->GetComponent(0, 0), 3);
 }
@@ -44,8 +55,38 @@ TEST_F(RecorderTest, NothingThatIsNotFiniteIsWritten) {
   Recorder recorder(folder, cells, 3);
   u(1, 2) = NAN;
   EXPECT_THROW(recorder.add_frame(0, X, u), std::runtime_error);
+  u(1, 2) = 0;
+  EXPECT_THROW(recorder.add_frame(NAN, X, u), std::runtime_error);
+  EXPECT_THROW(recorder.add_frame(0, X, u, {{"velocity", INFINITY * u}}), std::runtime_error);
+  EXPECT_TRUE(fs::is_empty(folder / "frames"));
   EXPECT_FALSE(fs::exists(folder / "frames.pvd"));
   EXPECT_THROW(recorder.add_row({{"time", 0}, {"volume", INFINITY}}), std::runtime_error);
+  recorder.finish({{"status", "diverged"}});
+  EXPECT_FALSE(fs::exists(folder / "curves.csv")) << "no row was accepted";
+}
+
+TEST_F(RecorderTest, RemovesAnOlderRunAndNothingElse) {
+  const auto record_frames = [&](int n) {
+    Recorder recorder(folder, cells, 3);
+    for (int i = 0; i < n; ++i) recorder.add_frame(i, X, u);
+    recorder.finish({});
+  };
+  record_frames(3);
+  write_file(folder / "frames/frame_notes.txt", "mine");
+  write_file(folder / "notes.txt", "mine");
+  record_frames(1);
+  EXPECT_TRUE(fs::exists(folder / "frames/frame_000000.vtu"));
+  EXPECT_FALSE(fs::exists(folder / "frames/frame_000001.vtu"));
+  EXPECT_EQ(read_file(folder / "frames/frame_notes.txt"), "mine");
+  EXPECT_EQ(read_file(folder / "notes.txt"), "mine");
+}
+
+TEST_F(RecorderTest, AFrameThatCannotBeWrittenThrowsAndPrintsNothing) {
+  Recorder recorder(folder, cells, 3);
+  fs::remove(folder / "frames");
+  testing::internal::CaptureStderr();
+  EXPECT_THROW(recorder.add_frame(0, X, u), std::runtime_error);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
 TEST_F(RecorderTest, ARunIsUpToDateOnlyWhenFinishedWithTheSameHash) {
@@ -65,6 +106,25 @@ TEST_F(RecorderTest, ARunIsUpToDateOnlyWhenFinishedWithTheSameHash) {
   EXPECT_FALSE(fs::exists(folder / "run.json")) << "an older run is removed";
 }
 
+TEST_F(RecorderTest, ADamagedRecordIsNotUpToDate) {
+  fs::create_directories(folder);
+  for (const char* damaged : {"", "{\"status\": \"ok\"", "[]", R"({"status": 3, "input_hash": null})"}) {
+    write_file(folder / "run.json", damaged);
+    EXPECT_FALSE(is_up_to_date(folder, "abc")) << damaged;
+  }
+}
+
+TEST(Environment, NamesProgramVersionsBuildAndMachine) {
+  const auto record = environment_record("massspring", 3);
+  EXPECT_EQ(record.at("program"), "massspring");
+  EXPECT_EQ(record.at("program_hash"), program_hash());
+  for (const char* key : {"date", "compiler", "build", "eigen", "vtk", "processor"})
+    EXPECT_GT(record.at(key).get<std::string>().size(), 1u) << key;
+  EXPECT_GE(record.at("cores"), 1);
+  EXPECT_EQ(record.at("threads"), 3);
+  EXPECT_FALSE(environment_record("massspring").contains("threads")) << "unknown is not recorded";
+}
+
 TEST(Hash, DependsOnEveryByte) {
   EXPECT_EQ(hash_of(""), "cbf29ce484222325");   // the published offset basis
   EXPECT_EQ(hash_of("a"), "af63dc4c8601ec8c");  // published test vector of FNV-1a
@@ -72,14 +132,18 @@ TEST(Hash, DependsOnEveryByte) {
 }
 
 TEST(StageTimer, AddsUpStagesThatRunTwice) {
+  constexpr double kPause = 0.01;  // s; a sleep may last longer, never shorter
   StageTimer timer;
-  timer.start("solve");
-  timer.start("output");
-  timer.start("solve");
+  for (const char* stage : {"solve", "output", "solve"}) {
+    timer.start(stage);
+    std::this_thread::sleep_for(std::chrono::duration<double>(kPause));
+  }
   timer.stop();
   const auto seconds = timer.seconds();
-  EXPECT_EQ(seconds.size(), 2u);
-  EXPECT_GE(seconds.at("solve").get<double>(), 0);
+  ASSERT_EQ(seconds.size(), 2u);
+  EXPECT_EQ(seconds.begin().key(), "solve") << "in the order in which they first ran";
+  EXPECT_GE(seconds.at("solve").get<double>(), 2 * kPause);
+  EXPECT_GE(seconds.at("output").get<double>(), kPause);
 }
 
 }  // namespace
