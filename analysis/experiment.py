@@ -151,7 +151,7 @@ def compare(experiment: Experiment) -> dict[str, Any]:
         draw_comparison(file, run.last, reference.last, experiment.is_free, label_of(name))
         pictures[f"Deformed surfaces and the error of the {name} springs."] = file
     is_static = experiment.scene["time"]["mode"] == "static"
-    methods = {**runs, REFERENCE: reference}
+    methods = {REFERENCE: reference, **runs}
     plots = {
         "Volume over the load, and the difference from the finite elements.": plot_volume(
             {name: volume_change(run) for name, run in methods.items()},

@@ -12,6 +12,8 @@ from .runs import Array, Frame
 
 _VISIBLE = 0.08  # of the bounding box's diagonal: smaller displacements are drawn larger
 _VIEW = (0.7, 0.45, 1.0)  # from where the camera looks, y up
+_PANEL = (500, 560)  # pixels
+_ROOM = (0.9, 0.66)  # of a panel's width and height, left to the body by title and colour bar
 
 
 def surface_of(X: Array, F: Array) -> pv.PolyData:
@@ -26,6 +28,23 @@ def magnification(X: Array, u: Array) -> float:
         return 1.0
     power = 10 ** np.floor(np.log10(wanted))
     return float(power * max(step for step in (1, 2, 5) if step * power <= wanted))
+
+
+def _aim(camera: pv.Camera, points: Array) -> None:
+    """Parallel view along _VIEW in which all points lie between the panel's title and its colour bar."""
+    towards = np.array(_VIEW) / np.linalg.norm(_VIEW)
+    right = np.cross((0, 1, 0), towards)
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(towards, right), towards])
+    seen = points @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    width, height, depth = high - low
+    camera.parallel_projection = True
+    camera.parallel_scale = max(height / _ROOM[1], width / _ROOM[0] * _PANEL[1] / _PANEL[0]) / 2
+    camera.focal_point = (low + high) / 2 @ axes - 0.04 * camera.parallel_scale * axes[1]
+    camera.position = camera.focal_point + 2 * (depth + camera.parallel_scale) * towards
+    camera.up = (0, 1, 0)
+    camera.clipping_range = (1e-3 * camera.parallel_scale, 10 * (depth + camera.parallel_scale))
 
 
 def draw_comparison(file: Path, springs: Frame, reference: Frame, is_free: bool, label: str) -> None:
@@ -49,7 +68,8 @@ def draw_comparison(file: Path, springs: Frame, reference: Frame, is_free: bool,
         (f"{label}{enlarged}", X + factor * u, length, "displacement (m) "),
         ("error on the shape at rest", X, error, "error (% of largest displacement)"),
     )
-    plotter = pv.Plotter(off_screen=True, shape=(1, 3), window_size=(1500, 560), border=False)
+    plotter = pv.Plotter(off_screen=True, shape=(1, 3), window_size=(3 * _PANEL[0], _PANEL[1]), border=False)
+    shown = np.vstack([X, *(points for _, points, _, _ in panels)])
     for column, (title, points, values, unit) in enumerate(panels):
         is_error = column == 2
         plotter.subplot(0, column)
@@ -73,11 +93,8 @@ def draw_comparison(file: Path, springs: Frame, reference: Frame, is_free: bool,
         if not is_error:
             plotter.add_mesh(surface_of(X, F), color="grey", opacity=0.2)
         plotter.add_text(title, font_size=10, color="black", position="upper_edge")
-        plotter.view_vector(_VIEW, viewup=(0, 1, 0))
-    plotter.link_views()
+        _aim(plotter.camera, shown)
     plotter.set_background("white")
     plotter.enable_anti_aliasing("ssaa")
-    plotter.reset_camera()
-    plotter.camera.zoom(1.15)
     plotter.screenshot(file)
     plotter.close()

@@ -30,6 +30,8 @@ def plot_volume(curves: dict[str, Curve], time_label: str) -> str:
     for method, (times, change) in curves.items():
         colour, marker = style_of(method)
         shape = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.6}
+        if method == REFERENCE:  # below the others, and seen behind a curve that meets it
+            shape |= {"markersize": 8, "linewidth": 3, "zorder": 1}
         if len(times) > 25:
             shape["markevery"] = len(times) // 12
         above.plot(times, 100 * change, label=label_of(method), **shape)

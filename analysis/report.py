@@ -42,12 +42,12 @@ def finding(comparison: dict[str, Any]) -> str:
     ratio = f"{fem / springs:.2g} times less" if fem >= springs else f"{springs / fem:.2g} times more"
     sentence = (
         f"{comparison['scene']}: the {name} springs miss the finite elements' surface displacement by "
-        f"{percent(model['displacement_error_l2'])} (at worst {percent(model['displacement_error_max'])}) "
+        f"{percent(model['displacement_error_l2'])} (at worst {percent(model['displacement_error_max'])})"
     )
-    sentence += f"and their volume change by {percent(model['volume_change_error'])}"
     if is_nearly_isochoric(comparison["reference"]):
-        change = percent(comparison["reference"]["largest_volume_change"])
-        sentence += f" (of a mere {change} of the volume)"
+        sentence += f", their volume by {percent(model['volume_change_difference'])}, which hardly changes"
+    else:
+        sentence += f" and their volume change by {percent(model['volume_change_error'])}"
     return f"{sentence}; they took {springs:.2g} s against {fem:.2g} s, {ratio}."
 
 

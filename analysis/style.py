@@ -9,6 +9,7 @@ import matplotlib
 matplotlib.use("svg")
 matplotlib.rcParams.update(
     {
+        "axes.axisbelow": True,
         "axes.grid": True,
         "axes.spines.right": False,
         "axes.spines.top": False,
