@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "massspring/calibrations/calibrations.h"
+#include "meshing/names.h"
 #include "meshing/surface.h"
 
 namespace testbed {
@@ -23,59 +25,59 @@ Eigen::VectorXd masses_from_springs(const SpringNetwork& network, double total) 
   return mass * (total / mass.sum());
 }
 
-Eigen::VectorXd squared_lengths(const SpringNetwork& network) {
-  Eigen::VectorXd squared(network.E.cols());
-  for (int s = 0; s < network.E.cols(); ++s)
-    squared(s) = (network.X.col(network.E(0, s)) - network.X.col(network.E(1, s))).squaredNorm();
-  return squared;
+template <const Blend& blend>
+void calibrate_coupled(MassSpringModel& model) {
+  model.tet_springs = couple_springs(model.network.X, model.network.T, lame_of(model.material), blend);
 }
 
 }  // namespace
 
 const std::vector<Calibration>& calibrations() {
-  static const std::vector<Calibration> all{{"uniform", false},
-                                            {"affine", false},
-                                            {"edge_coupled", true},
-                                            {"node_averaged", true},
-                                            {"edge_averaged", true}};
+  static const std::vector<Calibration> all{{"uniform", false, calibrate_uniform},
+                                            {"affine", false, calibrate_affine},
+                                            {"van_gelder", true, calibrate_van_gelder},
+                                            {"lloyd", true, calibrate_lloyd},
+                                            {"moment", true, calibrate_moment},
+                                            {"edge_coupled", true, calibrate_coupled<edge_coupled>},
+                                            {"node_averaged", true, calibrate_coupled<node_averaged>},
+                                            {"edge_averaged", true, calibrate_coupled<edge_averaged>}};
   return all;
 }
 
 const Calibration& find_calibration(const std::string& name) {
-  std::string known;
+  std::vector<std::string> known;
   for (const Calibration& c : calibrations()) {
     if (c.name == name) return c;
-    known += (known.empty() ? "" : ", ") + c.name;
+    known.push_back(c.name);
   }
-  throw std::runtime_error("network.calibration = '" + name + "', expected one of " + known);
+  throw std::runtime_error("network.calibration = '" + name + "': no such spring model" +
+                           suggestion(name, known));
 }
 
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
                           const Calibration& calibration) {
+  if (calibration.needs_tetrahedra && network.T.cols() == 0)
+    throw std::runtime_error("network.calibration = '" + calibration.name +
+                             "': the network has no tetrahedra, expected some");
   MassSpringModel model;
   model.network = network;
   model.material = material;
-  if (calibration.needs_tetrahedra) {
-    model.mass = lumped_mass(network.X, network.T, material.rho);
-    model.tet_springs = couple_springs(network.X, network.T, lame_of(material),
-                                       calibration.name == "edge_coupled"    ? edge_coupled
-                                       : calibration.name == "node_averaged" ? node_averaged
-                                                                             : edge_averaged);
-    return model;
-  }
-  // An affinely deformed isotropic network has E = sum k r^2 / (6 V) and nu = 1/4 [method 6].
-  const double V = volume(network.X, network.F);
-  const Eigen::VectorXd r2 = squared_lengths(network);
-  const int n_springs = static_cast<int>(r2.size());
-  model.mass = masses_from_springs(network, material.rho * V);
-  Springs springs;
-  springs.E = network.E;
-  if (calibration.name == "uniform")
-    springs.stiffness = Eigen::VectorXd::Constant(n_springs, 6 * V * material.E / r2.sum());
-  else  // affine: every spring stands for the same volume
-    springs.stiffness = 6 * V * material.E / n_springs * r2.cwiseInverse();
-  model.springs = springs;
+  model.mass = network.T.cols() > 0
+                   ? lumped_mass(network.X, network.T, material.rho)
+                   : masses_from_springs(network, material.rho * volume(network.X, network.F));
+  calibration.set_stiffness(model);
   return model;
+}
+
+void set_springs(MassSpringModel& model, const Eigen::Matrix2Xi& E, const Eigen::VectorXd& stiffness) {
+  model.network.E = E;
+  model.springs = Springs{E, stiffness, 0};
+}
+
+Eigen::VectorXd squared_lengths(const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& E) {
+  Eigen::VectorXd squared(E.cols());
+  for (int s = 0; s < E.cols(); ++s) squared(s) = (X.col(E(0, s)) - X.col(E(1, s))).squaredNorm();
+  return squared;
 }
 
 }  // namespace testbed

@@ -11,6 +11,8 @@ namespace testbed {
 struct Calibration {
   std::string name;
   bool needs_tetrahedra;
+  void (*set_stiffness)(
+      MassSpringModel& model);  ///< fills springs and tet_springs of a model with its network
 };
 
 /// Every spring model there is.
@@ -20,7 +22,8 @@ const std::vector<Calibration>& calibrations();
 const Calibration& find_calibration(const std::string& name);
 
 /// The mass-spring solid that stands for `material` on `network` (with tetrahedra where the calibration needs
-/// them).
+/// them). The model's springs may differ from the network's.
+/// @throws std::runtime_error when tetrahedra are missing or the calibration refuses material or network.
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
                           const Calibration& calibration);
 

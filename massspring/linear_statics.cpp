@@ -23,7 +23,7 @@ BlockMatrix stiffness_at_rest(const MassSpringModel& model, const std::vector<Co
 }
 
 BlockMatrix preconditioner_of(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
-  if (!model.tet_springs) return stiffness_at_rest(model, constraints);
+  if (model.springs || !model.tet_springs) return stiffness_at_rest(model, constraints);
   MassSpringModel p1;
   p1.network = model.network;
   p1.tet_springs = couple_springs(model.network.X, model.network.T, lame_of(model.material), edge_coupled);

@@ -14,9 +14,9 @@ namespace testbed {
 /// force.
 std::vector<Constraint> hold_rigid_motion(const Eigen::Matrix3Xd& X);
 
-/// K u = f for the model's stiffness K at rest, by conjugate gradients; the preconditioner is a Cholesky
-/// factor of P1 elasticity on the model's tetrahedra where it has any (K has four times as many entries), of
-/// K itself elsewhere.
+/// K u = f for the model's stiffness K at rest, by conjugate gradients. The preconditioner is a Cholesky
+/// factor of P1 elasticity where coupled springs alone make up the model (K has four times as many entries),
+/// of K itself where there are independent springs.
 class LinearStatics {
  public:
   /// Constrained directions stay at rest.

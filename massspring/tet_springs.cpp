@@ -23,11 +23,6 @@ using TetGradients = Eigen::Matrix<double, 3, 4>;
 
 constexpr double least_jacobian = 0.1;  // J_0 of the law
 
-double tet_volume(const Matrix3Xd& X, const Eigen::Vector4i& t) {
-  const Vector3d a = X.col(t[0]);
-  return (X.col(t[1]) - a).cross(X.col(t[2]) - a).dot(X.col(t[3]) - a) / 6;
-}
-
 /// Gradients of the four barycentric coordinates (1/m).
 TetGradients barycentric_gradients(const Matrix3Xd& X, const Eigen::Vector4i& t) {
   Matrix3d edges;
@@ -137,7 +132,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
   Eigen::VectorXd volume = Eigen::VectorXd::Zero(n_new);
   for (Eigen::Index t = 0; t < T.cols(); ++t) {
-    const double share = part * tet_volume(X, T.col(t)) / static_cast<double>(patches.rows());
+    const double share = part * rest_volume(X, T.col(t)) / static_cast<double>(patches.rows());
     const TetGradients gradients = barycentric_gradients(X, T.col(t));
     for (int p : patches.col(t)) {
       volume[p] += share;
@@ -269,10 +264,15 @@ double smallest_jacobian(const TetSprings& springs, const Matrix3Xd& x) {
   return smallest;
 }
 
+double rest_volume(const Matrix3Xd& X, const Eigen::Vector4i& t) {
+  const Vector3d a = X.col(t[0]);
+  return (X.col(t[1]) - a).cross(X.col(t[2]) - a).dot(X.col(t[3]) - a) / 6;
+}
+
 Eigen::VectorXd lumped_mass(const Matrix3Xd& X, const Matrix4Xi& T, double rho) {
   Eigen::VectorXd mass = Eigen::VectorXd::Zero(X.cols());
   for (Eigen::Index t = 0; t < T.cols(); ++t)
-    for (int p : T.col(t)) mass[p] += rho / 4 * tet_volume(X, T.col(t));
+    for (int p : T.col(t)) mass[p] += rho / 4 * rest_volume(X, T.col(t));
   return mass;
 }
 

@@ -44,9 +44,9 @@ struct TetSprings {
 struct Blend {
   double tetrahedra, edges, nodes;
 };
-constexpr Blend edge_coupled{1, 0, 0};
-constexpr Blend node_averaged{0.3, 0, 0.7};
-constexpr Blend edge_averaged{0, 0.8, 0.2};
+inline constexpr Blend edge_coupled{1, 0, 0};
+inline constexpr Blend node_averaged{0.3, 0, 0.7};
+inline constexpr Blend edge_averaged{0, 0.8, 0.2};
 
 /// Patches of a blend, those of tetrahedra, edges and nodes in this order. X 3 x n (m), T 4 x m of positive
 /// volume. With node patches, what lambda exceeds mu by acts on them alone.
@@ -83,6 +83,9 @@ Eigen::Matrix2Xi pairs_of(const TetSprings& springs);
 
 /// Smallest det F of any patch at x: not positive when a patch is inverted.
 double smallest_jacobian(const TetSprings& springs, const Eigen::Matrix3Xd& x);
+
+/// Volume of a tetrahedron of positive orientation (m3).
+double rest_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet);
 
 /// A quarter of the mass of its tetrahedra for each node (kg); the total is exact.
 Eigen::VectorXd lumped_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho);

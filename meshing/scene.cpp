@@ -7,11 +7,11 @@
 #include <charconv>
 #include <cmath>
 #include <functional>
-#include <numeric>
 #include <sstream>
 #include <stdexcept>
 
 #include "meshing/files.h"
+#include "meshing/names.h"
 #include "meshing/record.h"
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
@@ -185,27 +185,6 @@ std::string in_quotes(const std::string& text) {
   return (std::ostringstream() << toml::value<std::string>(text)).str();
 }
 
-int edit_distance(const std::string& a, const std::string& b) {
-  std::vector<int> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), 0);
-  for (size_t i = 1; i <= a.size(); ++i) {
-    int diagonal = row[0];
-    row[0] = static_cast<int>(i);
-    for (size_t j = 1; j <= b.size(); ++j) {
-      const int substituted = diagonal + (a[i - 1] != b[j - 1]);
-      diagonal = row[j];
-      row[j] = std::min({substituted, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row.back();
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
 /// Fills the scene's structs from a TOML table and refuses every key it was not asked for.
 class Reader {
  public:
@@ -289,12 +268,7 @@ class Reader {
     for (const auto& [key, node] : table_) {
       const std::string name(key.str());
       if (std::find(known_.begin(), known_.end(), name) != known_.end()) continue;
-      const auto nearest = std::min_element(known_.begin(), known_.end(), [&](auto& a, auto& b) {
-        return edit_distance(name, a) < edit_distance(name, b);
-      });
-      const bool is_near = edit_distance(name, *nearest) <= static_cast<int>(name.size()) / 2;
-      fail(node, path_ + name + ": unknown key" + (is_near ? ", did you mean " + *nearest + "?" : "") +
-                     " (known: " + joined(known_) + ")");
+      fail(node, path_ + name + ": unknown key" + suggestion(name, known_));
     }
   }
 

@@ -46,7 +46,8 @@ TEST(Diagnostics, SeeAFalseStiffness) {
 TEST(Diagnostics, RefuseAFloppyModel) {
   MassSpringModel model = solid(edge_averaged);
   model.tet_springs.reset();
-  model.network.E = Eigen::Vector2i(0, 1);
+  model.network.E = Eigen::Matrix2Xi::Zero(2, 1);
+  model.network.E(1, 0) = 1;
   model.springs = Springs{model.network.E, Eigen::VectorXd::Ones(1), 0};
   EXPECT_THROW(diagnose(model), std::runtime_error);
 }
