@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from .experiment import compare, default_folder, fingerprint, run_solvers
-from .report import finding, text_table
+from .report import finding, text_tables
 from .runs import RunError
 
 _SCENES = Path(__file__).parent / "scenes"
@@ -26,7 +26,8 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     commands = parser.add_subparsers(dest="command", required=True)
     run = commands.add_parser(
         "run",
-        description="Runs both solvers on a scene and reports how far they differ. What has not changed is not run again.",
+        description="Runs both solvers on a scene and reports how far they differ. "
+        "What has not changed is not run again.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -34,8 +35,12 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "scene", nargs="?", type=Path, default=_SCENES / "ball_pressure.toml", metavar="SCENE.toml",
         help="default: ball_pressure.toml",
     )  # fmt: skip
-    run.add_argument("--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl)")
-    run.add_argument("--out", type=Path, metavar="DIR", help="where results go; default: out/NAME of the scene")
+    run.add_argument(
+        "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl)"
+    )
+    run.add_argument(
+        "--out", type=Path, metavar="DIR", help="where results go; default: out/NAME of the scene"
+    )
     run.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="replace a value of the scene, e.g. material.nu=0.3; may be repeated",
@@ -46,9 +51,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
 
 def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_folder(arguments.scene, arguments.surface)
-    experiment = run_solvers(
-        arguments.scene, folder, arguments.surface, arguments.overrides, arguments.quiet
-    )
+    experiment = run_solvers(arguments.scene, folder, arguments.surface, arguments.overrides, arguments.quiet)
     file = folder / "comparison.json"
     comparison = json.loads(file.read_text()) if file.exists() else {}
     if comparison.get("fingerprint") != fingerprint(experiment):
@@ -56,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
             print("comparing and drawing", file=sys.stderr)
         comparison = compare(experiment)
 
-    print(f"{finding(comparison)}\n\n{text_table(comparison)}\n\nreport: {folder / 'report.html'}")
+    print(f"{finding(comparison)}\n\n{text_tables(comparison)}\n\nreport: {folder / 'report.html'}")
     return 0 if comparison["status"] == "ok" else 1
 
 

@@ -36,6 +36,11 @@ class Experiment:
         return self.scene["name"]
 
     @property
+    def surface(self) -> str:
+        """Name of the surface's file or shape."""
+        return Path(self.scene["surface"]["file"]).name or self.scene["surface"]["shape"]
+
+    @property
     def calibration(self) -> str:
         return self.scene["network"]["calibration"]
 
@@ -134,6 +139,7 @@ def compare(experiment: Experiment) -> dict[str, Any]:
     figures = ["displacement_error_l2", "displacement_error_max", "volume_change_error"]
     comparison = {
         "scene": experiment.name,
+        "surface": experiment.surface,
         "status": main["status"],
         "calibration": experiment.calibration,
         "rigid_motion_removed": experiment.is_free,
@@ -157,7 +163,9 @@ def compare(experiment: Experiment) -> dict[str, Any]:
             {name: volume_change(run) for name, run in methods.items()},
             "load factor (1)" if is_static else "time (s)",
         ),
-        "Wall-clock time by stage.": plot_times({name: run.record["seconds"] for name, run in methods.items()}),
+        "Wall-clock time by stage.": plot_times(
+            {name: run.record["seconds"] for name, run in methods.items()}
+        ),
     }
     scene = (experiment.folder / "scene.toml").read_text()
     records = {name: run.record for name, run in methods.items()}

@@ -68,7 +68,7 @@ def draw_comparison(file: Path, springs: Frame, reference: Frame, is_free: bool,
         (f"{label}{enlarged}", X + factor * u, length, "displacement (m) "),
         ("error on the shape at rest", X, error, "error (% of largest displacement)"),
     )
-    plotter = pv.Plotter(off_screen=True, shape=(1, 3), window_size=(3 * _PANEL[0], _PANEL[1]), border=False)
+    plotter = pv.Plotter(off_screen=True, shape=(1, 3), window_size=[3 * _PANEL[0], _PANEL[1]], border=False)
     shown = np.vstack([X, *(points for _, points, _, _ in panels)])
     for column, (title, points, values, unit) in enumerate(panels):
         is_error = column == 2

@@ -70,6 +70,6 @@ def plot_times(seconds: dict[str, dict[str, float]]) -> str:
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("wall-clock time (s)")
-    axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     axes.margins(x=0.1)
     return svg_of(figure)

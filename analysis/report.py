@@ -33,15 +33,19 @@ def total(seconds: dict[str, float]) -> float:
     return sum(seconds.values())
 
 
+def title(comparison: dict[str, Any]) -> str:
+    return f"{comparison['scene']}, {comparison['surface']}"
+
+
 def finding(comparison: dict[str, Any]) -> str:
     """What the comparison found, in one sentence."""
     name, model = comparison["calibration"], comparison["models"][comparison["calibration"]]
     if model["status"] != "ok":
-        return f"{comparison['scene']}: the {name} springs gave no result: {model['status']}."
+        return f"{title(comparison)}: the {name} springs gave no result: {model['status']}."
     springs, fem = total(model["seconds"]), total(comparison["reference"]["seconds"])
     ratio = f"{fem / springs:.2g} times less" if fem >= springs else f"{springs / fem:.2g} times more"
     sentence = (
-        f"{comparison['scene']}: the {name} springs miss the finite elements' surface displacement by "
+        f"{title(comparison)}: the {name} springs miss the finite elements' surface displacement by "
         f"{percent(model['displacement_error_l2'])} (at worst {percent(model['displacement_error_max'])})"
     )
     if is_nearly_isochoric(comparison["reference"]):
@@ -56,8 +60,11 @@ def is_nearly_isochoric(reference: dict[str, Any]) -> bool:
     return reference["largest_volume_change"] < 0.01 * reference["swept_volume"]
 
 
-def table_rows(comparison: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
-    """Head and rows of the table shown on the terminal and in the report."""
+Table = tuple[list[str], list[list[str]]]
+
+
+def tables(comparison: dict[str, Any]) -> tuple[Table, Table]:
+    """Head and rows of the tables of errors and of seconds, for the terminal and for the report."""
     reference, models = comparison["reference"], comparison["models"]
     stages = ["mesh", "setup", "assemble", "solve", "output"]
 
@@ -65,36 +72,35 @@ def table_rows(comparison: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
         known = [f"{seconds[stage]:.2f}" if stage in seconds else "-" for stage in stages]
         return [*known, f"{total(seconds):.2f}"]
 
-    head = ["", "nodes", "springs", "dofs", "displacement error", "largest", "volume error"]
-    head += [f"{stage} s" for stage in [*stages, "total"]]
-    rows = []
+    errors: Table = (["", "nodes", "springs", "dofs", "displacement error", "largest", "volume error"], [])
+    seconds: Table = (["seconds", *stages, "total"], [])
+    keys = ["displacement_error_l2", "displacement_error_max", "volume_change_error"]
     for name, model in models.items():
         label = label_of(name)
         if model["status"] != "ok":
-            rows.append([label, model["status"], *[""] * (len(head) - 2)])
+            errors[1].append([label, model["status"], *[""] * 5])
             continue
         size = [str(model["n_nodes"]), str(model["n_springs"]), str(3 * model["n_nodes"])]
-        errors = ["displacement_error_l2", "displacement_error_max", "volume_change_error"]
-        rows.append([label, *size, *(percent(model[key]) for key in errors), *times(model["seconds"])])
-    size = [str(reference["n_nodes"]), "-", str(reference["n_dofs"])]
-    rows.append([label_of(REFERENCE), *size, "-", "-", "-", *times(reference["seconds"])])
-    return head, rows
+        errors[1].append([label, *size, *(percent(model[key]) for key in keys)])
+        seconds[1].append([label, *times(model["seconds"])])
+    label = label_of(REFERENCE)
+    errors[1].append([label, str(reference["n_nodes"]), "-", str(reference["n_dofs"]), "-", "-", "-"])
+    seconds[1].append([label, *times(reference["seconds"])])
+    return errors, seconds
 
 
-def text_table(comparison: dict[str, Any]) -> str:
-    """The table for a terminal: errors first, then seconds."""
-    head, rows = table_rows(comparison)
-    blocks = []
-    for columns in ([0, 1, 2, 3, 4, 5, 6], [0, 7, 8, 9, 10, 11, 12]):
-        lines = [[row[c] for c in columns] for row in [head, *rows]]
-        widths = [max(len(cells[c]) for cells in lines) for c in range(len(columns))]
-        blocks.append(
-            "\n".join(
-                "  ".join([cells[0].ljust(widths[0]), *(t.rjust(w) for t, w in zip(cells[1:], widths[1:]))]).rstrip()
-                for cells in lines
-            )
-        )
-    return "\n\n".join(blocks)
+def text_tables(comparison: dict[str, Any]) -> str:
+    """The tables for a terminal."""
+    return "\n\n".join(_text_table(head, rows) for head, rows in tables(comparison))
+
+
+def _text_table(head: list[str], rows: list[list[str]]) -> str:
+    widths = [max(map(len, column)) for column in zip(head, *rows)]
+    lines = [
+        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:]))])
+        for row in [head, *rows]
+    ]
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def _image(data: bytes, kind: str, caption: str) -> str:
@@ -132,19 +138,20 @@ def render(
         for method, record in records.items()
     ]
     return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{html.escape(comparison["scene"])}</title>
+<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title(comparison))}</title>
 <style>{_STYLE}</style></head><body>
-<h1>{html.escape(comparison["scene"])}</h1>
+<h1>{html.escape(title(comparison))}</h1>
 <p class="finding">{html.escape(finding(comparison))}</p>
-{_html_table(*table_rows(comparison))}
+{"".join(_html_table(*table) for table in tables(comparison))}
 {"".join(figures)}
 <h2>How to read this</h2>
 <p>Both solvers start from the same surface, vertex by vertex. <b>Displacement error</b>: area-weighted L2 norm over
 the surface nodes of the difference at full load (or at the end), as a fraction of the same norm of the finite-element
 displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
-<b>Volume error</b>: L2 norm over the whole curve of the difference in volume change, as a fraction of the finite elements'
-own; it says little where the reference hardly changes its volume ({percent(comparison["reference"]["largest_volume_change"])}
-here, while its surface sweeps {percent(comparison["reference"]["swept_volume"])}). <b>Seconds</b>: wall-clock, by stage.</p>
+<b>Volume error</b>: L2 norm over the whole curve of the difference in volume change, as a fraction of the finite
+elements' own; it says little where the reference hardly changes its volume
+({percent(comparison["reference"]["largest_volume_change"])} here, while its surface sweeps
+{percent(comparison["reference"]["swept_volume"])}). <b>Seconds</b>: wall-clock, by stage.</p>
 <h2>Protocol</h2>
 <p>Scene with every default filled in; running it reproduces this.</p>
 <details><summary>scene.toml</summary><pre>{html.escape(scene)}</pre></details>

@@ -29,7 +29,7 @@ class Style(NamedTuple):
 
 REFERENCE = "fem_reference"
 
-# Okabe & Ito 2008, "Color universal design".
+# Okabe & Ito 2008, "Color universal design"; yellow darkened, one colour from Tol 2021, "Colour schemes".
 _STYLES = {
     REFERENCE: Style("#000000", "s"),
     "uniform": Style("#D55E00", "v"),
@@ -39,6 +39,7 @@ _STYLES = {
     "moment": Style("#B8A200", ">"),
     "edge_coupled": Style("#56B4E9", "D"),
     "node_averaged": Style("#009E73", "P"),
+    "edge_averaged": Style("#882255", "*"),
 }
 
 

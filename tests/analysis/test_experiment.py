@@ -11,7 +11,7 @@ from synthetic import write_run
 
 from analysis.experiment import Experiment, compare, default_folder, fingerprint
 from analysis.pictures import magnification
-from analysis.report import finding, percent, text_table
+from analysis.report import finding, percent, text_tables
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
 
@@ -20,6 +20,7 @@ REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output":
 def experiment(ball, tmp_path):
     scene = {
         "name": "synthetic",
+        "surface": {"file": "/somewhere/ball.obj", "shape": ""},
         "network": {"calibration": "affine"},
         "comparison": {"calibrations": ["uniform", "moment", "affine"]},
         "time": {"mode": "static"},
@@ -71,12 +72,14 @@ def test_pictures_show_the_body(experiment):
 
 
 def test_failed_model_of_the_scene_is_the_status(experiment):
-    failed = Experiment(experiment.folder, experiment.scene, {"affine": "diverged", "moment": "not converged"})
+    failed = Experiment(
+        experiment.folder, experiment.scene, {"affine": "diverged", "moment": "not converged"}
+    )
     comparison = compare(failed)
     assert comparison["status"] == "diverged"
     assert comparison["displacement_error_l2"] is None
     assert "gave no result: diverged" in finding(comparison)
-    assert "diverged" in text_table(comparison)
+    assert "diverged" in text_tables(comparison)
 
 
 def test_fingerprint_follows_the_runs(experiment):
@@ -108,6 +111,8 @@ def test_default_folder_carries_the_names(tmp_path):
     assert default_folder(scene, None).name == "twist"
 
 
-@pytest.mark.parametrize("fraction, text", [(0.12345, "12.3 %"), (None, "-"), (float("nan"), "-"), (1e-9, "1.0e-07 %")])
+@pytest.mark.parametrize(
+    "fraction, text", [(0.12345, "12.3 %"), (None, "-"), (float("nan"), "-"), (1e-9, "1.0e-07 %")]
+)
 def test_percent(fraction, text):
     assert percent(fraction) == text

@@ -74,7 +74,9 @@ def test_nan_in_the_curves_is_refused(folder):
         load_run(folder)
 
 
-@pytest.mark.parametrize("rows", ["", "time,load_factor\n0,0\n", "time,volume\n", "time,volume\n0,x\n", "time,volume\n0\n"])
+@pytest.mark.parametrize(
+    "rows", ["", "time,load_factor\n0,0\n", "time,volume\n", "time,volume\n0,x\n", "time,volume\n0\n"]
+)
 def test_damaged_curves_are_refused(folder, rows):
     (folder / "curves.csv").write_text(rows)
     with pytest.raises(RunError, match="curves.csv"):
