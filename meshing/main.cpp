@@ -10,6 +10,7 @@
 #include "meshing/surface_check.h"
 #include "meshing/surface_faults.h"
 #include "meshing/surface_io.h"
+#include "meshing/tet_mesh.h"
 #include "meshing/tetrahedralize.h"
 
 using namespace testbed;
@@ -143,11 +144,19 @@ void add_tetrahedralize(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   command->add_option("file", arguments->file, "surface")->required();
   command->add_option("out", arguments->out, "file to write (.vtu): triangles, then tetrahedra");
-  command->add_option("--interior-size", arguments->tets.interior_size, "edge length inside (m)");
+  command->add_option("--interior-size", arguments->tets.interior_size, "longest edge inside (m)");
+  command->add_option("--time-limit", arguments->tets.time_limit, "for each attempt of a mesher (s)")
+      ->capture_default_str();
   command->callback([arguments] {
     const SurfaceMesh surface = read_surface(arguments->file);
-    const TetMesh mesh = tetrahedralize(surface, arguments->tets);
-    std::printf("nodes %ld (surface %d)\ntetrahedra %ld\n", mesh.X.cols(), mesh.n_surface, mesh.T.cols());
+    TetReport report;
+    const TetMesh mesh = tetrahedralize(surface, arguments->tets, &report);
+    const TetQuality quality = tet_quality(mesh.X, mesh.T);
+    for (const std::string& failure : report.failures) std::fprintf(stderr, "failed: %s\n", failure.c_str());
+    std::printf("mesher %s\nnodes %ld (surface %d)\ntetrahedra %ld\n", report.mesher.c_str(), mesh.X.cols(),
+                mesh.n_surface, mesh.T.cols());
+    std::printf("least dihedral angle %.3g degrees\nradius ratio least %.3g, mean %.3g\nslivers %d\n",
+                quality.min_dihedral, quality.min_radius_ratio, quality.mean_radius_ratio, quality.n_slivers);
     if (!arguments->out.empty())
       write_cells(arguments->out, mesh.X, {{vtk_triangle, mesh.F}, {vtk_tetra, mesh.T}}, mesh.n_surface);
   });

@@ -1,0 +1,162 @@
+// gmsh as one of tet_worker's meshers.
+#include <gmsh.h>
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+#include <vector>
+
+#include "meshing/kd_tree.h"
+#include "meshing/shells.h"
+#include "meshing/surface.h"
+#include "meshing/surface_tree.h"
+#include "meshing/tet_worker.h"
+
+namespace testbed {
+
+namespace {
+
+/// Edges inside are as long as those of the surface nearby, or this part of the distance to it: three layers
+/// are fine.
+constexpr double growth = 0.3;
+
+/// One volume of gmsh: an outward shell and the cavities in it.
+struct Solid {
+  int volume;
+  std::vector<int> shells;
+};
+
+/// Gives the surface to gmsh: a discrete entity for each shell (in a single one, Delaunay fills cavities) and
+/// a volume for each solid. Node i gets tag i + 1.
+std::vector<Solid> add_surface(const SurfaceMesh& surface, const std::vector<Shell>& shells) {
+  std::vector<int> loops;
+  for (const Shell& shell : shells) {
+    const int entity = gmsh::model::addDiscreteEntity(2);
+    std::vector<std::size_t> corners;
+    for (int f : shell.triangles)
+      for (int v : surface.F.col(f)) corners.push_back(v + 1);
+    std::vector<std::size_t> vertices = corners;
+    std::sort(vertices.begin(), vertices.end());
+    vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+    std::vector<double> coordinates;
+    for (std::size_t v : vertices) {
+      const auto x = surface.X.col(v - 1);
+      coordinates.insert(coordinates.end(), {x[0], x[1], x[2]});
+    }
+    gmsh::model::mesh::addNodes(2, entity, vertices, coordinates);
+    gmsh::model::mesh::addElementsByType(entity, 2, {}, corners);
+    loops.push_back(gmsh::model::geo::addSurfaceLoop({entity}));
+  }
+  std::vector<Solid> solids;
+  for (int s = 0; s < static_cast<int>(shells.size()); ++s) {
+    if (shells[s].depth % 2 == 1) continue;
+    Solid solid{0, {s}};
+    for (int c = 0; c < static_cast<int>(shells.size()); ++c)
+      if (shells[c].depth % 2 == 1 && shells[c].parent == s) solid.shells.push_back(c);
+    std::vector<int> loops_of_solid;
+    for (int shell : solid.shells) loops_of_solid.push_back(loops[shell]);
+    solid.volume = gmsh::model::geo::addVolume(loops_of_solid);
+    solids.push_back(solid);
+  }
+  return solids;
+}
+
+/// Gives gmsh one discrete entity for each point, whose nodes get the tags from `first_tag` on.
+std::vector<int> add_points(const Eigen::Matrix3Xd& points, std::size_t first_tag) {
+  std::vector<int> entities;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(points.cols()); ++i) {
+    entities.push_back(gmsh::model::addDiscreteEntity(0));
+    gmsh::model::mesh::addNodes(0, entities.back(), {first_tag + i},
+                                {points(0, i), points(1, i), points(2, i)});
+    gmsh::model::mesh::addElementsByType(entities.back(), 15, {}, {first_tag + i});
+  }
+  return entities;
+}
+
+/// Puts each point into the solid around it: the one that the triangle nearest to it bounds.
+void embed_points(const Eigen::Matrix3Xd& points, const std::vector<int>& entities,
+                  const SurfaceMesh& surface, const std::vector<Shell>& shells,
+                  const std::vector<Solid>& solids) {
+  std::vector<int> shell_of(surface.F.cols()), solid_of(shells.size());
+  for (size_t s = 0; s < shells.size(); ++s)
+    for (int f : shells[s].triangles) shell_of[f] = static_cast<int>(s);
+  for (size_t s = 0; s < solids.size(); ++s)
+    for (int shell : solids[s].shells) solid_of[shell] = static_cast<int>(s);
+  const SurfaceTree tree(surface);
+  std::vector<std::vector<int>> inside(solids.size());
+  for (int i = 0; i < points.cols(); ++i)
+    inside[solid_of[shell_of[tree.nearest(points.col(i)).triangle]]].push_back(entities[i]);
+  for (size_t s = 0; s < solids.size(); ++s)
+    if (!inside[s].empty()) gmsh::model::mesh::embed(0, inside[s], 3, solids[s].volume);
+}
+
+/// Mean length of the edges at each vertex.
+Eigen::VectorXd vertex_spacing(const SurfaceMesh& surface) {
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(surface.X.cols()), count = sum;
+  const Eigen::Matrix2Xi edges = edges_of(surface.F);
+  for (const auto& e : edges.colwise()) {
+    const double length = (surface.X.col(e[0]) - surface.X.col(e[1])).norm();
+    for (int v : e) {
+      sum[v] += length;
+      count[v] += 1;
+    }
+  }
+  return sum.cwiseQuotient(count);
+}
+
+/// Reads the tetrahedra back: surface vertices first, then the points given, then gmsh's own.
+TetNodes collect(std::size_t n_given) {
+  std::vector<std::size_t> element_tags, corners, node_tags;
+  std::vector<double> coordinates, unused;
+  gmsh::model::mesh::getElementsByType(4, element_tags, corners);
+  gmsh::model::mesh::getNodes(node_tags, coordinates, unused);
+  std::unordered_map<std::size_t, size_t> position;
+  for (size_t i = 0; i < node_tags.size(); ++i) position[node_tags[i]] = i;
+
+  std::vector<std::size_t> order, own = corners;
+  for (std::size_t tag = 1; tag <= n_given; ++tag) order.push_back(tag);
+  std::sort(own.begin(), own.end());
+  own.erase(std::unique(own.begin(), own.end()), own.end());
+  order.insert(order.end(), std::upper_bound(own.begin(), own.end(), n_given), own.end());
+
+  TetNodes nodes{Eigen::Matrix3Xd(3, order.size()), Eigen::Matrix4Xi(4, corners.size() / 4)};
+  std::unordered_map<std::size_t, int> index;
+  for (size_t i = 0; i < order.size(); ++i) {
+    index[order[i]] = static_cast<int>(i);
+    nodes.X.col(i) = Eigen::Map<const Eigen::Vector3d>(&coordinates[3 * position.at(order[i])]);
+  }
+  for (size_t c = 0; c < corners.size(); ++c) nodes.T(c % 4, c / 4) = index.at(corners[c]);
+  return nodes;
+}
+
+}  // namespace
+
+TetNodes mesh_by_gmsh(const TetTask& task, int algorithm, double angle_tolerance) {
+  gmsh::initialize(0, nullptr, false);
+  auto set = [](const char* option, double value) { gmsh::option::setNumber(option, value); };
+  set("General.NumThreads", 1);  // HXT with two once left cracks without an error
+  set("Mesh.Algorithm3D", algorithm);
+  set("Mesh.AngleToleranceFacetOverlap", angle_tolerance);
+  set("Mesh.Optimize", 1);
+  set("Mesh.Renumber", 0);  // tags are how nodes are known again
+  set("Mesh.MeshSizeExtendFromBoundary", 0);
+
+  const std::vector<Shell> shells = shells_of(task.surface);
+  const std::vector<Solid> solids = add_surface(task.surface, shells);
+  const std::vector<int> points = add_points(task.interior, task.surface.X.cols() + 1);
+  gmsh::model::geo::synchronize();
+  if (!points.empty()) embed_points(task.interior, points, task.surface, shells, solids);
+
+  const KdTree vertices(task.surface.X);
+  const Eigen::VectorXd spacing = vertex_spacing(task.surface);
+  const double largest = task.interior_size > 0 ? task.interior_size : std::numeric_limits<double>::max();
+  gmsh::model::mesh::setSizeCallback([&](int, int, double x, double y, double z) {
+    const Eigen::Vector3d p(x, y, z);
+    const int v = vertices.nearest(p, 1)[0];
+    return std::min(largest, std::max(spacing[v], growth * (p - task.surface.X.col(v)).norm()));
+  });
+  gmsh::model::mesh::generate(3);
+  return collect(task.surface.X.cols() + task.interior.cols());
+}
+
+}  // namespace testbed
