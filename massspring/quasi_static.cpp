@@ -125,8 +125,6 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     if (report.residual <= kTolerance) return report;
     if (report.newton_iterations == kMaxNewton || shift > kLargestShift) break;
 
-    K_.set_zero();
-    add_stiffness(model_, state, K_);
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
       multiply(K_, p, y);
       if (shift > 0) y += shift * stiffness_scale_ * p;
@@ -136,10 +134,24 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       preconditioner_->solve(v, z);
       project(z);
     };
-    Matrix3Xd dx = Matrix3Xd::Zero(3, r.cols());
-    const SolveReport linear =
-        conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kMaxLinear);
-    report.linear_iterations += linear.iterations;
+    Matrix3Xd dx;
+    SolveReport linear;
+    const auto solve_linear = [&] {
+      dx = Matrix3Xd::Zero(3, r.cols());
+      linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kMaxLinear);
+      report.linear_iterations += linear.iterations;
+    };
+    // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
+    if (model_.tet_springs && !model_.springs) {
+      K_.set_zero();
+      add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact);
+      solve_linear();
+    }
+    if (!linear.is_converged) {
+      K_.set_zero();
+      add_stiffness(model_, state, K_);
+      solve_linear();
+    }
 
     // A mechanism's step has no bound: accept none that is wild or does not lower the energy.
     bool is_accepted = false;

@@ -6,6 +6,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -61,8 +62,8 @@ Matrix3d cofactor(const Matrix3d& F) {
 }
 
 /// psi'' in the basis u_i v_j^T of F's singular vectors: a 3 x 3 block of stretches, and for each pair of
-/// axes i, j a twist and a flip with eigenvalues mu +- g' s_k. Negative eigenvalues are set to 0.
-Matrix9d projected_stiffness(const Matrix3d& F, double lambda, double mu) {
+/// axes i, j a twist and a flip with eigenvalues mu +- g' s_k.
+Matrix9d stiffness(const Matrix3d& F, double lambda, double mu, Curvature curvature) {
   const Eigen::JacobiSVD<Matrix3d> svd(F, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Matrix3d U = svd.matrixU(), V = svd.matrixV();
   Vector3d s = svd.singularValues();
@@ -74,19 +75,22 @@ Matrix9d projected_stiffness(const Matrix3d& F, double lambda, double mu) {
 
   const Vector3d c(s[1] * s[2], s[2] * s[0], s[0] * s[1]);
   Matrix3d stretch = mu * Matrix3d::Identity() + law.ddg * c * c.transpose();
+  const double least = curvature == Curvature::Projected ? 0 : -std::numeric_limits<double>::infinity();
   Matrix9d M = Matrix9d::Zero();
   for (int k = 0; k < 3; ++k) {
     const int i = (k + 1) % 3, j = (k + 2) % 3;
     stretch(i, j) += law.dg * s[k];
     stretch(j, i) += law.dg * s[k];
-    const double twist = std::max(mu + law.dg * s[k], 0.), flip = std::max(mu - law.dg * s[k], 0.);
+    const double twist = std::max(mu + law.dg * s[k], least), flip = std::max(mu - law.dg * s[k], least);
     const int ij = i + 3 * j, ji = j + 3 * i;
     M(ij, ij) = M(ji, ji) = (twist + flip) / 2;
     M(ij, ji) = M(ji, ij) = (flip - twist) / 2;
   }
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(stretch);
-  stretch =
-      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).asDiagonal() * eigen.eigenvectors().transpose();
+  if (curvature == Curvature::Projected) {
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(stretch);
+    stretch = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).asDiagonal() *
+              eigen.eigenvectors().transpose();
+  }
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) M(4 * i, 4 * j) = stretch(i, j);
 
@@ -210,12 +214,12 @@ void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f) {
 }
 
 TetStiffness stiffness_at(const TetSprings& springs, const Matrix3Xd& x) {
-  TetStiffness stiffness;
-  stiffness.H.reserve(springs.n_patches());
+  TetStiffness result;
+  result.H.reserve(springs.n_patches());
   for (int p = 0; p < springs.n_patches(); ++p)
-    stiffness.H.push_back(
-        projected_stiffness(deformation_gradient(springs, p, x), springs.lambda[p], springs.mu));
-  return stiffness;
+    result.H.push_back(
+        stiffness(deformation_gradient(springs, p, x), springs.lambda[p], springs.mu, Curvature::Projected));
+  return result;
 }
 
 void add_product(const TetSprings& springs, const TetStiffness& stiffness, const Matrix3Xd& p, Matrix3Xd& y) {
@@ -230,10 +234,10 @@ void add_product(const TetSprings& springs, const TetStiffness& stiffness, const
   }
 }
 
-void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K) {
+void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature) {
   for (int p = 0; p < springs.n_patches(); ++p) {
-    const Matrix9d VH = springs.volume[p] * projected_stiffness(deformation_gradient(springs, p, x),
-                                                                springs.lambda[p], springs.mu);
+    const Matrix9d VH = springs.volume[p] * stiffness(deformation_gradient(springs, p, x), springs.lambda[p],
+                                                      springs.mu, curvature);
     for (int e = springs.first[p]; e < springs.first[p + 1]; ++e) {
       const Eigen::Matrix<double, 9, 3> column = VH * spread(springs.b.col(e));
       for (int r = springs.first[p]; r < springs.first[p + 1]; ++r) {

@@ -75,6 +75,20 @@ TEST_P(EveryBlend, HessianIsForceDifferenceNearRest) {
   EXPECT_LT((product - difference).norm(), difference_tolerance * product.norm());
 }
 
+TEST_P(EveryBlend, ExactHessianIsForceDifferenceWhereItIsIndefinite) {
+  constexpr double h = 1e-6, difference_tolerance = 1e-5;
+  const Matrix3Xd x = 0.7 * mesh.X + random_field(mesh.X.cols(), 0.1, 2), p = random_field(x.cols(), 1, 5);
+  BlockMatrix exact = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs)), projected = exact;
+  add_hessian(springs, x, exact, Curvature::Exact);
+  add_hessian(springs, x, projected, Curvature::Projected);
+  Matrix3Xd product, projected_product;
+  multiply(exact, p, product);
+  multiply(projected, p, projected_product);
+  const Matrix3Xd difference = (force_at(x - h * p) - force_at(x + h * p)) / (2 * h);
+  EXPECT_LT((product - difference).norm(), difference_tolerance * product.norm());
+  EXPECT_GT((projected_product - difference).norm(), 1e-2 * product.norm());
+}
+
 TEST_P(EveryBlend, AssembledHessianEqualsMatrixFreeProduct) {
   const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), 0.1, 2), p = random_field(x.cols(), 1, 5);
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs));
