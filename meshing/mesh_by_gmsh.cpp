@@ -1,4 +1,4 @@
-// gmsh as one of tet_worker's meshers.
+// The mesher of gmsh_worker.
 #include <gmsh.h>
 
 #include <algorithm>
@@ -131,7 +131,7 @@ TetNodes collect(std::size_t n_given) {
 
 }  // namespace
 
-TetNodes mesh_by_gmsh(const TetTask& task, int algorithm, double angle_tolerance) {
+TetNodes mesh_task(const TetTask& task, int algorithm, double angle_tolerance) {
   gmsh::initialize(0, nullptr, false);
   auto set = [](const char* option, double value) { gmsh::option::setNumber(option, value); };
   set("General.NumThreads", 1);  // HXT with two once left cracks without an error

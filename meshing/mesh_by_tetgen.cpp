@@ -1,4 +1,4 @@
-// tetgen as one of tet_worker's meshers.
+// The mesher of tetgen_worker.
 #define TETLIBRARY
 #include <tetgen.h>
 
@@ -12,7 +12,7 @@
 
 namespace testbed {
 
-TetNodes mesh_by_tetgen(const TetTask& task) {
+TetNodes mesh_task(const TetTask& task, int, double) {
   const auto& [X, F] = task.surface;
   tetgenio in, points, out;
   in.numberofpoints = static_cast<int>(X.cols());

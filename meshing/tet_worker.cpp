@@ -1,5 +1,5 @@
-// tet_worker MESHER TASK NODES: makes tetrahedra in a process of its own, since meshers crash and hang on
-// some surfaces.
+// gmsh_worker, tetgen_worker: make tetrahedra in a process of their own, since meshers crash and hang on some
+// surfaces.
 #include "meshing/tet_worker.h"
 
 #include <signal.h>
@@ -11,17 +11,14 @@
 using namespace testbed;
 
 int main(int argc, char** argv) {
-  if (argc != 6) {
-    std::cerr
-        << "usage: tet_worker gmsh|tetgen ALGORITHM ANGLE_TOLERANCE TASK NODES (started by tetrahedralize)\n";
+  if (argc != 5) {
+    std::cerr << "usage: " << argv[0]
+              << " ALGORITHM ANGLE_TOLERANCE TASK NODES (started by tetrahedralize)\n";
     return 2;
   }
   prctl(PR_SET_PDEATHSIG, SIGKILL);  // not to outlive the program that waits
   try {
-    const TetTask task = read_task(argv[4]);
-    write_nodes(argv[5], argv[1] == std::string("gmsh")
-                             ? mesh_by_gmsh(task, std::atoi(argv[2]), std::atof(argv[3]))
-                             : mesh_by_tetgen(task));
+    write_nodes(argv[4], mesh_task(read_task(argv[3]), std::atoi(argv[1]), std::atof(argv[2])));
   } catch (const std::string& message) {
     std::cout << "Error   : " << message << std::endl;
     std::_Exit(1);

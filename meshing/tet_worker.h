@@ -1,4 +1,5 @@
-// What tetrahedralize and its child process, tet_worker, tell each other, and the meshers in the latter.
+// What tetrahedralize and its child processes tell each other, and what the latter do. One child per mesher:
+// gmsh holds a tetgen of its own, whose symbols clash with the library's.
 #pragma once
 
 #include <filesystem>
@@ -25,8 +26,9 @@ TetTask read_task(const std::filesystem::path& file);
 void write_nodes(const std::filesystem::path& file, const TetNodes& nodes);
 TetNodes read_nodes(const std::filesystem::path& file);
 
+/// The mesher of the worker that links it: gmsh (with its algorithm number and smallest angle between facets,
+/// in degrees) or tetgen.
 /// @throws whatever the mesher throws, std::string among it.
-TetNodes mesh_by_gmsh(const TetTask& task, int algorithm, double angle_tolerance);
-TetNodes mesh_by_tetgen(const TetTask& task);
+TetNodes mesh_task(const TetTask& task, int algorithm, double angle_tolerance);
 
 }  // namespace testbed

@@ -18,16 +18,16 @@ namespace {
 
 /// A mesher and its settings.
 struct Attempt {
-  std::string name, mesher, algorithm, angle_tolerance;
+  std::string name, worker, algorithm, angle_tolerance;
 };
 
 /// In the order in which they are tried. HXT comes last: on the long thin triangles of CAD parts, where
 /// Delaunay fails, it takes a hundred times as long as tetgen.
 const std::array<Attempt, 4> attempts = {
-    {{"gmsh, Delaunay", "gmsh", "1", "0.1"},
-     {"gmsh, Delaunay, facets as close as 0.001 degrees", "gmsh", "1", "0.001"},
-     {"tetgen", "tetgen", "0", "0"},
-     {"gmsh, HXT", "gmsh", "10", "0.001"}}};
+    {{"gmsh, Delaunay", "gmsh_worker", "1", "0.1"},
+     {"gmsh, Delaunay, facets as close as 0.001 degrees", "gmsh_worker", "1", "0.001"},
+     {"tetgen", "tetgen_worker", "0", "0"},
+     {"gmsh, HXT", "gmsh_worker", "10", "0.001"}}};
 
 void refuse_crossings(const SurfaceMesh& surface) {
   const auto pairs = self_intersections(surface);
@@ -59,9 +59,9 @@ TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const Te
   const TemporaryFolder folder;
   const std::string task = folder.path() / "task", nodes_file = folder.path() / "nodes";
   write_task(task, {surface, options.interior, options.interior_size.value_or(0)});
-  const ChildResult child = run_child(
-      program_folder() / "tet_worker",
-      {attempt.mesher, attempt.algorithm, attempt.angle_tolerance, task, nodes_file}, options.time_limit);
+  const ChildResult child =
+      run_child(program_folder() / attempt.worker,
+                {attempt.algorithm, attempt.angle_tolerance, task, nodes_file}, options.time_limit);
   if (!child.is_success) throw std::runtime_error(child.ending + messages_in(child.output));
   const TetNodes nodes = read_nodes(nodes_file);
   TetMesh mesh{nodes.X, nodes.T, surface.F, static_cast<int>(surface.X.cols())};
