@@ -1,5 +1,5 @@
 # The scene file and the record of a run, used by both solvers.
-add_library(scene STATIC progress.cpp record.cpp scene.cpp vtu.cpp)
+add_library(scene STATIC progress.cpp record.cpp scene.cpp scene_surface.cpp scene_writer.cpp vtu.cpp)
 target_link_libraries(scene PUBLIC surface_mesh nlohmann_json::nlohmann_json PRIVATE VTK::IOXML)
 string(TOUPPER "${CMAKE_BUILD_TYPE}" build_type)
 set_property(

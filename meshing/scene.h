@@ -30,8 +30,8 @@ struct Ball {
 /// A part of the surface, by vertex position at rest. Boundaries are included (to 1e-9 of the bounding box).
 struct Region {
   std::variant<Everywhere, Box, HalfSpace, Ball> shape;
-  bool relative =
-      false;  ///< coordinates are fractions of the surface's bounding box (a radius: of its smallest side)
+  /// Coordinates are fractions of the surface's bounding box, a radius of its smallest side; normals stay.
+  bool relative = false;
 };
 
 struct SurfaceSource {
@@ -40,8 +40,7 @@ struct SurfaceSource {
   int n_vertices = 642;  ///< wanted number of vertices of a generated shape; the nearest possible is made
   Eigen::Vector3d size{0, 0, 0};  ///< bounding box of a generated shape (m); 0: the shape's own
   double scale = 1;               ///< factor on all coordinates, before normalise
-  bool normalise =
-      false;  ///< scale so that the smallest side of the bounding box is 1 m, centre at the origin
+  bool normalise = false;         ///< smallest side of the bounding box 1 m, centre at the origin
 };
 
 struct Material {
@@ -89,9 +88,9 @@ struct TimeOptions {
   Integrator integrator = Integrator::ImplicitEuler;
 };
 
+/// Distances that are absent are chosen from the surface.
 struct NetworkOptions {
-  std::optional<double>
-      phi;  ///< least distance between internal nodes (normalised box); chosen from the surface if absent
+  std::optional<double> phi;  ///< least distance between internal nodes (normalised box)
   std::optional<double> psi;  ///< least distance of an internal node to the surface (normalised box)
   std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
   int multiplicity = 5;       ///< springs projected by each white node, >= 3
@@ -131,7 +130,8 @@ struct Scene {
   OutputOptions output;
 };
 
-/// Reads a scene, then applies `overrides` ("material.nu=0.3", the value in TOML).
+/// Reads a scene with `overrides` in place: "material.nu=0.3", "loads.0.pressure=5", the value in TOML or else a
+/// string. Paths are relative to the scene file, in overrides to the current folder, and absolute in the result.
 /// @throws std::runtime_error naming file, line, key, value found, what is allowed and the nearest known key.
 Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "meshing/files.h"
 #include "meshing/scene.h"
 #include "meshing/shapes.h"
@@ -10,8 +12,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// A folder of its own for every test: ctest runs them side by side.
+fs::path test_folder() {
+  const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+  const fs::path folder = fs::temp_directory_path() / (std::string("testbed_scene_") + test->name());
+  fs::create_directories(folder);
+  return folder;
+}
+
 fs::path write_scene(const std::string& text) {
-  const fs::path file = fs::temp_directory_path() / "testbed_scene.toml";
+  const fs::path file = test_folder() / "scene.toml";
   write_file(file, text);
   return file;
 }
@@ -86,6 +96,37 @@ TEST(Scene, FilledInFileGivesTheSameSceneAgain) {
   const std::string filled = to_toml(read_scene(write_scene(kFull)));
   EXPECT_EQ(to_toml(read_scene(write_scene(filled))), filled);
   EXPECT_NE(filled.find("pressure = 0.1 "), std::string::npos) << "numbers are written shortest";
+  EXPECT_NE(filled.find("\nload_steps = 10 "), std::string::npos) << "defaults are written";
+  EXPECT_NE(filled.find("\n# phi: "), std::string::npos) << "what is absent is explained";
+}
+
+TEST(Scene, FilledInFileKeepsEveryBitOfNumbersAndEveryCharacterOfStrings) {
+  Scene scene = read_scene(write_scene("[surface]\nshape = \"ball\"\n"));
+  scene.name = "\"quoted\" \\ 'single' \n\t# \u00e9";
+  scene.network.phi = 0.1 + 0.2;
+  scene.network.seed = (1ull << 53) + 1;
+  scene.loads.push_back(
+      {Region{Ball{{-0.0, 1e300, 5e-324}, 1.0 / 3}, true}, -1e-17, {1e21, 123456789012345678.0, 2}});
+  const Scene again = read_scene(write_scene(to_toml(scene)));
+  EXPECT_EQ(again.name, scene.name);
+  EXPECT_EQ(*again.network.phi, *scene.network.phi);
+  EXPECT_EQ(again.network.seed, scene.network.seed);
+  EXPECT_EQ(again.loads[0].pressure, scene.loads[0].pressure);
+  EXPECT_EQ(again.loads[0].traction, scene.loads[0].traction);
+  const Ball ball = std::get<Ball>(again.loads[0].region.shape);
+  EXPECT_EQ(ball.centre, Eigen::Vector3d(-0.0, 1e300, 5e-324));
+  EXPECT_TRUE(std::signbit(ball.centre.x()));
+  EXPECT_EQ(ball.radius, 1.0 / 3);
+}
+
+TEST(Scene, ShippedScenesAreAccepted) {
+  int n_scenes = 0;
+  for (const auto& entry : fs::directory_iterator(SCENE_FOLDER))
+    if (entry.path().extension() == ".toml") {
+      EXPECT_NO_THROW(read_scene(entry.path())) << entry.path();
+      ++n_scenes;
+    }
+  EXPECT_GT(n_scenes, 0);
 }
 
 TEST(Scene, OverridesReplaceAddAndReachIntoLists) {
@@ -99,40 +140,135 @@ TEST(Scene, OverridesReplaceAddAndReachIntoLists) {
   EXPECT_EQ(scene.gravity->x(), 1);
 }
 
+TEST(Scene, OverridesThatAreNoTomlAreStrings) {
+  const fs::path file = write_scene("[surface]\nshape = \"ball\"\n");
+  EXPECT_EQ(read_scene(file, {"name=3d"}).name, "3d");
+  EXPECT_EQ(read_scene(file, {"name=a=b c"}).name, "a=b c");
+  EXPECT_EQ(read_scene(file, {"name='7'"}).name, "7");
+  EXPECT_EQ(read_scene(file, {"name=1\nfoo=2"}).name, "1\nfoo=2") << "one override sets one key";
+  EXPECT_EQ(
+      read_scene(file, {"surface.shape=torus", "surface.size=[1,2,3]", "surface.size.1=5"}).surface.size,
+      Eigen::Vector3d(1, 5, 3));
+}
+
 TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
   const std::string ball = "[surface]\nshape = \"ball\"\n";
-  EXPECT_EQ(error_of(ball + "[time]\nstep = -0.01\n"), "scene.toml:4: time.step = -0.01, expected >= 0");
+  EXPECT_EQ(error_of(ball + "[time]\nstep = -0.01\n"),
+            "scene.toml:4: time.step = -0.01, expected >= 0: s, of a dynamic scene; 0 chooses one");
   EXPECT_EQ(error_of(ball + "[material]\nnu = 0.5\n"),
-            "scene.toml:4: material.nu = 0.5, expected in (-1, 0.5)");
+            "scene.toml:4: material.nu = 0.5, expected in (-1, 0.5): Poisson's ratio");
   EXPECT_EQ(error_of(ball + "[material]\nE = \"soft\"\n"),
-            "scene.toml:4: material.E = 'soft', expected a number");
+            "scene.toml:4: material.E = \"soft\", expected a number: Young's modulus (Pa)");
+  EXPECT_EQ(error_of(ball + "[material]\nE = nan\n"),
+            "scene.toml:4: material.E = nan, expected a number: Young's modulus (Pa)");
   EXPECT_EQ(error_of(ball + "[material]\nyoung = 1\n"),
-            "scene.toml:4: material.young: unknown key (known: E, nu, rho, damping)");
+            "scene.toml:4: material.young = 1: unknown key (known: E, nu, rho, damping)");
   EXPECT_EQ(error_of(ball + "[material]\nrh = 1\n"),
-            "scene.toml:4: material.rh: unknown key, did you mean rho? (known: E, nu, rho, damping)");
+            "scene.toml:4: material.rh = 1: unknown key, did you mean rho? (known: E, nu, rho, damping)");
+  EXPECT_EQ(error_of(ball + "[materials]\nE = 1\n").substr(0, 65),
+            "scene.toml:3: materials = table: unknown key, did you mean materi");
   EXPECT_EQ(error_of(ball + "[time]\nmode = \"slow\"\n"),
-            "scene.toml:4: time.mode = 'slow', expected one of static, dynamic");
-  EXPECT_EQ(error_of("[surface]\nshape = \"ball\"\nfile = \"a.obj\"\n"),
+            "scene.toml:4: time.mode = \"slow\": unknown name (known: static, dynamic)");
+  EXPECT_EQ(
+      error_of("[surface]\nshape = \"bal\"\n"),
+      "scene.toml:2: surface.shape = \"bal\": unknown name, did you mean ball? (known: ball, torus, bar, "
+      "handle, head)");
+  EXPECT_EQ(error_of(ball + "[output]\nfields = [\"displacment\"]\n"),
+            "scene.toml:4: output.fields = \"displacment\": unknown name, did you mean displacement? (known: "
+            "displacement, velocity)");
+  EXPECT_EQ(error_of("gravity = [0, 0, -9.81]\n"),
+            "scene.toml: surface.file and surface.shape are both missing, expected one of them");
+  EXPECT_EQ(error_of(ball + "file = \"" SCENE_FOLDER "/sag.toml\"\n"),
             "scene.toml: surface.file and surface.shape are both given, expected one of them");
+  EXPECT_EQ(error_of("[surface]\nfile = \"nope.obj\"\n"),
+            "scene.toml:2: surface.file = \"nope.obj\", expected a file; there is no " +
+                (test_folder() / "nope.obj").string());
   EXPECT_EQ(error_of(ball + "[network]\nmultiplicity = 2\n"),
-            "scene.toml:4: network.multiplicity = 2, expected >= 3");
-  EXPECT_EQ(error_of(ball + "gravity = [0, 1]\n"),
-            "scene.toml:3: surface.gravity: unknown key (known: file, shape, "
-            "n_vertices, size, scale, normalise)");
-  EXPECT_EQ(error_of(ball, {"material.nu=0.9"}),
-            "--set material.nu=0.9: material.nu = 0.9, expected in (-1, 0.5)");
-  EXPECT_EQ(error_of(ball, {"loads.0.pressure=1"}), "--set: loads is a table, expected [[loads]]");
+            "scene.toml:4: network.multiplicity = 2, expected >= 3: springs projected by each white node");
+  EXPECT_EQ(
+      error_of(ball + "[network]\nk = 3000000000\n"),
+      "scene.toml:4: network.k = 3000000000, expected below 2^31: internal nodes wanted; absent: as many "
+      "as fit");
+  EXPECT_EQ(
+      error_of("[surface]\nshape = \"bar\"\nsize = [1, -2, 1]\n"),
+      "scene.toml:3: surface.size.1 = -2, expected >= 0: bounding box of a generated shape (m), 0: its own");
+  EXPECT_EQ(
+      error_of(ball + "gravity = [0, 1]\n"),
+      "scene.toml:3: surface.gravity = [ 0, 1 ]: unknown key (known: file, shape, n_vertices, size, scale, "
+      "normalise)");
+  EXPECT_EQ(error_of(ball + "[loads]\npressure = 1\n"),
+            "scene.toml:3: loads = table, expected tables [[loads]]");
+  EXPECT_EQ(error_of(ball + "[[collapse.pivots]]\nstart = 1\n"),
+            "scene.toml:3: collapse.pivots.0.point is missing, expected m");
   EXPECT_NE(error_of(ball + "[time\n").find("scene.toml:3: "), std::string::npos);
-  EXPECT_EQ(error_of(ball + "[[supports]]\nregion = { box = { low = [0,0,0], high = [1,1,1] }, plane = { "
-                            "point = [0,0,0], normal = [0,0,1] } }\n"),
-            "scene.toml:4: supports.0.region. has both box and plane, expected one of them");
+  EXPECT_THROW(read_scene("nowhere.toml"), std::runtime_error);
+}
+
+TEST(Scene, ShapesWithoutAnInsideAreRefused) {
+  const std::string support = "[surface]\nshape = \"ball\"\n[[supports]]\nregion = ";
+  EXPECT_EQ(error_of(support + "{ plane = { point = [0, 0, 0], normal = [0, 0, 0] } }\n"),
+            "scene.toml:4: supports.0.region.plane.normal = [ 0, 0, 0 ], expected a vector other than zero");
+  EXPECT_EQ(error_of(support + "{ box = { low = [0, 1, 0], high = [1, 0, 1] } }\n"),
+            "scene.toml:4: supports.0.region.box.high = [ 1, 0, 1 ], expected no component below low");
+  EXPECT_EQ(error_of(support + "{ sphere = { center = [0, 1, 0], radius = 0 } }\n"),
+            "scene.toml:4: supports.0.region.sphere.radius = 0, expected > 0: m");
+  EXPECT_EQ(error_of(support + "{ box = { low = [0, 0, 0], high = [1, 1, 1] }, plane = { point = [0, 0, 0], "
+                               "normal = [0, 0, 1] } }\n"),
+            "scene.toml:4: supports.0.region has both box and plane, expected one of them");
+  EXPECT_EQ(error_of("[surface]\nshape = \"ball\"\n[[obstacles]]\n"),
+            "scene.toml:3: obstacles.0 has no shape, expected plane or sphere");
+}
+
+TEST(Scene, ErrorsInOverridesNameTheOverride) {
+  const std::string ball = "[surface]\nshape = \"ball\"\n[[loads]]\npressure = 1\n";
+  EXPECT_EQ(error_of(ball, {"material.nu=0.9"}),
+            "--set material.nu=0.9: material.nu = 0.9, expected in (-1, 0.5): Poisson's ratio");
+  EXPECT_EQ(
+      error_of(ball, {"loads.0.pressure=much"}),
+      "--set loads.0.pressure=much: loads.0.pressure = \"much\", expected a number: against the outward "
+      "normal (Pa)");
+  EXPECT_EQ(error_of(ball, {"loads.1.pressure=1"}),
+            "--set loads.1.pressure=1: there is no loads.1, the list has 1 elements");
+  EXPECT_EQ(error_of(ball, {"supports.0.components=x"}),
+            "--set supports.0.components=x: there is no supports.0, the list has 0 elements");
+  EXPECT_EQ(error_of(ball, {"obstacles.first=1"}),
+            "--set obstacles.first=1: obstacles = table, expected tables [[obstacles]]");
+  EXPECT_EQ(error_of(ball, {"loads.0.pressure.x=1"}),
+            "--set loads.0.pressure.x=1: there is no loads.0.pressure.x, expected a key of the scene");
+  EXPECT_EQ(error_of(ball, {"tiem.step=1"}).substr(0, 59),
+            "--set tiem.step=1: tiem = table: unknown key, did you mean ");
+  EXPECT_EQ(error_of(ball, {"nu"}), "--set nu: expected key=value, e.g. material.nu=0.3");
 }
 
 TEST(Scene, FilesAreRelativeToTheSceneAndOverridesToTheCurrentFolder) {
-  const std::string text = "[surface]\nfile = \"mesh.obj\"\n";
-  EXPECT_EQ(read_scene(write_scene(text)).surface.file, fs::temp_directory_path() / "mesh.obj");
-  EXPECT_EQ(read_scene(write_scene(text), {"surface.file=other.obj"}).surface.file,
-            fs::current_path() / "other.obj");
+  const fs::path file = write_scene("[surface]\nfile = \"mesh.obj\"\n"), beside = test_folder() / "mesh.obj";
+  write_file(beside, "");
+  EXPECT_EQ(read_scene(file).surface.file, beside);
+  const fs::path here = fs::relative(beside, fs::current_path());
+  EXPECT_EQ(read_scene(file, {"surface.file=" + here.string()}).surface.file, beside);
+  EXPECT_NE(error_of("[surface]\nfile = \"mesh.obj\"\n", {"surface.file=mesh.obj"})
+                .find("there is no " + (fs::current_path() / "mesh.obj").string()),
+            std::string::npos);
+}
+
+TEST(InputHash, ChangesWithWhatAProgramReadsAndWithNothingElse) {
+  const SurfaceMesh surface = make_shape("ball", 100);
+  const Scene scene = read_scene(write_scene(kFull));
+  const auto hash_with = [&](auto change) {
+    Scene changed = scene;
+    change(changed);
+    return input_hash(changed, surface, {"reference", "comparison"});
+  };
+  const std::string hash = input_hash(scene, surface, {"reference", "comparison"});
+  EXPECT_EQ(hash_with([](Scene& s) { s.name = "other"; }), hash);
+  EXPECT_EQ(hash_with([](Scene& s) { s.reference.degree = 1; }), hash);
+  EXPECT_EQ(hash_with([](Scene& s) { s.comparison.calibrations.clear(); }), hash);
+  EXPECT_NE(hash_with([](Scene& s) { s.material.E = std::nextafter(s.material.E, 0); }), hash) << "last bit";
+  EXPECT_NE(hash_with([](Scene& s) { s.network.seed = 2; }), hash);
+  EXPECT_NE(hash_with([](Scene& s) { s.loads.pop_back(); }), hash);
+  SurfaceMesh moved = surface;
+  moved.X(0, 0) = std::nextafter(moved.X(0, 0), 9);
+  EXPECT_NE(input_hash(scene, moved, {"reference", "comparison"}), hash);
 }
 
 TEST(LoadSurface, NormalisesTheSmallestSideToOne) {
@@ -150,6 +286,7 @@ TEST(Region, SelectsByPosition) {
   EXPECT_EQ(triangles_in({HalfSpace{{0, 0, 0}, {0, 0, 1}}, false}, cube).size(), 8u);
   EXPECT_EQ(vertices_in({Box{{0, 0, 0}, {0.5, 0.5, 0.5}}, true}, cube).size(), 7u);
   EXPECT_EQ(vertices_in({Ball{{0, 0, 0}, 1}, false}, cube).size(), 4u);
+  EXPECT_EQ(vertices_in({Ball{{0, 0, 0}, 0.5}, true}, cube).size(), 4u);
 }
 
 }  // namespace

@@ -1,0 +1,174 @@
+// The scene file's one table: key, place, what is allowed, meaning. The reader and the writer of scenes both
+// walk it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "meshing/scene.h"
+#include "meshing/shapes.h"
+
+namespace testbed {
+
+/// What a number may be, in words and as a test.
+struct Range {
+  const char* expected;
+  bool (*holds)(double);
+};
+inline const Range kAny{"a number", [](double) { return true; }};
+inline const Range kPositive{"> 0", [](double x) { return x > 0; }};
+inline const Range kNotNegative{">= 0", [](double x) { return x >= 0; }};
+inline const Range kPoisson{"in (-1, 0.5)", [](double x) { return x > -1 && x < 0.5; }};
+inline const Range kFraction{"in [0, 1)", [](double x) { return x >= 0 && x < 1; }};
+inline const Range kAtLeastOne{">= 1", [](double x) { return x >= 1; }};
+inline const Range kAtLeastThree{">= 3", [](double x) { return x >= 3; }};
+inline const Range kDegree{"1 or 2", [](double x) { return x == 1 || x == 2; }};
+
+inline const std::vector<std::string> kTimeModes{"static", "dynamic"};
+inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic_euler", "implicit_euler"};
+inline const std::vector<std::string> kFields{"displacement", "velocity"};
+
+template <class V>
+void describe(V& v, Everywhere&) {}
+
+template <class V>
+void describe(V& v, Box& box) {
+  v.required("low", box.low, kAny, "corner (m)");
+  v.required("high", box.high, kAny, "opposite corner (m)");
+  v.check("high", (box.low.array() <= box.high.array()).all(), "no component below low");
+}
+
+template <class V>
+void describe(V& v, HalfSpace& half) {
+  v.required("point", half.point, kAny, "on the plane (m)");
+  v.required("normal", half.normal, kAny, "out of the half space");
+  v.check("normal", half.normal.norm() > 0, "a vector other than zero");
+}
+
+template <class V>
+void describe(V& v, Ball& ball) {
+  v.required("center", ball.centre, kAny, "m");
+  v.required("radius", ball.radius, kPositive, "m");
+}
+
+template <class V>
+void describe(V& v, Region& region) {
+  v.template alternative<Box>("box", region.shape);
+  v.template alternative<HalfSpace>("plane", region.shape);
+  v.template alternative<Ball>("sphere", region.shape);
+  v("relative", region.relative, "in fractions of the bounding box");
+}
+
+template <class V>
+void describe(V& v, SurfaceSource& s) {
+  v.path("file", s.file, "closed surface: .obj .off .ply .stl, relative to this file");
+  v.choice("shape", s.shape, shape_names(), "or a generated one: ball, torus, bar, handle, head");
+  v("n_vertices", s.n_vertices, kAtLeastOne, "of a generated shape, about");
+  v("size", s.size, kNotNegative, "bounding box of a generated shape (m), 0: its own");
+  v("scale", s.scale, kPositive, "factor on all coordinates");
+  v("normalise", s.normalise, "scale so that the bounding box's smallest side is 1 m, centre at the origin");
+}
+
+template <class V>
+void describe(V& v, Material& m) {
+  v("E", m.E, kPositive, "Young's modulus (Pa)");
+  v("nu", m.nu, kPoisson, "Poisson's ratio");
+  v("rho", m.rho, kPositive, "density (kg/m3)");
+  v("damping", m.damping, kNotNegative, "mass-proportional damping (1/s)");
+}
+
+template <class V>
+void describe(V& v, Support& s) {
+  v.inline_table("region", s.region, "which surface nodes");
+  v.components("components", s.fixed, "prescribed components");
+  v("displacement", s.displacement, kAny, "theirs at full load (m)");
+}
+
+template <class V>
+void describe(V& v, Load& l) {
+  v.inline_table("region", l.region, "triangles with three nodes inside");
+  v("pressure", l.pressure, kAny, "against the outward normal (Pa)");
+  v("traction", l.traction, kAny, "Pa");
+}
+
+template <class V>
+void describe(V& v, Pivot& p) {
+  v.required("point", p.point, kAny, "m");
+  v("start", p.start, kNotNegative, "s; static scenes: load factor");
+}
+
+template <class V>
+void describe(V& v, Collapse& c) {
+  v("coefficient", c.coefficient, kFraction, "depletion R of rest lengths");
+  v.list("pivots", c.pivots);
+}
+
+template <class V>
+void describe(V& v, Obstacle& o) {
+  v.template alternative<HalfSpace>("plane", o.shape);
+  v.template alternative<Ball>("sphere", o.shape);
+  v.needs_alternative("plane or sphere");
+}
+
+template <class V>
+void describe(V& v, TimeOptions& t) {
+  v.choice("mode", t.mode, kTimeModes, "static (loads grow in load_steps) or dynamic");
+  v("load_steps", t.load_steps, kAtLeastOne, "steps to full load of a static scene");
+  v("step", t.step, kNotNegative, "s, of a dynamic scene; 0 chooses one");
+  v("end", t.end, kPositive, "s, of a dynamic scene");
+  v.choice("integrator", t.integrator, kIntegrators,
+           "dynamic: explicit_euler, symplectic_euler, implicit_euler");
+}
+
+template <class V>
+void describe(V& v, NetworkOptions& n) {
+  v("phi", n.phi, kPositive, "least distance of internal nodes (normalised box); absent: from the surface");
+  v("psi", n.psi, kPositive, "least distance to the surface (normalised box); absent: from the surface");
+  v("k", n.k, kNotNegative, "internal nodes wanted; absent: as many as fit");
+  v("multiplicity", n.multiplicity, kAtLeastThree, "springs projected by each white node");
+  v("seed", n.seed, kNotNegative, "of the random nodes");
+  v("calibration", n.calibration, "name of the spring model");
+}
+
+template <class V>
+void describe(V& v, ReferenceOptions& r) {
+  v("degree", r.degree, kDegree, "of the displacement's polynomials");
+  v("interior_size", r.interior_size, kPositive, "edge length inside (m); absent: from the surface");
+  v("refine", r.refine, kNotNegative, "times every tetrahedron is split in eight");
+}
+
+template <class V>
+void describe(V& v, ComparisonOptions& c) {
+  v("calibrations", c.calibrations, "spring models run beside network.calibration");
+}
+
+template <class V>
+void describe(V& v, OutputOptions& o) {
+  v("frames_every", o.frames_every, kNotNegative, "steps between frames; 0: only the last");
+  v("curves", o.curves, "write curves.csv");
+  v.choice("fields", o.fields, kFields, "in the frames: displacement, velocity");
+}
+
+template <class V>
+void describe(V& v, Scene& s) {
+  v("name", s.name, "of the output folder");
+  v("gravity", s.gravity, kAny, "m/s2");
+  v.table("surface", s.surface);
+  v.table("material", s.material);
+  v.list("supports", s.supports);
+  v.list("loads", s.loads);
+  v.table("collapse", s.collapse);
+  v.list("obstacles", s.obstacles);
+  v.table("time", s.time);
+  v.table("network", s.network);
+  v.table("reference", s.reference);
+  v.table("comparison", s.comparison);
+  v.table("output", s.output);
+}
+
+/// Shortest decimal digits that give x again, as a TOML float.
+std::string toml_text(double x);
+/// A TOML string in quotes.
+std::string toml_text(const std::string& text);
+
+}  // namespace testbed
