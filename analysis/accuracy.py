@@ -1,0 +1,203 @@
+"""Accuracy study: every spring model against exact elastic fields, beside linear finite elements on the same nodes.
+
+python -m analysis.accuracy (started by ./testbed accuracy): runs build/bin/accuracy, which continues an unfinished
+table, then prints a summary and draws error against node count and the ratios to linear elements.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .experiment import write_text
+from .plots import svg_of
+from .style import label_of, style_of
+
+_ROOT = Path(__file__).resolve().parent.parent
+_MESHES = _ROOT.parent / "shared" / "meshes"
+
+LINEAR_ELEMENTS = "edge_coupled"
+PATCH_LOADS = {"pressure", "uniaxial", "shear"}  # linear fields: linear elements are exact
+_COUPLED = ["edge_coupled", "node_averaged", "edge_averaged"]
+_FAST = ["uniform", "affine", "van_gelder", "lloyd", *_COUPLED]
+
+Row = dict[str, str]
+Case = tuple[str, str, str, str, str]
+
+
+def batches(meshes: Path, quick: bool) -> list[dict[str, list[str]]]:
+    """Options of the accuracy program, one set for each part of the study. Real meshes only where they are."""
+    small = [str(file) for name in ("torus.obj", "liver2.obj", "handle.off") if (file := meshes / name).exists()]
+    large = [
+        str(file)
+        for name in ("spot.ply", "bunny.obj", "fandisk.off", "hand_closed.obj")
+        if (file := meshes / name).exists()
+    ]
+    all_nu = ["0", "0.25", "0.3", "0.45", "0.49"]
+    if quick:
+        return [{"surface": ["ball:162", "ball:642", *small], "nu": ["0.25", "0.49"], "model": _FAST}]
+    levels = [f"{shape}:{n}" for shape, counts in _RESOLUTIONS.items() for n in counts]
+    study = [
+        {"surface": levels, "nu": ["0.25", "0.49"], "model": _FAST},
+        {"surface": ["ball:162"], "nu": ["0.25", "0.45"], "model": ["moment"]},
+        {"surface": ["ball:642", "bar:900", *small], "nu": all_nu, "seed": ["0", "1", "2"], "model": _FAST},
+        {"surface": large, "nu": all_nu, "model": ["van_gelder", *_COUPLED]},
+    ]
+    return [batch for batch in study if batch["surface"]]
+
+
+_RESOLUTIONS = {"ball": (162, 642, 2562), "bar": (300, 1200, 4800), "torus": (400, 1600, 6400)}
+
+
+def run_program(table: Path, quick: bool) -> None:
+    for batch in batches(_MESHES, quick):
+        options = [word for option, values in batch.items() for word in (f"--{option}", *values)]
+        command = [str(_ROOT / "build/bin/accuracy"), "--out", str(table), *options]
+        if subprocess.run(command, check=False).returncode != 0:
+            raise SystemExit("error: the accuracy program failed; its message stands above")
+
+
+def read_table(file: Path) -> list[Row]:
+    with file.open(newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+def case_of(row: Row) -> Case:
+    return row["surface"], row["spacing"], row["seed"], row["nu"], row["load"]
+
+
+def summarise(rows: list[Row]) -> list[dict[str, Any]]:
+    """Per model and nu: error over linear elements' on the same nodes (quadratic fields), worst patch test."""
+    linear = {case_of(r): float(r["error_l2"]) for r in rows if r["model"] == LINEAR_ELEMENTS and r["status"] == "ok"}
+    ratios: dict[tuple[str, str], list[float]] = defaultdict(list)
+    patches: dict[tuple[str, str], list[float]] = defaultdict(list)
+    refused: dict[tuple[str, str], int] = defaultdict(int)
+    for row in rows:
+        key = row["model"], row["nu"]
+        if row["status"] != "ok":
+            refused[key] += 1
+        elif row["load"] in PATCH_LOADS:
+            patches[key].append(float(row["error_l2"]))
+        elif case_of(row) in linear:
+            ratios[key].append(float(row["error_l2"]) / linear[case_of(row)])
+    return [
+        {
+            "model": model,
+            "nu": nu,
+            "cases": len(values),
+            "median": median(values) if values else None,
+            "at_most_third": float(np.mean(np.array(values) <= 1 / 3)) if values else None,
+            "largest": max(values, default=None),
+            "worst_patch": max(patches[model, nu], default=None),
+            "refused": refused[model, nu],
+        }
+        for model, nu in sorted({(r["model"], r["nu"]) for r in rows})
+        for values in [ratios[model, nu]]
+    ]
+
+
+def slope_of(nodes: list[float], errors: list[float]) -> float:
+    """Order in the spacing h ~ n^(-1/3)."""
+    return float(-3 * np.polyfit(np.log(nodes), np.log(errors), 1)[0])
+
+
+def text_of(summary: list[dict[str, Any]]) -> str:
+    lines = [
+        "error over that of linear elements on the same nodes (bending, torsion, cubic harmonic), and worst patch test",
+        f"{'model':14} {'nu':>5} {'cases':>6} {'median':>7} {'<= 1/3':>7} {'largest':>8} {'patch':>8} {'refused':>8}",
+    ]
+
+    def number(value: float | None, width: int, form: str) -> str:
+        return f"{'-':>{width}}" if value is None else f"{value:{width}{form}}"
+
+    lines += [
+        f"{s['model']:14} {s['nu']:>5} {s['cases']:6d} {number(s['median'], 7, '.3f')} "
+        f"{number(s['at_most_third'], 7, '.0%')} {number(s['largest'], 8, '.3f')} "
+        f"{number(s['worst_patch'], 8, '.0e')} {s['refused']:8d}"
+        for s in summary
+    ]
+    return "\n".join(lines)
+
+
+def convergence(rows: list[Row], shape: str, nu: str, load: str) -> dict[str, tuple[list[float], list[float]]]:
+    """Model -> nodes and errors over the resolutions of a generated shape."""
+    points: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    wanted = {f"{shape}:{n}" for n in _RESOLUTIONS[shape]}
+    for r in rows:
+        if (r["surface"] in wanted and (r["nu"], r["load"], r["seed"], r["spacing"]) == (nu, load, "0", "0")
+                and r["status"] == "ok"):  # fmt: skip
+            points[r["model"]].append((float(r["n_nodes"]), float(r["error_l2"])))
+    return {model: tuple(map(list, zip(*sorted(p)))) for model, p in points.items()}  # type: ignore[misc]
+
+
+def plot_convergence(rows: list[Row]) -> str:
+    figure = Figure(figsize=(11, 7))
+    axes = figure.subplots(2, 3, sharex="col", sharey=True)
+    for column, shape in enumerate(_RESOLUTIONS):
+        for row, nu in enumerate(("0.25", "0.49")):
+            axis = axes[row, column]
+            for model, (nodes, errors) in convergence(rows, shape, nu, "torsion").items():
+                colour, marker = style_of(model)
+                label = label_of(model)
+                if len(nodes) > 1:
+                    label += f" ({slope_of(nodes, errors):.1f})"
+                axis.loglog(nodes, [100 * e for e in errors], color=colour, marker=marker, label=label)
+            axis.set_title(f"{shape}, torsion, nu = {nu}", fontsize=10)
+            if axis.lines:
+                axis.legend(fontsize=7, title="(order in the spacing)", title_fontsize=7)
+            if row == 1:
+                axis.set_xlabel("nodes")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("error (%)")
+    return svg_of(figure)
+
+
+def plot_ratios(rows: list[Row]) -> str:
+    """Share of cases whose error over that of linear elements stays below a value."""
+    linear = {case_of(r): float(r["error_l2"]) for r in rows if r["model"] == LINEAR_ELEMENTS and r["status"] == "ok"}
+    figure = Figure(figsize=(7, 4.5))
+    axis = figure.subplots()
+    for model in sorted({r["model"] for r in rows} - {LINEAR_ELEMENTS}):
+        values = sorted(
+            float(r["error_l2"]) / linear[case_of(r)]
+            for r in rows
+            if r["model"] == model and r["status"] == "ok" and r["load"] not in PATCH_LOADS and case_of(r) in linear
+        )
+        if values:
+            share = 100 * np.arange(1, len(values) + 1) / len(values)
+            axis.semilogx(values, share, color=style_of(model).colour, label=f"{label_of(model)} ({len(values)} cases)")
+    axis.axvline(1, color=style_of(LINEAR_ELEMENTS).colour, label="linear finite elements")
+    axis.set_xlabel("error over that of linear finite elements on the same nodes")
+    axis.set_ylabel("cases below (%)")
+    axis.legend(fontsize=8)
+    return svg_of(figure)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="./testbed accuracy", description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=_ROOT / "out" / "accuracy", metavar="DIR", help="default: out/accuracy")
+    parser.add_argument("--quick", action="store_true", help="a few small meshes: a minute instead of most of an hour")
+    options = parser.parse_args(arguments)
+    options.out.mkdir(parents=True, exist_ok=True)
+    table = options.out / "accuracy.csv"
+    run_program(table, options.quick)
+    rows = read_table(table)
+    text = text_of(summarise(rows))
+    write_text(options.out / "summary.txt", text + "\n")
+    write_text(options.out / "ratios.svg", plot_ratios(rows))
+    write_text(options.out / "convergence.svg", plot_convergence(rows))
+    print(f"{text}\n\ntable and plots: {options.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,44 @@
+"""The summary of the accuracy study, on tables whose answer is known."""
+
+import pytest
+
+from analysis.accuracy import batches, slope_of, summarise
+
+
+def row(model: str, load: str, error: float, status: str = "ok", surface: str = "ball:162") -> dict[str, str]:
+    return {
+        "surface": surface, "spacing": "0", "seed": "0", "nu": "0.25", "n_nodes": "200",
+        "model": model, "load": load, "status": status, "error_l2": str(error),
+    }  # fmt: skip
+
+
+def test_ratio_is_to_linear_elements_in_the_same_case() -> None:
+    rows = [
+        row("edge_coupled", "bending", 0.2),
+        row("edge_coupled", "torsion", 0.1),
+        row("edge_averaged", "bending", 0.02),
+        row("edge_averaged", "torsion", 0.05),
+        row("edge_averaged", "uniaxial", 1e-12),
+    ]
+    (averaged,) = [s for s in summarise(rows) if s["model"] == "edge_averaged"]
+    assert averaged["median"] == pytest.approx(0.3)
+    assert averaged["largest"] == pytest.approx(0.5)
+    assert averaged["at_most_third"] == pytest.approx(0.5)
+    assert averaged["worst_patch"] == pytest.approx(1e-12)
+
+
+def test_refused_models_are_counted_not_averaged() -> None:
+    rows = [row("edge_coupled", "bending", 0.2), row("uniform", "bending", 0, status="refused: floppy")]
+    (uniform,) = [s for s in summarise(rows) if s["model"] == "uniform"]
+    assert (uniform["cases"], uniform["refused"], uniform["median"]) == (0, 1, None)
+
+
+def test_slope_is_in_the_spacing() -> None:
+    nodes = [100.0, 800.0, 6400.0]  # spacing halves each time
+    assert slope_of(nodes, [0.4, 0.1, 0.025]) == pytest.approx(2)
+
+
+def test_study_goes_without_meshes_that_are_not_there(tmp_path) -> None:
+    for batch in batches(tmp_path, quick=False):
+        assert batch["surface"]
+        assert all(":" in name for name in batch["surface"])
