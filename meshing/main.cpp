@@ -3,8 +3,9 @@
 #include <cstdio>
 #include <iostream>
 
-#include "meshing/network.h"
+#include "meshing/connect.h"
 #include "meshing/record.h"
+#include "meshing/rigidity.h"
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
 #include "meshing/surface_check.h"
@@ -99,13 +100,32 @@ void add_shape(CLI::App& app) {
   });
 }
 
+void print_network(const SpringNetwork& network, const SurfaceMesh& surface) {
+  const long n_edges = edges_of(surface.F).cols();
+  std::printf("nodes %ld (surface %d, internal %ld)\nsprings %ld (surface edges %ld)\n", network.X.cols(),
+              network.n_surface, network.X.cols() - network.n_surface, network.E.cols(), n_edges);
+  std::printf("coordination %.2f\nweak nodes %zu\n", 2.0 * network.E.cols() / network.X.cols(),
+              weak_nodes(network).size());
+  const SurfaceTree tree(surface);
+  long n_outside = 0;
+  for (long s = n_edges; s < network.E.cols(); ++s)
+    n_outside += !is_inside(tree, network.X, network.n_surface, network.E(0, s), network.E(1, s));
+  std::printf("links outside the solid %ld\n", n_outside);
+  constexpr int most_nodes = 20000;  // the factorisation takes a minute there
+  if (network.X.cols() <= most_nodes)
+    std::printf("floppy modes %d\n", count_floppy_modes(network));
+  else
+    std::printf("floppy modes not counted above %d nodes\n", most_nodes);
+}
+
 void add_network(CLI::App& app) {
   struct Arguments {
-    std::string file, out;
+    std::string file, out, connectivity = "pcp";
     SampleOptions sample;
-    PcpOptions pcp;
+    ConnectOptions connect;
   };
-  auto* command = app.add_subcommand("network", "Fill a surface with internal nodes and link them by PCP");
+  auto* command =
+      app.add_subcommand("network", "Fill a surface with internal nodes and join them by springs");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("file", arguments->file, "surface")->required();
   command->add_option("out", arguments->out, "file to write (.vtu): triangles, then springs");
@@ -113,7 +133,21 @@ void add_network(CLI::App& app) {
   command->add_option("--psi", arguments->sample.psi, "least distance to the surface (normalised box)");
   command->add_option("-k,--nodes", arguments->sample.k, "internal nodes wanted (absent: as many as fit)");
   command->add_option("--seed", arguments->sample.seed, "of the random nodes")->capture_default_str();
-  command->add_option("--multiplicity", arguments->pcp.multiplicity, "springs projected by each white node")
+  command
+      ->add_option("--multiplicity", arguments->connect.pcp.multiplicity,
+                   "PCP: springs projected by each white node")
+      ->capture_default_str();
+  const std::map<std::string, PcpReading> readings = {{"stage_wise", PcpReading::StageWise},
+                                                      {"whole_last_stage", PcpReading::WholeLastStage},
+                                                      {"literal", PcpReading::Literal}};
+  command->add_option("--reading", arguments->connect.pcp.reading, "of PCP's pseudocode")
+      ->transform(CLI::CheckedTransformer(readings));
+  command->add_option("--connectivity", arguments->connectivity, "how nodes are joined")
+      ->check(CLI::IsMember(connectivity_names()))
+      ->capture_default_str();
+  command
+      ->add_option("--neighbours", arguments->connect.neighbours,
+                   "completed_pcp: nearest neighbours of each node")
       ->capture_default_str();
   command->callback([arguments] {
     const SurfaceMesh surface = read_surface(arguments->file);
@@ -121,13 +155,11 @@ void add_network(CLI::App& app) {
     const Eigen::Matrix3Xd interior = sample_interior(surface, arguments->sample);
     if (arguments->sample.k && interior.cols() < *arguments->sample.k)
       std::fprintf(stderr, "only %ld of %d internal nodes fit\n", interior.cols(), *arguments->sample.k);
+    arguments->connect.connectivity = connectivity_of(arguments->connectivity);
     PcpReport report;
-    const SpringNetwork network = link_pcp(surface, interior, arguments->pcp, &report);
-    const long n_edges = edges_of(surface.F).cols();
-    std::printf("nodes %ld (surface %d, internal %ld)\nsprings %ld (surface edges %ld)\n", network.X.cols(),
-                network.n_surface, interior.cols(), network.E.cols(), n_edges);
-    std::printf("coordination %.2f\nstages %zu\n", 2.0 * network.E.cols() / network.X.cols(),
-                report.white_per_stage.size());
+    const SpringNetwork network = connect(surface, interior, arguments->connect, &report);
+    print_network(network, surface);
+    std::printf("PCP stages %zu\n", report.white_per_stage.size());
     if (!arguments->out.empty())
       write_cells(arguments->out, network.X, {{vtk_triangle, network.F}, {vtk_line, network.E}},
                   network.n_surface);
@@ -173,6 +205,7 @@ int main(int argc, char** argv) {
       "  meshing repair scan.stl clean.obj\n"
       "  meshing shape torus torus.obj --vertices 924\n"
       "  meshing network torus.obj torus.vtu --nodes 500 --multiplicity 5\n"
+      "  meshing network bunny.obj bunny.vtu --connectivity completed_pcp\n"
       "  meshing tetrahedralize bunny.obj bunny.vtu --interior-size 0.1");
   add_check(app);
   add_repair(app);

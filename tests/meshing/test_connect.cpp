@@ -1,0 +1,137 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <filesystem>
+#include <set>
+
+#include "meshing/connect.h"
+#include "meshing/random.h"
+#include "meshing/rigidity.h"
+#include "meshing/shapes.h"
+#include "meshing/surface.h"
+#include "meshing/surface_io.h"
+#include "tests/meshing/surfaces.h"
+
+using namespace testbed;
+
+namespace {
+
+SpringNetwork network_of(const SurfaceMesh& surface, Connectivity connectivity, int k = 150) {
+  SampleOptions sample;
+  sample.k = k;
+  ConnectOptions options;
+  options.connectivity = connectivity;
+  return connect(surface, sample_interior(surface, sample), options);
+}
+
+/// Zero eigenvalues of the dense stiffness matrix of unit springs.
+int count_zero_modes(const SpringNetwork& network) {
+  Eigen::MatrixXd R = Eigen::MatrixXd::Zero(network.E.cols(), 3 * network.X.cols());
+  for (int s = 0; s < network.E.cols(); ++s) {
+    const int i = network.E(0, s), j = network.E(1, s);
+    const Eigen::RowVector3d d = (network.X.col(j) - network.X.col(i)).normalized();
+    R.block<1, 3>(s, 3 * i) = -d;
+    R.block<1, 3>(s, 3 * j) = d;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(R.transpose() * R, Eigen::EigenvaluesOnly);
+  return static_cast<int>((solver.eigenvalues().array() < 1e-6).count());
+}
+
+int count_outside(const SpringNetwork& network, const SurfaceMesh& surface) {
+  const SurfaceTree tree(surface);
+  int n_outside = 0;
+  for (int s = static_cast<int>(edges_of(surface.F).cols()); s < network.E.cols(); ++s)
+    n_outside += !is_inside(tree, network.X, network.n_surface, network.E(0, s), network.E(1, s));
+  return n_outside;
+}
+
+}  // namespace
+
+TEST(Connect, EveryWayPutsTheSurfacesEdgesFirstAndNoPairTwice) {
+  const SurfaceMesh surface = make_shape("torus", 200);
+  const Eigen::Matrix2Xi edges = edges_of(surface.F);
+  for (const std::string& name : connectivity_names()) {
+    const SpringNetwork network = network_of(surface, connectivity_of(name));
+    EXPECT_EQ(network.E.leftCols(edges.cols()), edges) << name;
+    EXPECT_EQ(network.X.leftCols(200), surface.X) << name;
+    std::set<std::pair<int, int>> pairs;
+    for (const auto& e : network.E.colwise()) {
+      EXPECT_LT(e[0], e[1]) << name;
+      pairs.emplace(e[0], e[1]);
+    }
+    EXPECT_EQ(pairs.size(), static_cast<size_t>(network.E.cols())) << name;
+  }
+}
+
+TEST(Connect, CountsFollowFromTheWay) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  EXPECT_EQ(network_of(ball, Connectivity::Surface).E.cols(), 480);
+  EXPECT_EQ(network_of(ball, Connectivity::Central).E.cols(), 480 + 162);
+  const SpringNetwork complete = network_of(ball, Connectivity::Complete);
+  EXPECT_EQ(complete.E.cols(), complete.X.cols() * (complete.X.cols() - 1) / 2);
+  EXPECT_THROW(network_of(make_shape("ball", 10242), Connectivity::Complete), std::runtime_error);
+  EXPECT_THROW(connectivity_of("pcq"), std::runtime_error);
+}
+
+TEST(Connect, DelaunayEdgesAreThoseOfEmptySpheres) {
+  // the centre of a cube has every corner as a neighbour
+  const SurfaceMesh box = make_shape("bar", 8, {1, 1, 1});
+  ConnectOptions options;
+  options.connectivity = Connectivity::Delaunay;
+  const SpringNetwork network = connect(box, Eigen::Vector3d(0.5, 0.5, 0.5), options);
+  std::set<int> reached;
+  for (const auto& e : network.E.colwise())
+    if (e[1] == 8) reached.insert(e[0]);
+  EXPECT_EQ(reached.size(), 8u);
+}
+
+TEST(Connect, CompletedPcpIsRigidWherePcpIsNot) {
+  for (const char* shape : {"ball", "torus", "handle", "head"}) {
+    const SurfaceMesh surface = make_shape(shape, 120);
+    const SpringNetwork pcp = network_of(surface, Connectivity::Pcp, 60);
+    const SpringNetwork completed = network_of(surface, Connectivity::CompletedPcp, 60);
+    EXPECT_GT(count_floppy_modes(pcp), 0) << shape;
+    EXPECT_EQ(count_floppy_modes(completed), 0) << shape;
+    EXPECT_EQ(count_zero_modes(completed), 6) << shape;
+    EXPECT_EQ(count_outside(completed, surface), 0) << shape;
+  }
+}
+
+TEST(Connect, CompletedPcpTiesSeveralSolidsEachForItself) {
+  const SurfaceMesh ball = make_shape("ball", 42);
+  const SurfaceMesh all = join(join(ball, inside_out(scaled(ball, 0.5))), shifted(ball, {2.3, 0, 0}));
+  const SpringNetwork network = network_of(all, Connectivity::CompletedPcp, 60);
+  EXPECT_EQ(count_floppy_modes(network), 0);
+  EXPECT_EQ(count_zero_modes(network), 12);
+  EXPECT_EQ(count_outside(network, all), 0);
+}
+
+TEST(Connect, CompletedPcpTakesRealMeshes) {
+  for (const char* name : {"spot.ply", "liver2.obj", "handle.off"}) {
+    const std::filesystem::path file = std::filesystem::path(MESH_FOLDER) / name;
+    if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file;
+    const SurfaceMesh surface = read_surface(file);
+    const SpringNetwork network = network_of(surface, Connectivity::CompletedPcp, 2000);
+    EXPECT_EQ(count_outside(network, surface), 0) << name;
+    EXPECT_EQ(count_floppy_modes(network), 0) << name;
+  }
+}
+
+TEST(Rigidity, FloppyModesAreTheZeroEigenvaluesBeyondTheRigidOnes) {
+  for (const char* shape : {"ball", "bar"}) {
+    const SurfaceMesh surface = make_shape(shape, 100);
+    for (auto way :
+         {Connectivity::Surface, Connectivity::Central, Connectivity::Pcp, Connectivity::Complete}) {
+      const SpringNetwork network = network_of(surface, way, 60);
+      EXPECT_EQ(count_floppy_modes(network), count_zero_modes(network) - 6) << shape;
+    }
+  }
+}
+
+TEST(Rigidity, WeakNodesHaveFewSpringsOrAllInAPlane) {
+  SpringNetwork network = network_of(make_shape("bar", 300), Connectivity::Surface);
+  // on a flat side all springs of a vertex lie in the plane
+  const std::vector<int> weak = weak_nodes(network);
+  EXPECT_GT(weak.size(), 100u);
+  EXPECT_TRUE(weak_nodes(network_of(make_shape("ball", 162), Connectivity::Complete)).empty());
+}
