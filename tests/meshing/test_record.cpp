@@ -100,6 +100,8 @@ TEST_F(RecorderTest, ARunIsUpToDateOnlyWhenFinishedWithTheSameHash) {
   }
   EXPECT_TRUE(is_up_to_date(folder, "abc"));
   EXPECT_FALSE(is_up_to_date(folder, "abd"));
+  write_file(folder / "run.json", R"({"status": "diverged", "input_hash": "abc"})");
+  EXPECT_FALSE(is_up_to_date(folder, "abc")) << "a run that failed is no result";
   EXPECT_EQ(read_file(folder / "curves.csv"),
             "time,volume\n0.1,0.3333333333333333\n0.2,0.6666666666666666\n");
   const Recorder next(folder, cells, 3);

@@ -246,8 +246,8 @@ TEST(Scene, FilesAreRelativeToTheSceneAndOverridesToTheCurrentFolder) {
   EXPECT_EQ(read_scene(file).surface.file, beside);
   const fs::path here = fs::relative(beside, fs::current_path());
   EXPECT_EQ(read_scene(file, {"surface.file=" + here.string()}).surface.file, beside);
-  EXPECT_NE(error_of("[surface]\nfile = \"mesh.obj\"\n", {"surface.file=mesh.obj"})
-                .find("there is no " + (fs::current_path() / "mesh.obj").string()),
+  EXPECT_NE(error_of("[surface]\nfile = \"mesh.obj\"\n", {"surface.file=models/mesh.obj"})
+                .find("there is no " + (fs::current_path() / "models/mesh.obj").string()),
             std::string::npos);
 }
 
