@@ -137,6 +137,10 @@ void add_network(CLI::App& app) {
       ->add_option("--multiplicity", arguments->connect.pcp.multiplicity,
                    "PCP: springs projected by each white node")
       ->capture_default_str();
+  const std::map<std::string, Sampling> samplings = {{"darts", Sampling::Darts},
+                                                     {"relaxed", Sampling::Relaxed}};
+  command->add_option("--sampling", arguments->sample.sampling, "of internal nodes")
+      ->transform(CLI::CheckedTransformer(samplings));
   const std::map<std::string, PcpReading> readings = {{"stage_wise", PcpReading::StageWise},
                                                       {"whole_last_stage", PcpReading::WholeLastStage},
                                                       {"literal", PcpReading::Literal}};

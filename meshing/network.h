@@ -9,12 +9,18 @@
 
 namespace testbed {
 
+enum class Sampling {
+  Darts,   ///< the paper's: random points that pass the three tests of figure 4
+  Relaxed  ///< then moved towards the centres of their cells: more even, the distance phi no longer guaranteed
+};
+
 /// Lengths are in the normalised box, whose smallest side is 1 [paper 4.2].
 struct SampleOptions {
   std::optional<double> phi;  ///< least distance between internal nodes; from the surface if absent
   std::optional<double> psi;  ///< least distance to the surface; from the surface if absent
   std::optional<int> k;       ///< nodes wanted; as many as fit if absent
   std::uint64_t seed = 1;
+  Sampling sampling = Sampling::Darts;
 };
 
 /// Random internal nodes, 3 x k' with k' <= k (m) [paper 4.2, fig. 4]. Always ends; the same seed gives the
@@ -25,6 +31,11 @@ Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions
 /// The options with phi and psi filled in: the mean surface edge (less in a body thinner than that) and half of
 /// that.
 SampleOptions fill_spacing(const SurfaceMesh& surface, SampleOptions options);
+
+/// Moves internal nodes (3 x k) by ten Lloyd steps towards a centroidal Voronoi distribution in the body, the surface's vertices
+/// being sites that stay; no node rises above least_depth (m) [Lloyd 1982].
+Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior, double least_depth,
+                                std::uint64_t seed);
 
 /// How to read the pseudocode of figure 8.
 enum class PcpReading {

@@ -162,7 +162,8 @@ Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions
       open.pop_back();
     }
   }
-  return in_morton_order(grid.nodes(), box);
+  const Eigen::Matrix3Xd darts = in_morton_order(grid.nodes(), box);
+  return options.sampling == Sampling::Darts ? darts : relax_interior(surface, darts, psi, options.seed);
 }
 
 }  // namespace testbed

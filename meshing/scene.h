@@ -95,6 +95,9 @@ struct NetworkOptions {
   std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
   int multiplicity = 5;       ///< springs projected by each white node, >= 3
   std::uint64_t seed = 1;
+  std::string sampling = "darts";      ///< of the internal nodes: darts or relaxed
+  std::string connectivity = "pcp";    ///< name among connectivity_names() of meshing/connect.h
+  int neighbours = 8;                  ///< completed_pcp: nearest neighbours of every node
   std::string calibration = "affine";  ///< name of the spring model
 };
 

@@ -26,6 +26,9 @@ inline const Range kDegree{"1 or 2", [](double x) { return x == 1 || x == 2; }};
 
 inline const std::vector<std::string> kTimeModes{"static", "dynamic"};
 inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic_euler", "implicit_euler"};
+inline const std::vector<std::string> kSamplings{"darts", "relaxed"};
+inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
+                                                      "delaunay", "pcp",     "completed_pcp"};
 inline const std::vector<std::string> kFields{"displacement", "velocity"};
 
 template <class V>
@@ -127,6 +130,10 @@ void describe(V& v, NetworkOptions& n) {
   v("k", n.k, kNotNegative, "internal nodes wanted; absent: as many as fit");
   v("multiplicity", n.multiplicity, kAtLeastThree, "springs projected by each white node");
   v("seed", n.seed, kNotNegative, "of the random nodes");
+  v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed");
+  v.choice("connectivity", n.connectivity, kConnectivities,
+           "surface, central, complete, delaunay, pcp, completed_pcp");
+  v("neighbours", n.neighbours, kAtLeastOne, "completed_pcp: nearest neighbours of every node");
   v("calibration", n.calibration, "name of the spring model");
 }
 

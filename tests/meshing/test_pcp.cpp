@@ -122,3 +122,26 @@ TEST(LinkPcp, RefusesAMultiplicityBelowThree) {
   EXPECT_THROW(link_pcp(make_shape("ball", 42), Eigen::Matrix3Xd(3, 0), {2, PcpReading::StageWise}),
                std::runtime_error);
 }
+
+TEST(LinkPcp, MeetsTheArithmeticOfTable1) {
+  struct Row {
+    const char* shape;
+    int n_surface, multiplicity, springs_inside;
+    double
+        tolerance;  // 3 %; our torus, whose proportions need not be the paper's, ends its last stage sooner
+  };
+  // total springs less 3/2 of the faces of a closed surface with these vertices [paper table 1]
+  for (const Row& row : {Row{"ball", 162, 5, 3055, 0.03}, Row{"torus", 924, 5, 6770, 0.09},
+                         Row{"handle", 932, 3, 4047, 0.03}, Row{"head", 3897, 3, 13123, 0.03}}) {
+    const Network network = network_of(row.shape, row.n_surface, {row.multiplicity, PcpReading::StageWise});
+    EXPECT_EQ(network.springs.n_surface, row.n_surface);
+    EXPECT_EQ(network.springs.X.cols(), row.n_surface + 500) << row.shape;
+    const auto& stages = network.report.white_per_stage;
+    const int white = std::accumulate(stages.begin(), stages.end(), 0);
+    const long inside = network.springs.E.cols() - network.n_edges;
+    EXPECT_NEAR(inside / double(row.springs_inside), 1, row.tolerance)
+        << row.shape << ": " << inside << " springs, " << white << " white nodes";
+    EXPECT_LE(inside, row.multiplicity * white) << row.shape;
+    EXPECT_GT(inside, row.multiplicity * white - 2 * row.multiplicity) << row.shape;
+  }
+}

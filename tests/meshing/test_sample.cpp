@@ -91,3 +91,16 @@ TEST(SampleInterior, RefusesOptionsOutOfRange) {
   EXPECT_THROW(sample_interior(ball, options_of(0.1, 0.1, -1)), std::runtime_error);
   EXPECT_THROW(sample_interior(ball, options_of(1e-5, 0.1)), std::runtime_error);
 }
+
+TEST(SampleInterior, RelaxedNodesLieMoreEvenlyAndDeepEnough) {
+  const SurfaceMesh ball = make_shape("ball", 642);
+  SampleOptions options = options_of(0.03, 0.05, 400);
+  const Eigen::Matrix3Xd darts = sample_interior(ball, options);
+  options.sampling = Sampling::Relaxed;
+  const Eigen::Matrix3Xd relaxed = sample_interior(ball, options);
+  ASSERT_EQ(relaxed.cols(), darts.cols());
+  EXPECT_GT(smallest_distance(relaxed), 1.5 * smallest_distance(darts));
+  const SurfaceTree tree(ball);
+  for (const auto& x : relaxed.colwise()) EXPECT_GE(tree.depth(x), 0.05 * 2);
+  EXPECT_EQ(sample_interior(ball, options), relaxed);
+}
