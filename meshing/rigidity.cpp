@@ -68,8 +68,9 @@ std::vector<int> weak_nodes(const SpringNetwork& network) {
 
 int count_floppy_modes(const SpringNetwork& network) {
   // Sylvester: the factor D of K - shift = L D L^T has as many negative entries as K has eigenvalues below
-  // the shift. Without pivoting rounding grows by 1/shift at most: 1e-10, well below the shift.
-  constexpr double shift = 1e-6;
+  // the shift. Without pivoting rounding grows by 1/shift at worst, to the shift itself; slender bodies have
+  // eigenvalues of 1e-7 that a larger one would count.
+  constexpr double shift = 1e-8;
   Eigen::SparseMatrix<double> K = shifted_stiffness(network, shift);
   cholmod_common common;
   cholmod_start(&common);

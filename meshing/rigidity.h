@@ -15,7 +15,7 @@ constexpr double least_bracing = 0.05;
 std::vector<int> weak_nodes(const SpringNetwork& network);
 
 /// Modes, beyond the 6 rigid ones of each connected part, that stretch no spring to first order: eigenvalues
-/// of the network with unit stiffnesses below 1e-6, counted by the signs of a sparse factorisation (CHOLMOD),
+/// of the network with unit stiffnesses below 1e-8, counted by the signs of a sparse factorisation (CHOLMOD),
 /// not by counting springs.
 /// @throws std::runtime_error when the factorisation fails.
 int count_floppy_modes(const SpringNetwork& network);
