@@ -100,7 +100,8 @@ TEST(Tetrahedralize, RefusesCrossingsWithTheirPlaces) {
     tetrahedralize(join(ball, shifted(ball, {1, 0.1, 0.05})));
     FAIL() << "overlapping balls were filled";
   } catch (const std::runtime_error& error) {
-    EXPECT_NE(std::string(error.what()).find("pairs of triangles intersect: 21 and 320 at vertex 18"), std::string::npos)
+    EXPECT_NE(std::string(error.what()).find("pairs of triangles intersect: 21 and 320 at vertex 18"),
+              std::string::npos)
         << error.what();
   }
 }
