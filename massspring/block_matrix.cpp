@@ -31,6 +31,7 @@ BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs) {
     A.column.insert(A.column.end(), row.begin(), row.end());
     A.row_start.push_back(static_cast<int>(A.column.size()));
   }
+  for (int i = 0; i < n; ++i) A.diagonal.push_back(A.find(i, i));
   A.block.assign(A.column.size(), Eigen::Matrix3d::Zero());
   return A;
 }

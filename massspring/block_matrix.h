@@ -11,6 +11,7 @@ struct BlockMatrix {
   std::vector<int> row_start;          ///< n + 1
   std::vector<int> column;             ///< n_blocks
   std::vector<Eigen::Matrix3d> block;  ///< n_blocks
+  std::vector<int> diagonal;           ///< position of each diagonal block, n
 
   int rows() const { return static_cast<int>(row_start.size()) - 1; }
   /// Position of block (i, j), which must be in the pattern.

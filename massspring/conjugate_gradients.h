@@ -54,10 +54,9 @@ SolveReport conjugate_gradients(const Product& product, const Precondition& prec
 }
 
 /// Inverses of the diagonal blocks of A, which must be positive definite.
-inline std::vector<Eigen::Matrix3d> block_jacobi(const BlockMatrix& A) {
-  std::vector<Eigen::Matrix3d> inverse(A.rows());
-  for (int i = 0; i < A.rows(); ++i) inverse[i] = A.block[A.find(i, i)].inverse();
-  return inverse;
+inline void block_jacobi(const BlockMatrix& A, std::vector<Eigen::Matrix3d>& inverse) {
+  inverse.resize(A.rows());
+  for (int i = 0; i < A.rows(); ++i) inverse[i] = A.block[A.diagonal[i]].inverse();
 }
 
 }  // namespace testbed

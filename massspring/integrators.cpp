@@ -1,108 +1,114 @@
 #include "massspring/integrators.h"
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
+#include <stdexcept>
 
-#include "massspring/conjugate_gradients.h"
+#include "massspring/block_matrix.h"
+#include "massspring/volume_force.h"
 #include "meshing/random.h"
 
 namespace testbed {
+namespace {
 
 using Eigen::Matrix3Xd;
 
+std::unique_ptr<Scheme> make_scheme(Integrator integrator, const Motion& motion,
+                                    const IntegratorOptions& options) {
+  switch (integrator) {
+    case Integrator::ExplicitEuler:
+      return make_explicit_euler(motion);
+    case Integrator::SymplecticEuler:
+      return make_symplectic_euler(motion);
+    case Integrator::Rk4:
+      return make_rk4(motion);
+    case Integrator::ImplicitEuler:
+      return make_implicit_euler(motion, options);
+    case Integrator::MinimisingEuler:
+      return make_minimising_euler(motion);
+    case Integrator::Midpoint:
+      return make_midpoint(motion);
+    case Integrator::Bdf2:
+      return make_bdf2(motion);
+    case Integrator::TrBdf2:
+      return make_tr_bdf2(motion);
+  }
+  throw std::logic_error("unknown integrator");
+}
+
+}  // namespace
+
+bool is_explicit(Integrator integrator) {
+  return integrator == Integrator::ExplicitEuler || integrator == Integrator::SymplecticEuler ||
+         integrator == Integrator::Rk4;
+}
+
 TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator,
-                         double end)
-    : model_(model), forces_(forces), integrator_(integrator) {
-  prescribed_velocity_ = Matrix3Xd::Zero(3, model.network.X.cols());
-  for (const Constraint& c : forces.constraints)
-    prescribed_velocity_.col(c.node) = (Eigen::Matrix3d::Identity() - c.S) * c.displacement / end;
-  if (integrator == Integrator::ImplicitEuler) K_ = stiffness_pattern(model);
-}
-
-Matrix3Xd TimeStepper::total_forces(const State& state) const {
-  Matrix3Xd f = elastic_forces(model_, state) + forces_.load;
-  if (model_.springs && model_.springs->damping > 0) add_damping_forces(*model_.springs, state.x, state.v, f);
-  if (forces_.mass_damping > 0) f -= forces_.mass_damping * state.v * model_.mass.asDiagonal();
-  return f;
-}
-
-/// dv = h W f(x, v); dx = h v with the old velocity (explicit) or the new one (symplectic) [paper 3.4].
-StepReport TimeStepper::step_explicitly(State& state, double h, bool is_symplectic) {
-  Matrix3Xd dv = total_forces(state) * (h * model_.mass.cwiseInverse()).asDiagonal();
-  if (!is_symplectic) state.x += h * state.v;
-  state.v += dv;
-  filter(forces_.constraints, state.v);
-  state.v += prescribed_velocity_;
-  if (is_symplectic) state.x += h * state.v;
-  return {};
-}
-
-/// (M - h df/dv - h^2 df/dx) dv = h (f + h df/dx v) on the unconstrained directions, dx = h (v + dv) [paper
-/// eq. 7, method 5].
-StepReport TimeStepper::step_implicitly(State& state, double h) {
-  constexpr double kTolerance = 1e-6;
-  constexpr int kMaxIterations = 2000;
-  K_.set_zero();
-  add_stiffness(model_, state, K_);
-  Matrix3Xd Kv;
-  filter(forces_.constraints, state.v);
-  state.v += prescribed_velocity_;
-  multiply(K_, state.v, Kv);
-  Matrix3Xd b = h * (total_forces(state) - h * Kv);
-  filter(forces_.constraints, b);
-
-  A_ = K_;
-  for (Eigen::Matrix3d& block : A_.block) block *= h * h;
-  if (model_.springs && model_.springs->damping > 0) add_damping_matrix(*model_.springs, state.x, h, A_);
-  for (int i = 0; i < A_.rows(); ++i)
-    A_.block[A_.find(i, i)].diagonal().array() += model_.mass(i) * (1 + h * forces_.mass_damping);
-  filter(forces_.constraints, A_);
-  const std::vector<Eigen::Matrix3d> inverse_diagonal = block_jacobi(A_);
-
-  Matrix3Xd dv = Matrix3Xd::Zero(3, b.cols());
-  const SolveReport linear =
-      conjugate_gradients([&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(A_, p, y); },
-                          [&](const Matrix3Xd& r, Matrix3Xd& z) {
-                            z.resize(3, r.cols());
-                            for (int i = 0; i < r.cols(); ++i) z.col(i) = inverse_diagonal[i] * r.col(i);
-                          },
-                          b, dv, kTolerance, kMaxIterations);
-  state.v += dv;
-  state.x += h * state.v;
-  return {linear.is_converged ? Status::Ok : Status::NotConverged, 1, linear.iterations, linear.residual};
-}
+                         double end, const IntegratorOptions& options)
+    : motion_(model, forces, end),
+      largest_extent_(1e6 *
+                      (model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
+      scheme_(make_scheme(integrator, motion_, options)) {}
 
 StepReport TimeStepper::step(State& state, double h) {
-  const State before = state;
-  StepReport report = integrator_ == Integrator::ImplicitEuler
-                          ? step_implicitly(state, h)
-                          : step_explicitly(state, h, integrator_ == Integrator::SymplecticEuler);
-  // A body a million times its size has burst; its last sound state is kept.
-  const double size = (model_.network.X.rowwise().maxCoeff() - model_.network.X.rowwise().minCoeff()).norm();
-  const double extent = (state.x - model_.network.X).cwiseAbs().maxCoeff();
-  if (!(extent < 1e6 * size) || !state.v.allFinite()) {
-    state = before;
-    report.status = Status::Diverged;
-    return report;
-  }
+  motion_.constrain(state.v);
+  StepReport report = scheme_->advance(state, h, x_, v_);
+  const Matrix3Xd& X = motion_.model.network.X;
+  prescribe(motion_.forces.constraints, X, (state.t + h) / motion_.end, x_);
+  const double extent = (x_ - X).norm();  // one pass; not finite where any position is not
+  if (!(extent < largest_extent_) || !std::isfinite(v_.squaredNorm())) report.status = Status::Diverged;
+  if (report.status == Status::Diverged) return report;
+  state.x.swap(x_);
+  state.v.swap(v_);
   state.t += h;
   return report;
 }
 
-double stable_step(const MassSpringModel& model, const State& state) {
+double stable_step(const MassSpringModel& model, const Forces& forces, const State& state) {
   BlockMatrix K = stiffness_pattern(model);
   add_stiffness(model, state, K);
+  std::optional<Matrix3Xd> g;
+  if (forces.volume_pressure)
+    g = volume_stiffness_root(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
+  const Eigen::VectorXd scale = model.mass.cwiseSqrt().cwiseInverse();
+  Matrix3Xd scaled, Kq;
+  const auto product = [&](const Matrix3Xd& q) -> Matrix3Xd {  // M^-1/2 K M^-1/2 q
+    scaled = q * scale.asDiagonal();
+    multiply(K, scaled, Kq);
+    if (g) Kq += g->cwiseProduct(scaled).sum() * *g;
+    filter(forces.constraints, Kq);
+    return Kq * scale.asDiagonal();
+  };
+
   Random random(1);
-  Matrix3Xd v(3, state.x.cols()), Kv;
-  for (double& c : v.reshaped()) c = random.uniform() - 0.5;
-  double omega_squared = 0;
-  constexpr int kIterations = 100;
-  for (int i = 0; i < kIterations; ++i) {
-    v /= std::sqrt(v.cwiseAbs2().colwise().sum().dot(model.mass));
-    multiply(K, v, Kv);
-    omega_squared = v.cwiseProduct(Kv).sum();
-    v = Kv * model.mass.cwiseInverse().asDiagonal();
+  Matrix3Xd q(3, state.x.cols()), q_before = Matrix3Xd::Zero(3, state.x.cols());
+  for (double& c : q.reshaped()) c = random.uniform() - 0.5;
+  filter(forces.constraints, q);
+  q.normalize();
+  constexpr int kMaxIterations = 60;
+  constexpr double kTolerance = 1e-3;
+  std::vector<double> alpha, beta;
+  double largest = 0;
+  for (int j = 0; j < kMaxIterations; ++j) {
+    Matrix3Xd r = product(q) - (j > 0 ? beta.back() : 0.) * q_before;
+    alpha.push_back(r.cwiseProduct(q).sum());
+    r -= alpha.back() * q;
+    beta.push_back(r.norm());
+    const int m = static_cast<int>(alpha.size());
+    Eigen::MatrixXd T = Eigen::MatrixXd::Zero(m, m);
+    for (int i = 0; i < m; ++i) {
+      T(i, i) = alpha[i];
+      if (i > 0) T(i, i - 1) = T(i - 1, i) = beta[i - 1];
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> ritz(T);
+    const double residual = beta.back() * std::abs(ritz.eigenvectors()(m - 1, m - 1));
+    largest = ritz.eigenvalues()(m - 1) + residual;  // the Ritz value alone errs on the unstable side
+    if (residual <= kTolerance * largest) break;
+    q_before = q;
+    q = r / beta.back();
   }
-  return 2 / std::sqrt(omega_squared);
+  const double c = forces.mass_damping;
+  return 4 / (c + std::sqrt(c * c + 4 * largest));
 }
 
 }  // namespace testbed

@@ -2,34 +2,63 @@
 #pragma once
 
 #include <memory>
+#include <string>
 
 #include "massspring/model.h"
+#include "massspring/motion.h"
 
 namespace testbed {
+
+struct IntegratorOptions {
+  double linear_tolerance = 1e-6;  ///< of the linearised implicit step: |b - A dv| / |b|
+};
+
+/// One scheme: positions and velocities h seconds after a state whose constrained velocities are those
+/// prescribed.
+class Scheme {
+ public:
+  virtual ~Scheme() = default;
+  virtual StepReport advance(const State& state, double h, Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v) = 0;
+  /// Why its linear systems are solved as they are; empty where there are none.
+  virtual std::string solver_choice() const { return {}; }
+};
+
+std::unique_ptr<Scheme> make_explicit_euler(const Motion& motion);
+std::unique_ptr<Scheme> make_symplectic_euler(const Motion& motion);
+std::unique_ptr<Scheme> make_rk4(const Motion& motion);
+std::unique_ptr<Scheme> make_implicit_euler(const Motion& motion, const IntegratorOptions& options);
+std::unique_ptr<Scheme> make_minimising_euler(const Motion& motion);
+std::unique_ptr<Scheme> make_midpoint(const Motion& motion);
+std::unique_ptr<Scheme> make_bdf2(const Motion& motion);
+std::unique_ptr<Scheme> make_tr_bdf2(const Motion& motion);
+
+/// Explicit schemes have a largest stable step.
+bool is_explicit(Integrator integrator);
 
 /// Moves constrained directions at the speed that reaches their displacement at `end`, and all else by the
 /// laws of motion.
 class TimeStepper {
  public:
   /// @param end  time at which prescribed displacements are complete (s)
-  TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator, double end);
+  TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator, double end,
+              const IntegratorOptions& options = {});
 
-  /// Advances the state by h seconds.
+  /// Advances the state by h seconds; leaves it unchanged where the step diverges, which is when a position
+  /// or velocity is not finite or the body a million times its size.
   StepReport step(State& state, double h);
 
- private:
-  StepReport step_explicitly(State& state, double h, bool is_symplectic);
-  StepReport step_implicitly(State& state, double h);
-  Eigen::Matrix3Xd total_forces(const State& state) const;
+  std::string solver_choice() const { return scheme_->solver_choice(); }
 
-  const MassSpringModel& model_;
-  const Forces& forces_;
-  Integrator integrator_;
-  Eigen::Matrix3Xd prescribed_velocity_;  ///< 0 where free (m/s)
-  BlockMatrix K_, A_;                     ///< allocated by the implicit integrator only
+ private:
+  Motion motion_;
+  double largest_extent_;  ///< m
+  std::unique_ptr<Scheme> scheme_;
+  Eigen::Matrix3Xd x_, v_;
 };
 
-/// Largest stable step of the symplectic Euler method, 2 / omega_max (s), by power iteration on M^-1 K.
-double stable_step(const MassSpringModel& model, const State& state);
+/// Largest stable step (s) of the symplectic Euler method for small motions about `state`, by the largest
+/// eigenvalue omega^2 of M^-1 K [Lanczos 1950]: 2/omega, less where velocities are damped by c per second:
+/// h^2 omega^2 + 2 h c = 4. Damping by the springs is not counted.
+double stable_step(const MassSpringModel& model, const Forces& forces, const State& state);
 
 }  // namespace testbed

@@ -16,6 +16,7 @@ State initial_state(const MassSpringModel& model) {
   State state;
   state.x = model.network.X;
   state.v = Eigen::Matrix3Xd::Zero(3, state.x.cols());
+  state.target_volume = volume(state.x, model.network.F);
   const auto& E = model.network.E;
   state.rest_length.resize(E.cols());
   for (int s = 0; s < E.cols(); ++s)
@@ -96,14 +97,14 @@ void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y) {
 
 void filter(const std::vector<Constraint>& constraints, BlockMatrix& A) {
   double d = 0;
-  for (int i = 0; i < A.rows(); ++i) d = std::max(d, A.block[A.find(i, i)].diagonal().maxCoeff());
+  for (int i = 0; i < A.rows(); ++i) d = std::max(d, A.block[A.diagonal[i]].diagonal().maxCoeff());
   for (const Constraint& c : constraints) {
     for (int k = A.row_start[c.node]; k < A.row_start[c.node + 1]; ++k) {
       A.block[k] = c.S * A.block[k];
       Eigen::Matrix3d& transposed = A.block[A.find(A.column[k], c.node)];
       transposed = transposed * c.S;
     }
-    A.block[A.find(c.node, c.node)] += d * (Eigen::Matrix3d::Identity() - c.S);
+    A.block[A.diagonal[c.node]] += d * (Eigen::Matrix3d::Identity() - c.S);
   }
 }
 

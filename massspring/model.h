@@ -25,6 +25,7 @@ struct State {
   Eigen::Matrix3Xd x;           ///< positions (m)
   Eigen::Matrix3Xd v;           ///< velocities (m/s)
   Eigen::VectorXd rest_length;  ///< m per spring
+  double target_volume = 0;     ///< of the global volume force (m3)
 };
 
 /// How a step ended. Divergence is data, not an exception.
@@ -50,9 +51,10 @@ struct Constraint {
 
 /// Everything that acts on the model in a scene.
 struct Forces {
-  Eigen::Matrix3Xd load;                ///< gravity and surface loads at full strength (N), 3 x n
-  double mass_damping = 0;              ///< 1/s: force -mass_damping m v
-  std::vector<Constraint> constraints;  ///< at most one per node
+  Eigen::Matrix3Xd load;                  ///< gravity and surface loads at full strength (N), 3 x n
+  double mass_damping = 0;                ///< 1/s: force -mass_damping m v
+  std::optional<double> volume_pressure;  ///< P of the global volume force (Pa)
+  std::vector<Constraint> constraints;    ///< at most one per node
 };
 
 /// Loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.

@@ -79,7 +79,16 @@ struct Obstacle {
 };
 
 enum class TimeMode { Static, Dynamic };
-enum class Integrator { ExplicitEuler, SymplecticEuler, ImplicitEuler };
+enum class Integrator {
+  ExplicitEuler,
+  SymplecticEuler,
+  Rk4,
+  ImplicitEuler,
+  MinimisingEuler,
+  Midpoint,
+  Bdf2,
+  TrBdf2
+};
 struct TimeOptions {
   TimeMode mode = TimeMode::Static;
   int load_steps = 10;  ///< static: loads grow linearly to full in this many steps

@@ -25,7 +25,9 @@ inline const Range kAtLeastThree{">= 3", [](double x) { return x >= 3; }};
 inline const Range kDegree{"1 or 2", [](double x) { return x == 1 || x == 2; }};
 
 inline const std::vector<std::string> kTimeModes{"static", "dynamic"};
-inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic_euler", "implicit_euler"};
+inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic_euler", "rk4",
+                                                   "implicit_euler", "minimising_euler", "midpoint",
+                                                   "bdf2",           "tr_bdf2"};
 inline const std::vector<std::string> kSamplings{"darts", "relaxed"};
 inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
                                                       "delaunay", "pcp",     "completed_pcp"};
@@ -120,7 +122,8 @@ void describe(V& v, TimeOptions& t) {
   v("step", t.step, kNotNegative, "s, of a dynamic scene; 0 chooses one");
   v("end", t.end, kPositive, "s, of a dynamic scene");
   v.choice("integrator", t.integrator, kIntegrators,
-           "dynamic: explicit_euler, symplectic_euler, implicit_euler");
+           "dynamic: explicit_euler, symplectic_euler, rk4; implicit_euler (linearised), minimising_euler, "
+           "midpoint, bdf2, tr_bdf2");
 }
 
 template <class V>

@@ -1,0 +1,107 @@
+#include "massspring/implicit_stage.h"
+
+#include <algorithm>
+
+#include "massspring/volume_force.h"
+
+namespace testbed {
+
+using Eigen::Matrix3Xd;
+
+ImplicitStage::ImplicitStage(const Motion& motion)
+    : motion_(motion),
+      A_(stiffness_pattern(motion.model)),
+      size_((motion.model.network.X.rowwise().maxCoeff() - motion.model.network.X.rowwise().minCoeff())
+                .norm()) {}
+
+double ImplicitStage::objective(const State& trial, const Matrix3Xd& start_x, double a,
+                                const Matrix3Xd& w) const {
+  const MassSpringModel& model = motion_.model;
+  double sum = (trial.v - w).colwise().squaredNorm().dot(model.mass) / 2 + motion_.potential(trial);
+  if (motion_.forces.mass_damping > 0)
+    sum += a * motion_.forces.mass_damping / 2 * trial.v.colwise().squaredNorm().dot(model.mass);
+  if (model.springs && model.springs->damping > 0)
+    sum += a * damping_power(*model.springs, start_x, trial.v) / 2;
+  return sum;
+}
+
+void ImplicitStage::negative_gradient(const State& trial, const Matrix3Xd& start_x, double a,
+                                      const Matrix3Xd& w, Matrix3Xd& r) const {
+  const MassSpringModel& model = motion_.model;
+  motion_.undamped_forces_at(trial, r);
+  if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, start_x, trial.v, r);
+  const double c = motion_.forces.mass_damping;
+  for (Eigen::Index i = 0; i < r.cols(); ++i)
+    r.col(i) -= model.mass(i) * ((trial.v.col(i) - w.col(i)) / a + c * trial.v.col(i));
+  filter(motion_.forces.constraints, r);
+}
+
+StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y, const Matrix3Xd& w,
+                                Matrix3Xd& x, Matrix3Xd& v) {
+  constexpr double kStepTolerance =
+      1e-9;  // of the body's size: where Newton's last step is this small, its error is far less
+  constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
+  constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
+  constexpr int kMaxNewton = 200, kMaxHalvings = 40;
+  const auto& [model, forces, end] = motion_;
+
+  State trial = start;
+  motion_.constrain(trial.v);
+  trial.x = y + a * trial.v;
+  StepReport report;
+  Matrix3Xd r, dx;
+  negative_gradient(trial, start.x, a, w, r);
+  const double first = r.norm();
+  while (true) {
+    if (!std::isfinite(r.norm())) {
+      report.status = Status::Diverged;
+      break;
+    }
+    if (r.norm() == 0) break;
+    if (report.newton_iterations == kMaxNewton) {
+      report.status = Status::NotConverged;
+      break;
+    }
+    A_.set_zero();
+    add_stiffness(model, trial, A_);
+    if (model.springs && model.springs->damping > 0) add_damping_matrix(*model.springs, start.x, 1 / a, A_);
+    for (int i = 0; i < A_.rows(); ++i)
+      A_.block[A_.diagonal[i]].diagonal().array() += model.mass(i) * (1 / a + forces.mass_damping) / a;
+    filter(forces.constraints, A_);
+    std::optional<Matrix3Xd> g;
+    if (forces.volume_pressure) {
+      g = volume_stiffness_root(*forces.volume_pressure, trial.target_volume, model.network.F, trial.x);
+      filter(forces.constraints, *g);
+    }
+    dx = Matrix3Xd::Zero(3, r.cols());
+    const SolveReport linear = solver_.solve(A_, g, r, dx, std::clamp(r.norm() / first, kTightest, kLoosest));
+    report.linear_iterations += linear.iterations;
+    report.residual = linear.residual;
+    ++report.newton_iterations;
+
+    const State before = trial;
+    const double value = objective(before, start.x, a, w), slope = -r.cwiseProduct(dx).sum(), norm = r.norm();
+    bool is_accepted = false;
+    double step = 1;
+    for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2) {
+      trial.x = before.x + step * dx;
+      trial.v = before.v + step / a * dx;
+      negative_gradient(trial, start.x, a, w, r);
+      // Near the minimum the sum is flat to rounding; there its gradient decides.
+      is_accepted = objective(trial, start.x, a, w) <= value + kSufficientDecrease * step * slope ||
+                    (-slope < kRounding * std::abs(value) && r.norm() < norm);
+    }
+    const bool is_last = dx.colwise().norm().maxCoeff() <= kStepTolerance * size_;
+    if (!is_accepted) {
+      trial = before;
+      if (!is_last) report.status = Status::NotConverged;
+      break;
+    }
+    if (is_last) break;
+  }
+  x = trial.x;
+  v = trial.v;
+  return report;
+}
+
+}  // namespace testbed

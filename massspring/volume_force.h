@@ -1,0 +1,21 @@
+// Global volume force: the body as a bag of a target volume [paper 3.3, Hirota et al. 1999].
+#pragma once
+
+#include <Eigen/Core>
+
+namespace testbed {
+
+/// Energy (J) 1/2 P (V - V_1)^2 / V_1 of the volume V enclosed by the triangles F at positions x (m), with
+/// pressure coefficient P (Pa) and target volume V_1 (m3).
+double volume_energy(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x);
+
+/// f -= gradient of the energy (N): on each triangle P (V_1 - V)/V_1 A n, a third to each vertex.
+void add_volume_forces(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
+                       Eigen::Matrix3Xd& f);
+
+/// g (N^1/2 m^-1/2), 3 x n, of the Hessian's positive semidefinite part g g^T = P/V_1 (dV/dx)(dV/dx)^T. What
+/// is left out, P (V - V_1)/V_1 d2V/dx2, has eigenvalues of both signs and vanishes at the target.
+Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Matrix3Xi& F,
+                                       const Eigen::Matrix3Xd& x);
+
+}  // namespace testbed

@@ -1,0 +1,243 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <limits>
+
+#include "massspring/integrators.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+constexpr double rounding = 1e-12;
+constexpr double newton_tolerance = 1e-8;  // nonlinear stages stop where a step is below 1e-9 of the body
+const std::vector<std::pair<Integrator, const char*>> all{{Integrator::ExplicitEuler, "explicit_euler"},
+                                                          {Integrator::SymplecticEuler, "symplectic_euler"},
+                                                          {Integrator::Rk4, "rk4"},
+                                                          {Integrator::ImplicitEuler, "implicit_euler"},
+                                                          {Integrator::MinimisingEuler, "minimising_euler"},
+                                                          {Integrator::Midpoint, "midpoint"},
+                                                          {Integrator::Bdf2, "bdf2"},
+                                                          {Integrator::TrBdf2, "tr_bdf2"}};
+
+State advance(const MassSpringModel& model, const Forces& forces, Integrator integrator, State state,
+              double h, int n_steps) {
+  constexpr double tight = 1e-13;
+  TimeStepper stepper(model, forces, integrator, 1, {tight});
+  for (int i = 0; i < n_steps; ++i) EXPECT_EQ(stepper.step(state, h).status, Status::Ok);
+  return state;
+}
+
+double energy_of(const MassSpringModel& model, const State& state) {
+  return elastic_energy(model, state) + state.v.colwise().squaredNorm().dot(model.mass) / 2;
+}
+
+/// The small model, squeezed, turning and damped by its springs' ends alone.
+State lively(const MassSpringModel& model) {
+  State state = initial_state(model);
+  state.x *= 1.1;
+  state.v = random_points(5, 1, 11);
+  return state;
+}
+
+/// One spring along x, one end fixed: an oscillator of frequency sqrt(k/m) about its rest.
+struct Oscillator {
+  Oscillator() {
+    model.network.X.setZero(3, 2);
+    model.network.X(0, 1) = 1;
+    model.network.E.resize(2, 1);
+    model.network.E << 0, 1;
+    model.network.F.resize(3, 0);
+    model.mass = Eigen::Vector2d(1, 2);
+    model.springs = Springs{model.network.E, Eigen::VectorXd::Constant(1, 2 * omega * omega), 0};
+    forces = no_forces(model);
+    forces.constraints.push_back({0, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+    start = initial_state(model);
+    start.x(0, 1) += 0.1;
+  }
+  double omega = 3, h = 0.2;
+  MassSpringModel model;
+  Forces forces;
+  State start;
+};
+
+TEST(Integrators, OscillatorFollowsEachSchemesRecurrence) {
+  const Oscillator o;
+  const double z = o.omega * o.h;
+  Eigen::Matrix2d A, I = Eigen::Matrix2d::Identity();  // d/dt (u, v/omega) scaled by h
+  A << 0, z, -z, 0;
+  const double g = 2 - std::sqrt(2.), a = g / 2, old = 1 / (g * (2 - g));
+  const Eigen::Matrix2d stage = (I - a * A).inverse();
+  Eigen::Matrix2d symplectic;
+  symplectic << 1 - z * z, z, -z, 1;
+  const std::vector<std::pair<Integrator, Eigen::Matrix2d>> propagators{
+      {Integrator::ExplicitEuler, I + A},
+      {Integrator::SymplecticEuler, symplectic},
+      {Integrator::Rk4, I + A + A * A / 2 + A * A * A / 6 + A * A * A * A / 24},
+      {Integrator::ImplicitEuler, (I - A).inverse()},
+      {Integrator::MinimisingEuler, (I - A).inverse()},
+      {Integrator::Midpoint, (I - A / 2).inverse() * (I + A / 2)},
+      {Integrator::TrBdf2, stage * (old * stage * (I + a * A) + (1 - old) * I)}};
+  for (const auto& [integrator, P] : propagators) {
+    constexpr int n_steps = 5;
+    const State end = advance(o.model, o.forces, integrator, o.start, o.h, n_steps);
+    Eigen::Vector2d u(0.1, 0);
+    for (int i = 0; i < n_steps; ++i) u = P * u;
+    EXPECT_NEAR(end.x(0, 1) - 1, u(0), newton_tolerance) << static_cast<int>(integrator);
+    EXPECT_NEAR(end.v(0, 1), u(1) * o.omega, newton_tolerance * 10) << static_cast<int>(integrator);
+  }
+}
+
+TEST(Integrators, BackwardEulerFallsByItsClosedForm) {
+  const MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  const Eigen::Vector3d gravity(0, 0, -10);
+  forces.load = gravity * model.mass.transpose();
+  constexpr int n = 7;
+  constexpr double h = 0.01;
+  for (Integrator integrator : {Integrator::ImplicitEuler, Integrator::MinimisingEuler}) {
+    const State end = advance(model, forces, integrator, initial_state(model), h, n);
+    const Eigen::Vector3d fallen = gravity * h * h * n * (n + 1) / 2;
+    EXPECT_LT((end.x.colwise() - fallen - model.network.X).norm(), newton_tolerance);
+  }
+}
+
+TEST(Integrators, ConvergeWithTheirOrder) {
+  MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  forces.mass_damping = 0.3;
+  forces.load = random_points(5, 3, 2);
+  forces.volume_pressure = 20;
+  constexpr double end = 0.32;
+  constexpr double slope_tolerance = 0.15;  // steps are finite
+  const State start = lively(model);
+  const State exact = advance(model, forces, Integrator::Rk4, start, end / 4096, 4096);
+  const std::vector<std::pair<Integrator, double>> orders{
+      {Integrator::ExplicitEuler, 1}, {Integrator::SymplecticEuler, 1}, {Integrator::Rk4, 4},
+      {Integrator::ImplicitEuler, 1}, {Integrator::MinimisingEuler, 1}, {Integrator::Midpoint, 2},
+      {Integrator::Bdf2, 2},          {Integrator::TrBdf2, 2}};
+  for (const auto& [integrator, order] : orders) {
+    const int n = order == 4 ? 64 : order == 2 ? 64 : 512;
+    const auto error = [&, integrator = integrator](int n_steps) {
+      return (advance(model, forces, integrator, start, end / n_steps, n_steps).x - exact.x).norm();
+    };
+    const double coarse = error(n), fine = error(2 * n);
+    EXPECT_NEAR(std::log2(coarse / fine), order, slope_tolerance) << all[static_cast<int>(integrator)].second;
+  }
+}
+
+TEST(Integrators, LinearisedAndMinimisingEulerAgreeForSmallSteps) {
+  MassSpringModel model = small_model();
+  model.springs->damping = 0.5;
+  const Forces forces = no_forces(model);
+  const State start = lively(model);
+  double before = 0;
+  for (double h : {1e-2, 5e-3}) {
+    const double apart = (advance(model, forces, Integrator::ImplicitEuler, start, h, 1).x -
+                          advance(model, forces, Integrator::MinimisingEuler, start, h, 1).x)
+                             .norm();
+    if (before > 0) {
+      EXPECT_NEAR(std::log2(before / apart), 3.5, 0.7);  // h^3 of damping, h^4 of stiffness
+    }
+    before = apart;
+  }
+}
+
+TEST(Integrators, MomentumIsKept) {
+  const MassSpringModel model = small_model();
+  const State start = lively(model);
+  const Eigen::Vector3d momentum = start.v * model.mass;
+  constexpr double solver_tolerance = 1e-9;
+  for (const auto& [integrator, name] : all) {
+    const State end = advance(model, no_forces(model), integrator, start, 1e-3, 50);
+    EXPECT_LT((end.v * model.mass - momentum).norm(), solver_tolerance * start.v.norm()) << name;
+  }
+}
+
+TEST(Integrators, MidpointKeepsTheEnergyOfLongRunsBounded) {
+  const MassSpringModel model = small_model();
+  constexpr int n_steps = 10000;
+  constexpr double drift = 0.02;
+  State state = lively(model);
+  const Forces forces = no_forces(model);
+  TimeStepper stepper(model, forces, Integrator::Midpoint, 1);
+  const double before = energy_of(model, state);
+  double largest = 0;
+  for (int i = 0; i < n_steps; ++i) {
+    stepper.step(state, 5e-3);
+    largest = std::max(largest, std::abs(energy_of(model, state) / before - 1));
+  }
+  EXPECT_LT(largest, drift);
+  EXPECT_GT(largest, 1e-9);  // something moved
+}
+
+TEST(Integrators, MinimisingEulerNeverBlowsUpNorGainsEnergyFromAnyStart) {
+  for (double stiffness : {1e1, 1e4, 1e7})
+    for (double h : {1e-3, 1e-1, 1.}) {
+      const MassSpringModel model = small_model(stiffness);
+      const Forces forces = no_forces(model);
+      State state = initial_state(model);
+      state.x = random_points(5, 1, 23);
+      state.x.row(2).setZero();  // flattened and tangled
+      TimeStepper stepper(model, forces, Integrator::MinimisingEuler, 1);
+      for (int i = 0; i < 20; ++i) {
+        const double before = energy_of(model, state);
+        // Newton's method may run out of iterations on a flattened body, whose rest it would have to buckle
+        // to.
+        EXPECT_NE(stepper.step(state, h).status, Status::Diverged) << stiffness << ' ' << h;
+        EXPECT_LE(energy_of(model, state), before * (1 + newton_tolerance)) << stiffness << ' ' << h;
+      }
+    }
+}
+
+TEST(Integrators, ConstrainedDirectionsAreExact) {
+  const MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  const Eigen::Vector3d p = Eigen::Vector3d(1, 2, -2) / 3;
+  forces.load = random_points(5, 5, 8);
+  forces.constraints.push_back({0, Eigen::Matrix3d::Zero(), Eigen::Vector3d(0.1, 0, 0.2)});
+  forces.constraints.push_back({3, Eigen::Matrix3d::Identity() - p * p.transpose(), Eigen::Vector3d::Zero()});
+  constexpr int n_steps = 20;
+  for (const auto& [integrator, name] : all) {
+    const State end = advance(model, forces, integrator, initial_state(model), 1. / 500, n_steps);
+    const double fraction = n_steps / 500.;
+    EXPECT_LT((end.x.col(0) - model.network.X.col(0) - fraction * Eigen::Vector3d(0.1, 0, 0.2)).norm(),
+              rounding)
+        << name;
+    EXPECT_LT(std::abs(p.dot(end.x.col(3) - model.network.X.col(3))), rounding) << name;
+    EXPECT_GT((end.x.col(3) - model.network.X.col(3)).norm(), 1e-4) << name;
+  }
+}
+
+TEST(Integrators, DivergenceIsAStatusAndLeavesTheLastSoundState) {
+  const MassSpringModel model = small_model(1e8);
+  const Forces forces = no_forces(model);
+  State state = lively(model);
+  TimeStepper stepper(model, forces, Integrator::ExplicitEuler, 1);
+  Status status = Status::Ok;
+  for (int i = 0; i < 1000 && status == Status::Ok; ++i) status = stepper.step(state, 1).status;
+  EXPECT_EQ(status, Status::Diverged);
+  EXPECT_TRUE(state.x.allFinite() && state.v.allFinite());
+}
+
+TEST(StableStep, IsTheLimitOfSymplecticEuler) {
+  const MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  forces.mass_damping = 2;
+  forces.volume_pressure = 50;
+  const double limit = stable_step(model, forces, initial_state(model));
+  for (double factor : {0.98, 1.02}) {
+    State state = initial_state(model);
+    state.x += random_points(5, 1e-9, 3);
+    TimeStepper stepper(model, forces, Integrator::SymplecticEuler, 1);
+    for (int i = 0; i < 300; ++i) stepper.step(state, factor * limit);
+    const bool has_grown = (state.x - model.network.X).norm() > 1e-6;
+    EXPECT_EQ(has_grown, factor > 1) << factor;
+  }
+}
+
+}  // namespace
+}  // namespace testbed

@@ -1,0 +1,71 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+
+#include "massspring/linear_solver.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+constexpr double solver_tolerance = 1e-12, agreement = 1e-8;
+
+/// Chain of n nodes, its springs in three directions of stiffness k, and mass 1: hard for k large.
+BlockMatrix chain(int n, double k) {
+  Eigen::Matrix2Xi pairs(2, n - 1);
+  for (int i = 0; i + 1 < n; ++i) pairs.col(i) << i, i + 1;
+  BlockMatrix A = make_block_matrix(n, pairs);
+  for (int i = 0; i < n; ++i) A.block[A.diagonal[i]].setIdentity();
+  for (int i = 0; i + 1 < n; ++i) {
+    Eigen::Matrix3d B = Eigen::Matrix3d::Constant(k / 4);
+    B.diagonal().setConstant(k);
+    A.block[A.find(i, i)] += B;
+    A.block[A.find(i + 1, i + 1)] += B;
+    A.block[A.find(i, i + 1)] -= B;
+    A.block[A.find(i + 1, i)] -= B;
+  }
+  return A;
+}
+
+Eigen::VectorXd direct(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd& b) {
+  Eigen::MatrixXd D = g.reshaped() * g.reshaped().transpose();
+  for (int i = 0; i < A.rows(); ++i)
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
+      D.block<3, 3>(3 * i, 3 * A.column[k]) += A.block[k];
+  return D.llt().solve(b.reshaped());
+}
+
+TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {
+  constexpr int n = 300;
+  const Matrix3Xd b = random_points(n, 1, 2), g = random_points(n, 0.3, 3);
+  for (double k : {0.1, 1e5}) {
+    LinearSolver solver;
+    const BlockMatrix A = chain(n, k);
+    const Eigen::VectorXd exact = direct(A, g, b);
+    for (int repeat = 0; repeat < 2; ++repeat) {  // the second one with the factor, where that was chosen
+      Matrix3Xd x = Matrix3Xd::Zero(3, n);
+      EXPECT_TRUE(solver.solve(A, g, b, x, solver_tolerance).is_converged);
+      EXPECT_LT((x.reshaped() - exact).norm(), agreement * exact.norm()) << "k = " << k;
+    }
+  }
+}
+
+TEST(LinearSolver, KeepsBlockJacobiWhereItIsFastAndAFactorWhereItIsNot) {
+  constexpr int n = 300;
+  const Matrix3Xd b = random_points(n, 1, 2);
+  LinearSolver soft, stiff;
+  Matrix3Xd x = Matrix3Xd::Zero(3, n);
+  soft.solve(chain(n, 0.1), {}, b, x, solver_tolerance);
+  EXPECT_EQ(soft.choice().rfind("block Jacobi", 0), 0u) << soft.choice();
+  x.setZero();
+  const int slow = stiff.solve(chain(n, 1e5), {}, b, x, solver_tolerance).iterations;
+  EXPECT_EQ(stiff.choice().rfind("Cholesky", 0), 0u) << stiff.choice();
+  x.setZero();
+  const int fast = stiff.solve(chain(n, 1.1e5), {}, b, x, solver_tolerance).iterations;
+  EXPECT_LT(fast, slow / 10);
+}
+
+}  // namespace
+}  // namespace testbed

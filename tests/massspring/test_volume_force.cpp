@@ -1,0 +1,66 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include "massspring/volume_force.h"
+#include "meshing/surface.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+constexpr double difference_step = 1e-5, difference_tolerance = 1e-8, rounding = 1e-13;
+
+class VolumeForce : public testing::Test {
+ protected:
+  const MassSpringModel model = small_model();
+  const Eigen::Matrix3Xi F = model.network.F;
+  const Matrix3Xd x = 1.2 * model.network.X + random_points(5, 0.1, 5);
+  const double P = 30, target = 0.4;
+  Matrix3Xd forces(const Matrix3Xd& at) const {
+    Matrix3Xd f = Matrix3Xd::Zero(3, 5);
+    add_volume_forces(P, target, F, at, f);
+    return f;
+  }
+};
+
+TEST_F(VolumeForce, IsMinusEnergyGradient) {
+  const Matrix3Xd f = forces(x);
+  ASSERT_GT(f.norm(), 0.1);
+  for (int k = 0; k < x.size(); ++k) {
+    Matrix3Xd up = x, down = x;
+    up(k) += difference_step;
+    down(k) -= difference_step;
+    const double slope =
+        (volume_energy(P, target, F, up) - volume_energy(P, target, F, down)) / (2 * difference_step);
+    EXPECT_NEAR(f(k), -slope, difference_tolerance * f.norm());
+  }
+}
+
+TEST_F(VolumeForce, RankOneTermIsTheWholeHessianAtTheTarget) {
+  const double at_target = volume(x, F);
+  const Eigen::VectorXd g = volume_stiffness_root(P, at_target, F, x).reshaped();
+  ASSERT_GT(g.norm(), 0.1);
+  for (int k = 0; k < x.size(); ++k) {
+    Matrix3Xd up = x, down = x, f_up = Matrix3Xd::Zero(3, 5), f_down = f_up;
+    up(k) += difference_step;
+    down(k) -= difference_step;
+    add_volume_forces(P, at_target, F, up, f_up);
+    add_volume_forces(P, at_target, F, down, f_down);
+    const Eigen::VectorXd column = (f_up - f_down).reshaped() / (2 * difference_step);
+    EXPECT_LT((g * g(k) + column).norm(), difference_tolerance * g.squaredNorm());
+  }
+}
+
+TEST_F(VolumeForce, KeepsLinearAndAngularMomentum) {
+  const Matrix3Xd f = forces(x);
+  Eigen::Vector3d torque = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 5; ++i) torque += x.col(i).cross(f.col(i));
+  EXPECT_LT(f.rowwise().sum().norm(), rounding * f.norm());
+  EXPECT_LT(torque.norm(), rounding * f.norm());
+}
+
+}  // namespace
+}  // namespace testbed
