@@ -52,7 +52,7 @@ struct Material {
 
 struct Support {
   Region region;
-  std::array<bool, 3> fixed{true, true, true};  ///< which components are prescribed ("xyz" in the file)
+  std::array<bool, 3> fixed{{true, true, true}};  ///< which components are prescribed ("xyz" in the file)
   Eigen::Vector3d displacement{0, 0, 0};        ///< their displacement at full load (m)
 };
 
@@ -110,7 +110,10 @@ struct NetworkOptions {
   std::string calibration = "affine";  ///< name of the spring model
 };
 
+/// SmallStrain is a fair reference below a few per cent of strain; NeoHookean is the law of coupled springs.
+enum class ElasticLaw { SmallStrain, StVenantKirchhoff, NeoHookean };
 struct ReferenceOptions {
+  ElasticLaw law = ElasticLaw::SmallStrain;
   int degree = 2;                       ///< polynomial degree of the displacement, 1 or 2
   std::optional<double> interior_size;  ///< m; from the surface's edges if absent
   int refine = 0;                       ///< uniform refinements of the tetrahedra

@@ -31,6 +31,7 @@ inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic
 inline const std::vector<std::string> kSamplings{"darts", "relaxed"};
 inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
                                                       "delaunay", "pcp",     "completed_pcp"};
+inline const std::vector<std::string> kLaws{"small_strain", "st_venant_kirchhoff", "neo_hookean"};
 inline const std::vector<std::string> kFields{"displacement", "velocity"};
 
 template <class V>
@@ -142,6 +143,7 @@ void describe(V& v, NetworkOptions& n) {
 
 template <class V>
 void describe(V& v, ReferenceOptions& r) {
+  v.choice("law", r.law, kLaws, "small_strain, or at finite strain st_venant_kirchhoff or neo_hookean");
   v("degree", r.degree, kDegree, "of the displacement's polynomials");
   v("interior_size", r.interior_size, kPositive, "edge length inside (m); absent: from the surface");
   v("refine", r.refine, kNotNegative, "times every tetrahedron is split in eight");

@@ -52,7 +52,7 @@ inline TetMesh box_tets(int nx, int ny, int nz, double h, double jitter = 0, std
   for (const Eigen::Vector4i& t : tets)
     for (const auto& f : {Eigen::Vector3i(t[0], t[2], t[1]), Eigen::Vector3i(t[0], t[1], t[3]),
                           Eigen::Vector3i(t[1], t[2], t[3]), Eigen::Vector3i(t[0], t[3], t[2])}) {
-      std::array<int, 3> key{f[0], f[1], f[2]};
+      std::array<int, 3> key{{f[0], f[1], f[2]}};
       std::sort(key.begin(), key.end());
       auto& entry = faces[key];
       ++entry.first;

@@ -1,0 +1,239 @@
+// The loops over cells: loads, forces, stiffness, mass and energy.
+#include <deal.II/fe/fe_values.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "fem_reference/implementation.h"
+#include "fem_reference/laws.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+constexpr int kMaxNodes = 10;  // of a tetrahedron
+
+Vector3d eigen(const dealii::Point<3>& p) {
+  return {p[0], p[1], p[2]};
+}
+Vector3d eigen(const dealii::Tensor<1, 3>& p) {
+  return {p[0], p[1], p[2]};
+}
+
+/// Largest |principal strain|, or at finite strain |principal stretch - 1|.
+double largest_strain(ElasticLaw law, const Eigen::Matrix3d& F) {
+  using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>;
+  if (law == ElasticLaw::SmallStrain)
+    return (Solver((F + F.transpose()) / 2, Eigen::EigenvaluesOnly).eigenvalues().array() - 1)
+        .abs()
+        .maxCoeff();
+  return (Solver(F.transpose() * F, Eigen::EigenvaluesOnly).eigenvalues().array().max(0).sqrt() - 1)
+      .abs()
+      .maxCoeff();
+}
+
+}  // namespace
+
+void ElasticSolid::Implementation::find_load() {
+  load = Eigen::VectorXd::Zero(nodes.X.size());
+  const auto p = static_cast<unsigned>(degree);
+  const dealii::QWitherdenVincentSimplex<3> in_cell(p + 1);
+  const dealii::QGaussSimplex<2> on_face(p + 1);
+  const auto flags = dealii::update_values | dealii::update_JxW_values | dealii::update_quadrature_points;
+  dealii::FEValues<3> values(mapping, space.element, in_cell, flags);
+  dealii::FEFaceValues<3> face_values(mapping, space.element, on_face, flags);
+  const unsigned n = space.element.n_dofs_per_cell();
+  std::vector<unsigned> dofs(n);
+  const auto add = [&](const auto& at, unsigned q, const Vector3d& density) {
+    for (unsigned i = 0; i < n; ++i)
+      load(space.flat_of[dofs[i]]) +=
+          at.JxW(q) * density(space.element.system_to_component_index(i).first) * at.shape_value(i, q);
+  };
+  std::map<std::array<int, 3>, int> triangle_of;  // by sorted corners
+  for (int f = 0; loads.traction && f < mesh.F.cols(); ++f) {
+    std::array<int, 3> corners{{mesh.F(0, f), mesh.F(1, f), mesh.F(2, f)}};
+    std::sort(corners.begin(), corners.end());
+    triangle_of[corners] = f;
+  }
+  for (const auto& cell : space.dofs.active_cell_iterators()) {
+    cell->get_dof_indices(dofs);
+    if (loads.body_force) {
+      values.reinit(cell);
+      for (unsigned q = 0; q < in_cell.size(); ++q)
+        add(values, q, loads.body_force(eigen(values.quadrature_point(q))));
+    }
+    for (unsigned f = 0; loads.traction && f < 4; ++f) {
+      if (!cell->face(f)->at_boundary()) continue;
+      std::array<int, 3> corners;
+      for (unsigned k = 0; k < 3; ++k) corners[k] = static_cast<int>(cell->face(f)->vertex_index(k));
+      std::sort(corners.begin(), corners.end());
+      const int triangle = triangle_of.at(corners);
+      face_values.reinit(cell, f);
+      for (unsigned q = 0; q < on_face.size(); ++q)
+        add(face_values, q, loads.traction(eigen(face_values.quadrature_point(q)), triangle));
+    }
+  }
+}
+
+/// Tangent at `at`, whose columns are the nodes, and (if asked) out-of-balance forces load - dW/du.
+void ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatrix& into, DealVector* residual,
+                                                    const Matrix3Xd& at, double load_factor) {
+  if (into.pattern.empty()) into.allocate(on);
+  into.matrix = 0;
+  const auto points = quadrature(static_cast<int>(on.element.degree));
+  dealii::FEValues<3> values(
+      mapping, on.scalar_element, points,
+      dealii::update_gradients | dealii::update_JxW_values | dealii::update_quadrature_points);
+  const LameConstants lame(material);
+  const unsigned n_dofs = on.element.n_dofs_per_cell();
+  const int n = static_cast<int>(on.scalar_element.n_dofs_per_cell());
+  std::vector<unsigned> dofs(n_dofs), place(n_dofs);  // place: 3 scalar function + component
+  for (unsigned i = 0; i < n_dofs; ++i) {
+    const auto [c, a] = on.element.system_to_component_index(i);
+    place[i] = 3 * a + c;
+  }
+  dealii::FullMatrix<double> cell_matrix(n_dofs, n_dofs);
+  DealVector cell_residual(n_dofs);
+  Eigen::Matrix<double, 3 * kMaxNodes, 3 * kMaxNodes> K;
+  Eigen::Matrix<double, 3, kMaxNodes> f, g, u_cell;
+  for (const auto& cell : on.dofs.active_cell_iterators()) {
+    values.reinit(static_cast<dealii::Triangulation<3>::active_cell_iterator>(cell));
+    cell->get_dof_indices(dofs);
+    for (unsigned i = 0; i < n_dofs; ++i) u_cell.data()[place[i]] = at.data()[on.flat_of[dofs[i]]];
+    K.setZero();
+    f.setZero();
+    for (unsigned q = 0; q < points.size(); ++q) {
+      const double w = values.JxW(q);
+      for (int a = 0; a < n; ++a) g.col(a) = eigen(values.shape_grad(a, q));
+      const Eigen::Matrix3d F = Eigen::Matrix3d::Identity() + u_cell.leftCols(n) * g.leftCols(n).transpose();
+      const double s = loads.shrinkage ? loads.shrinkage(eigen(values.quadrature_point(q)), load_factor) : 0;
+      const ElasticResponse r = respond(law, lame, F, s);
+      f.leftCols(n).noalias() -= w * r.P * g.leftCols(n);
+      for (int b = 0; b < n; ++b) {
+        // Stress by a unit displacement of node b, a column for each component.
+        const Eigen::Matrix<double, 9, 3> by_b =
+            w * (r.C.leftCols<3>() * g(0, b) + r.C.middleCols<3>(3) * g(1, b) + r.C.rightCols<3>() * g(2, b));
+        for (int a = 0; a <= b; ++a)
+          K.block<3, 3>(3 * a, 3 * b) +=
+              g(0, a) * by_b.topRows<3>() + g(1, a) * by_b.middleRows<3>(3) + g(2, a) * by_b.bottomRows<3>();
+      }
+    }
+    for (unsigned i = 0; i < n_dofs; ++i) {
+      cell_residual(i) = f.data()[place[i]];
+      for (unsigned j = 0; j < n_dofs; ++j)
+        cell_matrix(i, j) = place[i] / 3 <= place[j] / 3 ? K(place[i], place[j]) : K(place[j], place[i]);
+    }
+    if (residual)
+      into.constraints.distribute_local_to_global(cell_matrix, cell_residual, dofs, into.matrix, *residual);
+    else
+      into.constraints.distribute_local_to_global(cell_matrix, dofs, into.matrix);
+  }
+  if (residual)
+    for (unsigned i = 0; i < on.dof_of.size(); ++i)
+      if (!into.constraints.is_constrained(i)) (*residual)(i) += load_factor * load(on.flat_of[i]);
+}
+
+/// Makes u orthogonal to the free rigid motions in L2 over the volume, whatever the mesh.
+void ElasticSolid::Implementation::remove_rigid_motion(Matrix3Xd& displacement) const {
+  const auto m = rigid.cols();
+  if (m == 0) return;
+  Eigen::MatrixXd fields(rigid.rows(), m + 1);  // motions and displacement, over 3 i + c
+  for (int k = 0; k < fields.rows(); ++k) fields.row(k) << rigid.row(space.dof_of[k]), displacement.data()[k];
+  const dealii::QWitherdenVincentSimplex<3> points(2);  // exact for a product of degrees 2 and 1
+  dealii::FEValues<3> values(mapping, space.element, points,
+                             dealii::update_values | dealii::update_JxW_values);
+  const unsigned n = space.element.n_dofs_per_cell();
+  std::vector<unsigned> dofs(n);
+  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(m, m + 1), at(3, m + 1);
+  for (const auto& cell : space.dofs.active_cell_iterators()) {
+    values.reinit(cell);
+    cell->get_dof_indices(dofs);
+    for (unsigned q = 0; q < points.size(); ++q) {
+      at.setZero();
+      for (unsigned i = 0; i < n; ++i)
+        at.row(space.element.system_to_component_index(i).first) +=
+            values.shape_value(i, q) * fields.row(space.flat_of[dofs[i]]);
+      products += values.JxW(q) * at.leftCols(m).transpose() * at;
+    }
+  }
+  displacement.reshaped() -= fields.leftCols(m) * products.leftCols(m).ldlt().solve(products.col(m));
+}
+
+void ElasticSolid::Implementation::measure(const Matrix3Xd& at, double load_factor,
+                                           ElasticReport& report) const {
+  const auto points = quadrature(degree);
+  dealii::FEValues<3> values(
+      mapping, space.scalar_element, points,
+      dealii::update_gradients | dealii::update_JxW_values | dealii::update_quadrature_points);
+  const LameConstants lame(material);
+  const unsigned n = space.element.n_dofs_per_cell();
+  std::vector<unsigned> dofs(n);
+  report.elastic_energy = report.max_strain = 0;
+  for (const auto& cell : space.dofs.active_cell_iterators()) {
+    values.reinit(static_cast<dealii::Triangulation<3>::active_cell_iterator>(cell));
+    cell->get_dof_indices(dofs);
+    for (unsigned q = 0; q < points.size(); ++q) {
+      Eigen::Matrix3d F = Eigen::Matrix3d::Identity();
+      for (unsigned i = 0; i < n; ++i) {
+        const auto [c, a] = space.element.system_to_component_index(i);
+        F.row(c) += at.data()[space.flat_of[dofs[i]]] * eigen(values.shape_grad(a, q)).transpose();
+      }
+      const double s = loads.shrinkage ? loads.shrinkage(eigen(values.quadrature_point(q)), load_factor) : 0;
+      report.elastic_energy += values.JxW(q) * respond(law, lame, F, s, false).energy;
+      report.max_strain = std::max(report.max_strain, largest_strain(law, F));
+    }
+  }
+}
+
+/// A matrix of a space with its rows and columns at 3 i + c.
+static Eigen::SparseMatrix<double> by_nodes(const Space& space, const dealii::SparseMatrix<double>& A) {
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(A.n_nonzero_elements());
+  for (unsigned i = 0; i < A.m(); ++i)
+    for (auto entry = A.begin(i); entry != A.end(i); ++entry)
+      if (entry->value() != 0)
+        entries.emplace_back(space.flat_of[i], space.flat_of[entry->column()], entry->value());
+  Eigen::SparseMatrix<double> result(A.m(), A.n());
+  result.setFromTriplets(entries.begin(), entries.end());
+  return result;
+}
+
+Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
+  SystemMatrix free;
+  free.constraints.close();
+  self_->assemble_tangent(self_->space, free, nullptr, Matrix3Xd::Zero(3, X().cols()), 0);
+  return by_nodes(self_->space, free.matrix);
+}
+
+Eigen::SparseMatrix<double> ElasticSolid::mass() const {
+  const Space& space = self_->space;
+  const dealii::QWitherdenVincentSimplex<3> points(static_cast<unsigned>(self_->degree + 1));
+  dealii::FEValues<3> values(self_->mapping, space.element, points,
+                             dealii::update_values | dealii::update_JxW_values);
+  std::vector<Eigen::Triplet<double>> entries;
+  std::vector<unsigned> dofs(space.element.n_dofs_per_cell());
+  for (const auto& cell : space.dofs.active_cell_iterators()) {
+    values.reinit(cell);
+    cell->get_dof_indices(dofs);
+    for (unsigned i = 0; i < dofs.size(); ++i)
+      for (unsigned j = 0; j < dofs.size(); ++j) {
+        if (space.element.system_to_component_index(i).first !=
+            space.element.system_to_component_index(j).first)
+          continue;
+        double m = 0;
+        for (unsigned q = 0; q < points.size(); ++q)
+          m += values.JxW(q) * values.shape_value(i, q) * values.shape_value(j, q);
+        entries.emplace_back(space.flat_of[dofs[i]], space.flat_of[dofs[j]], self_->material.rho * m);
+      }
+  }
+  Eigen::SparseMatrix<double> M(n_dofs(), n_dofs());
+  M.setFromTriplets(entries.begin(), entries.end());
+  return M;
+}
+
+}  // namespace testbed

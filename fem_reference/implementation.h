@@ -1,0 +1,60 @@
+// What the elastic solid is made of. Internal to the library: it brings deal.II's headers.
+#pragma once
+
+#include <deal.II/base/quadrature_lib.h>
+
+#include <optional>
+#include <vector>
+
+#include "fem_reference/elasticity.h"
+#include "fem_reference/two_level.h"
+
+namespace testbed {
+
+struct ElasticSolid::Implementation {
+  Implementation(const TetMesh& tets, int p)
+      : mesh(tets),
+        degree(p),
+        nodes(mesh, degree),
+        space(triangulate(mesh, triangulation), degree, nodes),
+        u(Eigen::Matrix3Xd::Zero(3, nodes.X.cols())) {
+    if (degree == 2) coarse_space.emplace(triangulation, 1, nodes);
+    solver.emplace(nodes, space, coarse_space ? &*coarse_space : nullptr);
+  }
+
+  TetMesh mesh;
+  int degree;
+  Nodes nodes;
+  dealii::Triangulation<3> triangulation;
+  dealii::MappingFE<3> mapping{dealii::FE_SimplexP<3>(1)};
+  Space space;
+  std::optional<Space> coarse_space;  // of degree 1
+  std::optional<TwoLevelSolver> solver;
+  SystemMatrix fine, coarse;
+
+  Material material;
+  ElasticLaw law = ElasticLaw::SmallStrain;
+  ElasticLoads loads;
+  std::vector<HeldComponent> held;
+  Eigen::VectorXd load;   // N at full load, of component c of node i at 3 i + c
+  Eigen::MatrixXd rigid;  // free rigid motions over the degrees of freedom, orthonormal
+
+  Eigen::Matrix3Xd u;
+  double factor = 0;  // load factor of u
+
+  ElasticReport find_equilibrium(double load_factor, StageTimer* timer);
+  void find_rigid_motions();
+  void check_balance() const;
+  void hold(double increment);
+  void find_load();
+  void assemble_tangent(const Space& on, SystemMatrix& into, DealVector* residual, const Eigen::Matrix3Xd& at,
+                        double load_factor);
+  void remove_rigid_motion(Eigen::Matrix3Xd& displacement) const;
+  void measure(const Eigen::Matrix3Xd& at, double load_factor, ElasticReport& report) const;
+  double potential(const Eigen::Matrix3Xd& at, double load_factor) const;
+  dealii::QGaussSimplex<3> quadrature(int p) const {
+    return dealii::QGaussSimplex<3>(static_cast<unsigned>(p + (loads.shrinkage ? 1 : 0)));
+  }
+};
+
+}  // namespace testbed

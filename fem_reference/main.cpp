@@ -1,0 +1,274 @@
+// The reference program: scene in, frames, curves and a record out.
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <iostream>
+#include <map>
+
+#include "fem_reference/dynamics.h"
+#include "fem_reference/elasticity.h"
+#include "fem_reference/problem.h"
+#include "fem_reference/richardson.h"
+#include "meshing/files.h"
+#include "meshing/progress.h"
+#include "meshing/record.h"
+#include "meshing/scene.h"
+#include "meshing/surface.h"
+#include "meshing/tetrahedralize.h"
+
+namespace testbed {
+namespace {
+
+struct Arguments {
+  std::string scene, out = "out/fem_reference";
+  std::vector<std::string> overrides;
+  int n_levels = 0, n_frequencies = 0;
+  bool is_quiet = false, is_forced = false;
+};
+
+/// Load factors to solve for: one where the solution is proportional to it.
+struct LoadPath {
+  bool is_proportional;
+  int n_solves;
+  explicit LoadPath(const Scene& scene)
+      : is_proportional(testbed::is_proportional(scene)),
+        n_solves(is_proportional ? 1 : scene.time.load_steps) {}
+  double factor(int n) const { return static_cast<double>(n) / n_solves; }
+};
+
+void refuse_what_is_not_solved(const Scene& scene, const std::string& file) {
+  if (!scene.obstacles.empty())
+    throw std::runtime_error(file + ": obstacles, expected none: the reference has no contact");
+  if (scene.time.mode == TimeMode::Static) return;
+  if (scene.collapse)
+    throw std::runtime_error(file + ": collapse, expected none with time.mode = dynamic in the reference");
+  if (scene.reference.law != ElasticLaw::SmallStrain)
+    throw std::runtime_error(file + ": reference.law, expected small_strain with time.mode = dynamic");
+}
+
+/// Full-load displacement of the surface's vertices on finer and finer meshes, and the error of the first
+/// that they tell.
+nlohmann::ordered_json study_convergence(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh,
+                                         int n_levels, Progress& progress) {
+  nlohmann::ordered_json levels = nlohmann::ordered_json::array();
+  std::vector<Eigen::Matrix3Xd> u;
+  Scene refined = scene;
+  for (int level = 0; level < n_levels; ++level, ++refined.reference.refine) {
+    ElasticSolid solid = assemble_scene(refined, surface, mesh);
+    progress.stage("reference: refinement " + std::to_string(refined.reference.refine) + ", " +
+                   std::to_string(solid.n_dofs()) + " unknowns");
+    const LoadPath path(scene);
+    ElasticReport report;
+    for (int n = 1; n <= path.n_solves; ++n) report = solid.solve(path.factor(n));
+    if (!report.is_converged) return {{"status", "not_converged"}};
+    levels.push_back({{"refine", refined.reference.refine},
+                      {"n_dofs", solid.n_dofs()},
+                      {"elastic_energy", report.elastic_energy}});
+    u.push_back(solid.displacement().leftCols(mesh.n_surface));
+  }
+  const RefinementError error = richardson(u, surface);
+  return {{"status", "ok"},
+          {"levels", levels},
+          {"error_ratio", error.ratio},
+          {"is_ratio_observed", error.is_ratio_observed},
+          {"estimated_error_l2", error.of_first},
+          {"estimated_error_l2_finest", error.of_last}};
+}
+
+/// The row of curves.csv of a state whose surface vertices are at x.
+std::vector<std::pair<std::string, double>> curve_row(double time, double load_factor,
+                                                      const SurfaceMesh& surface, const Eigen::Matrix3Xd& u,
+                                                      double kinetic, double elastic, double max_strain) {
+  const Eigen::Matrix3Xd x = surface.X + u.leftCols(surface.X.cols());
+  return {{"time", time},
+          {"load_factor", load_factor},
+          {"volume", volume(x, surface.F)},
+          {"area", area(x, surface.F)},
+          {"kinetic_energy", kinetic},
+          {"elastic_energy", elastic},
+          {"max_strain", max_strain},
+          {"max_displacement", u.colwise().norm().maxCoeff()}};
+}
+
+struct Run {
+  const Scene& scene;
+  const SurfaceMesh& surface;
+  ElasticSolid& solid;
+  Recorder& recorder;
+  StageTimer& timer;
+  Progress& progress;
+  nlohmann::ordered_json& record;
+
+  bool is_frame(int n, int last) const {
+    const int every = scene.output.frames_every;
+    return n == last || (every > 0 && n % every == 0);
+  }
+};
+
+void run_static(Run& run) {
+  const LoadPath path(run.scene);
+  const int n_steps = run.scene.time.load_steps;
+  ElasticReport report;
+  report.is_converged = true;
+  int newton_iterations = 0, linear_iterations = 0, n = 0;
+  run.progress.stage("reference: solve");
+  for (; n <= n_steps; ++n) {
+    const double s = static_cast<double>(n) / n_steps;
+    if (n > 0 && (n == 1 || !path.is_proportional)) {
+      report = run.solid.solve(path.is_proportional ? 1 : s, &run.timer);
+      newton_iterations += report.newton_iterations;
+      linear_iterations += report.linear_iterations;
+      if (!report.is_converged) break;
+    }
+    run.timer.start("output");
+    const double scale = path.is_proportional ? s : 1;  // of the solution at full load
+    const Eigen::Matrix3Xd u = scale * run.solid.displacement();
+    if (run.scene.output.curves)
+      run.recorder.add_row(curve_row(s, s, run.surface, u, 0, scale * scale * report.elastic_energy,
+                                     scale * report.max_strain));
+    if (run.is_frame(n, n_steps)) run.recorder.add_frame(s, run.solid.X(), u);
+    run.progress.update(s);
+  }
+  run.timer.stop();
+  run.record["solver"] = report.solver;
+  run.record["newton_iterations"] = newton_iterations;
+  run.record["linear_iterations"] = linear_iterations;
+  run.record["residual"] = report.residual;
+  run.record["load_factor_reached"] = report.is_converged ? 1.0 : static_cast<double>(n - 1) / n_steps;
+  run.record["status"] = report.is_converged ? "ok" : "not_converged";
+}
+
+/// Full loads from rest at t = 0; prescribed displacements grow evenly until the end.
+void run_dynamic(Run& run) {
+  constexpr int kDefaultSteps = 400;
+  const double end = run.scene.time.end;
+  const double step = run.scene.time.step > 0 ? run.scene.time.step : end / kDefaultSteps;
+  const int n_steps = std::max(1, static_cast<int>(std::ceil(end / step - 1e-9)));
+  run.timer.start("assemble");
+  LinearDynamics system;
+  system.K = run.solid.stiffness();
+  system.M = run.solid.mass();
+  system.damping = run.scene.material.damping;
+  system.load = run.solid.load();
+  std::map<int, double> held;
+  for (const HeldComponent& h : run.solid.held()) held[3 * h.node + h.component] = h.displacement / end;
+  system.held_velocity.resize(static_cast<Eigen::Index>(held.size()));
+  for (const auto& [unknown, velocity] : held) {
+    system.held_velocity(static_cast<Eigen::Index>(system.held.size())) = velocity;
+    system.held.push_back(unknown);
+  }
+  run.timer.start("solve");
+  run.progress.stage("reference: solve");
+  TimeIntegrator motion(std::move(system), step, newmark);
+  for (int n = 0; n <= n_steps; ++n) {
+    if (n > 0) {
+      run.timer.start("solve");
+      motion.step();
+    }
+    run.timer.start("output");
+    const double t = n * step;
+    const Eigen::Matrix3Xd u = motion.u().reshaped(3, run.solid.X().cols());
+    if (run.scene.output.curves)
+      run.recorder.add_row(curve_row(t, 1, run.surface, u, motion.kinetic_energy(), motion.elastic_energy(),
+                                     run.solid.max_strain(u)));
+    if (run.is_frame(n, n_steps))
+      run.recorder.add_frame(t, run.solid.X(), u, {{"velocity", motion.v().reshaped(3, u.cols())}});
+    run.progress.update(static_cast<double>(n) / n_steps);
+  }
+  run.timer.stop();
+  run.record["solver"] = "Newmark (average acceleration), Cholesky";
+  run.record["step"] = step;
+  run.record["n_steps"] = n_steps;
+  run.record["status"] = "ok";
+}
+
+void run(const Arguments& arguments) {
+  const Scene scene = read_scene(arguments.scene, arguments.overrides);
+  refuse_what_is_not_solved(scene, arguments.scene);
+  Progress progress(arguments.is_quiet);
+  StageTimer timer;
+  timer.start("mesh");
+  progress.stage("reference: mesh");
+  const SurfaceMesh surface = load_surface(scene.surface);
+  const std::string hash =
+      hash_of(input_hash(scene, surface, {"network", "comparison"}) + ' ' +
+              std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies));
+  const std::filesystem::path out = arguments.out;
+  if (!arguments.is_forced && is_up_to_date(out, hash)) return;
+  TetOptions options;
+  options.interior_size = scene.reference.interior_size;
+  const TetMesh mesh = tetrahedralize(surface, options);
+
+  timer.start("setup");
+  progress.stage("reference: setup");
+  ElasticSolid solid = assemble_scene(scene, surface, mesh);
+  timer.stop();
+  const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
+  Recorder recorder(out, {{5, solid.mesh().F}, {vtk_type, solid.cells()}}, mesh.n_surface);
+  write_file(out / "scene.toml", to_toml(scene));
+
+  nlohmann::ordered_json record = environment_record("fem_reference");
+  record["name"] = scene.name;
+  record["input_hash"] = hash;
+  record["mesh_hash"] =
+      hash_of({reinterpret_cast<const char*>(mesh.X.data()), mesh.X.size() * sizeof(double)});
+  record["n_surface"] = mesh.n_surface;
+  record["n_nodes"] = solid.X().cols();
+  record["n_tetrahedra"] = solid.mesh().T.cols();
+  record["n_dofs"] = solid.n_dofs();
+  record["degree"] = scene.reference.degree;
+  record["is_free"] = solid.n_free_rigid_motions() > 0;
+  Run parts{scene, surface, solid, recorder, timer, progress, record};
+  if (scene.time.mode == TimeMode::Static) {
+    run_static(parts);
+    if (arguments.n_levels > 0 && record["status"] == "ok")
+      record["convergence"] = study_convergence(scene, surface, mesh, arguments.n_levels, progress);
+  } else {
+    run_dynamic(parts);
+  }
+  if (arguments.n_frequencies > 0) {
+    std::vector<int> held;
+    for (const HeldComponent& h : solid.held()) held.push_back(3 * h.node + h.component);
+    const Modes modes = natural_modes(solid.stiffness(), solid.mass(), held, arguments.n_frequencies);
+    record["natural_frequencies"] = std::vector<double>(modes.frequency.begin(), modes.frequency.end());
+    record["n_rigid_modes"] = modes.n_rigid;
+  }
+  record["seconds"] = timer.seconds();
+  recorder.finish(record);
+}
+
+}  // namespace
+}  // namespace testbed
+
+int main(int argc, char** argv) {
+  testbed::Arguments arguments;
+  CLI::App app(
+      "Solves a scene by finite elements on tetrahedra of the same surface: the reference.\n\n"
+      "Examples:\n"
+      "  fem_reference analysis/scenes/ball_pressure.toml\n"
+      "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
+      "  fem_reference scene.toml --converge 2\n\n"
+      "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
+      "with its\n"
+      "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n");
+  app.add_option("scene", arguments.scene, "scene file (.toml)")->required();
+  app.add_option("--set", arguments.overrides, "key=value: overrides a key of the scene; may be repeated")
+      ->allow_extra_args(false);
+  app.add_option("--out", arguments.out, "output folder")->capture_default_str();
+  app.add_option(
+         "--converge", arguments.n_levels,
+         "also solve on this many meshes, each refined once more, and write the estimated error of the "
+         "result into run.json")
+      ->check(CLI::Range(2, 6));
+  app.add_option("--frequencies", arguments.n_frequencies,
+                 "also find so many of the lowest natural frequencies (Hz) and write them into run.json")
+      ->check(CLI::Range(1, 1000));
+  app.add_flag("--quiet", arguments.is_quiet, "no progress on stderr");
+  app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    testbed::run(arguments);
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << '\n';
+    return 1;
+  }
+}
