@@ -1,0 +1,196 @@
+// The mass-spring program: scene in, frames, curves and a record out.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <iostream>
+
+#include "massspring/calibrate.h"
+#include "massspring/collapse.h"
+#include "massspring/integrators.h"
+#include "massspring/quasi_static.h"
+#include "meshing/files.h"
+#include "meshing/network.h"
+#include "meshing/progress.h"
+#include "meshing/record.h"
+#include "meshing/scene.h"
+#include "meshing/surface.h"
+#include "meshing/tetrahedralize.h"
+
+namespace testbed {
+namespace {
+
+struct Arguments {
+  std::string scene, out = "out/massspring";
+  std::vector<std::string> overrides;
+  bool is_quiet = false, is_forced = false;
+};
+
+/// PCP links sampled internal nodes; a calibration on tetrahedra takes theirs, and their edges are its
+/// springs.
+SpringNetwork make_network(const Scene& scene, const SurfaceMesh& surface, const Calibration& calibration) {
+  const NetworkOptions& options = scene.network;
+  if (!calibration.needs_tetrahedra)
+    return link_pcp(surface, sample_interior(surface, {options.phi, options.psi, options.k, options.seed}),
+                    {options.multiplicity});
+  return network_of(tetrahedralize(surface));
+}
+
+std::vector<CellBlock> cells_of(const SpringNetwork& network) {
+  std::vector<CellBlock> cells{{5, network.F}, {3, network.E}};
+  if (network.T.cols() > 0) cells.push_back({10, network.T});
+  return cells;
+}
+
+std::vector<std::pair<std::string, double>> curve_row(const MassSpringModel& model, const State& state,
+                                                      double load_factor) {
+  const auto& [X, F, E, T, n_surface] = model.network;
+  const Eigen::Matrix3Xd x = state.x.leftCols(n_surface);
+  double strain = 0;
+  for (const auto& s : E.colwise())
+    strain = std::max(
+        strain,
+        std::abs((state.x.col(s(0)) - state.x.col(s(1))).norm() / (X.col(s(0)) - X.col(s(1))).norm() - 1));
+  return {{"time", state.t},
+          {"load_factor", load_factor},
+          {"volume", volume(x, F)},
+          {"area", area(x, F)},
+          {"kinetic_energy", state.v.colwise().squaredNorm().dot(model.mass) / 2},
+          {"elastic_energy", elastic_energy(model, state)},
+          {"max_strain", strain},
+          {"max_displacement", (state.x - X).colwise().norm().maxCoeff()}};
+}
+
+void run(const Arguments& arguments) {
+  Scene scene = read_scene(arguments.scene, arguments.overrides);
+  const Calibration& calibration = find_calibration(scene.network.calibration);
+  const bool is_static = scene.time.mode == TimeMode::Static;
+  if (is_static && !scene.obstacles.empty())
+    throw std::runtime_error(arguments.scene + ": obstacles with time.mode = static, expected dynamic");
+  if (!scene.obstacles.empty())
+    throw std::runtime_error(arguments.scene + ": obstacles are not simulated yet");
+
+  Progress progress(arguments.is_quiet);
+  StageTimer timer;
+  timer.start("mesh");
+  progress.stage("mass-spring: mesh");
+  const SurfaceMesh surface = load_surface(scene.surface);
+  const std::string hash = input_hash(scene, surface, {"reference", "comparison"});
+  const std::filesystem::path out = arguments.out;
+  if (!arguments.is_forced && is_up_to_date(out, hash)) return;
+  const SpringNetwork network = make_network(scene, surface, calibration);
+
+  timer.start("setup");
+  progress.stage("mass-spring: setup");
+  const MassSpringModel model = calibrate(network, scene.material, calibration);
+  if (scene.collapse && !model.springs)
+    throw std::runtime_error(arguments.scene + ": collapse with network.calibration = " + calibration.name +
+                             ", expected one of independent springs");
+  const Forces forces = forces_of(scene, model);
+  State state = initial_state(model);
+  const Eigen::VectorXd rest_length = state.rest_length;
+  Recorder recorder(out, cells_of(network), network.n_surface);
+  write_file(out / "scene.toml", to_toml(scene));
+
+  nlohmann::ordered_json record = environment_record("massspring");
+  record["name"] = scene.name;
+  record["calibration"] = calibration.name;
+  record["input_hash"] = hash;
+  record["mesh_hash"] =
+      hash_of({reinterpret_cast<const char*>(network.X.data()), network.X.size() * sizeof(double)});
+  record["n_surface"] = network.n_surface;
+  record["n_nodes"] = network.X.cols();
+  record["n_springs"] = network.E.cols();
+  record["n_tetrahedra"] = network.T.cols();
+  record["is_free"] = false;
+
+  std::unique_ptr<QuasiStaticSolver> equilibrium;
+  std::unique_ptr<TimeStepper> stepper;
+  double h = scene.time.step;
+  int n_steps = scene.time.load_steps;
+  if (is_static) {
+    equilibrium = std::make_unique<QuasiStaticSolver>(model, forces);
+    record["is_free"] = equilibrium->n_free_rigid_motions() > 0;
+  } else {
+    constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
+    constexpr int kDefaultSteps = 100;
+    const bool is_implicit = scene.time.integrator == Integrator::ImplicitEuler;
+    if (h == 0) h = is_implicit ? scene.time.end / kDefaultSteps : kSafety * stable_step(model, state);
+    stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end);
+    n_steps = std::max(1, static_cast<int>(std::ceil(scene.time.end / h - 1e-9)));
+    record["step"] = h;
+  }
+  record["n_steps"] = n_steps;
+
+  const auto write_frame = [&] {
+    timer.start("output");
+    std::vector<Field> fields;
+    if (!is_static) fields.push_back({"velocity", state.v});
+    recorder.add_frame(state.t, network.X, state.x - network.X, fields);
+  };
+  const auto write_row = [&] {
+    timer.start("output");
+    if (scene.output.curves) recorder.add_row(curve_row(model, state, is_static ? state.t : 1));
+  };
+
+  const int every = scene.output.frames_every;
+  if (every > 0) write_frame();
+  write_row();
+  progress.stage("mass-spring: solve");
+  StepReport report;
+  int newton_iterations = 0, linear_iterations = 0, n_done = 0;
+  while (n_done < n_steps && report.status == Status::Ok) {
+    timer.start("solve");
+    if (is_static) {
+      const double load_factor = static_cast<double>(n_done + 1) / n_steps;
+      if (scene.collapse) state.rest_length = collapsed(*scene.collapse, network, rest_length, load_factor);
+      report = equilibrium->solve(load_factor, state);
+      state.t = load_factor;
+    } else {
+      if (scene.collapse) collapse(*scene.collapse, network, state, h);
+      report = stepper->step(state, h);
+    }
+    newton_iterations += report.newton_iterations;
+    linear_iterations += report.linear_iterations;
+    ++n_done;
+    write_row();
+    const bool is_last = n_done == n_steps || report.status != Status::Ok;
+    if (is_last || (every > 0 && n_done % every == 0)) write_frame();
+    progress.update(static_cast<double>(n_done) / n_steps);
+  }
+  timer.stop();
+
+  record["n_steps_done"] = n_done;
+  record["newton_iterations"] = newton_iterations;
+  record["linear_iterations"] = linear_iterations;
+  record["residual"] = report.residual;
+  record["seconds"] = timer.seconds();
+  record["status"] = name_of(report.status);
+  recorder.finish(record);
+}
+
+}  // namespace
+}  // namespace testbed
+
+int main(int argc, char** argv) {
+  testbed::Arguments arguments;
+  CLI::App app(
+      "Simulates a closed surface as a mass-spring solid.\n\n"
+      "Examples:\n"
+      "  massspring analysis/scenes/ball_pressure.toml\n"
+      "  massspring scene.toml --set network.calibration=uniform --set material.nu=0.3 --out out/soft\n\n"
+      "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
+      "with its\n"
+      "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n");
+  app.add_option("scene", arguments.scene, "scene file (.toml)")->required();
+  app.add_option("--set", arguments.overrides, "key=value: overrides a key of the scene; may be repeated")
+      ->allow_extra_args(false);
+  app.add_option("--out", arguments.out, "output folder")->capture_default_str();
+  app.add_flag("--quiet", arguments.is_quiet, "no progress on stderr");
+  app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    testbed::run(arguments);
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << '\n';
+    return 1;
+  }
+}
