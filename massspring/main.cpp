@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
+#include <set>
 
 #include "massspring/calibrate.h"
 #include "massspring/collapse.h"
@@ -23,6 +24,22 @@ struct Arguments {
   std::vector<std::string> overrides;
   bool is_quiet = false, is_forced = false;
 };
+
+/// The tetrahedra's nodes and edges as a network: surface edges first.
+SpringNetwork network_of(const TetMesh& mesh) {
+  const Eigen::Matrix2Xi surface = edges_of(mesh.F);
+  std::set<std::pair<int, int>> inner;
+  for (const auto& t : mesh.T.colwise())
+    for (int i = 0; i < 4; ++i)
+      for (int j = i + 1; j < 4; ++j) inner.insert(std::minmax(t(i), t(j)));
+  for (const auto& e : surface.colwise()) inner.erase({e(0), e(1)});
+  SpringNetwork network{mesh.X, mesh.F, Eigen::Matrix2Xi(2, surface.cols() + inner.size()), mesh.T,
+                        mesh.n_surface};
+  network.E.leftCols(surface.cols()) = surface;
+  Eigen::Index at = surface.cols();
+  for (const auto& [i, j] : inner) network.E.col(at++) << i, j;
+  return network;
+}
 
 /// PCP links sampled internal nodes; a calibration on tetrahedra takes theirs, and their edges are its
 /// springs.

@@ -39,23 +39,17 @@ Eigen::MatrixXd free_rigid_motions(const Matrix3Xd& X, const std::vector<Constra
   return Eigen::HouseholderQR<Eigen::MatrixXd>(free).householderQ() * Eigen::MatrixXd::Identity(X.size(), m);
 }
 
-/// Stiffness at rest of a sparser or equal model, shifted so that it has a factor even where the network is a
-/// mechanism.
-BlockMatrix preconditioner_matrix(const MassSpringModel& model, const State& rest, double& scale) {
-  BlockMatrix K;
-  if (model.tet_springs) {
-    const TetSprings simple =
-        couple_springs(model.network.X, model.network.T, lame_of(model.material), edge_coupled);
-    K = make_block_matrix(static_cast<int>(rest.x.cols()), pairs_of(simple));
-    add_hessian(simple, rest.x, K);
-  } else {
-    K = stiffness_pattern(model);
-    add_stiffness(model, rest, K);
+/// Stiffness of the model, or where springs are coupled of its single tetrahedra alone, which is sparser.
+BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
+  if (!model.tet_springs) {
+    BlockMatrix K = stiffness_pattern(model);
+    add_stiffness(model, state, K);
+    return K;
   }
-  scale = 0;
-  for (int i = 0; i < K.rows(); ++i) scale = std::max(scale, K.block[K.find(i, i)].diagonal().maxCoeff());
-  constexpr double kShift = 1e-7;
-  for (int i = 0; i < K.rows(); ++i) K.block[K.find(i, i)].diagonal().array() += kShift * scale;
+  const TetSprings simple =
+      couple_springs(model.network.X, model.network.T, lame_of(model.material), edge_coupled);
+  BlockMatrix K = make_block_matrix(static_cast<int>(state.x.cols()), pairs_of(simple));
+  add_hessian(simple, state.x, K);
   return K;
 }
 
@@ -80,12 +74,21 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
     throw std::runtime_error(what.str());
   }
   K_ = stiffness_pattern(model);
-  BlockMatrix P = preconditioner_matrix(model, initial_state(model), stiffness_scale_);
-  filter(forces.constraints, P);
+  factorise(initial_state(model), 0);
+}
+
+void QuasiStaticSolver::factorise(const State& state, double shift) {
+  constexpr double kLeastShift = 1e-8;  // so that a factor exists where rigid motions or mechanisms are free
+  BlockMatrix P = simple_stiffness(model_, state);
+  if (stiffness_scale_ == 0)
+    for (int i = 0; i < P.rows(); ++i)
+      stiffness_scale_ = std::max(stiffness_scale_, P.block[P.find(i, i)].diagonal().maxCoeff());
+  for (int i = 0; i < P.rows(); ++i)
+    P.block[P.find(i, i)].diagonal().array() += std::max(shift, kLeastShift) * stiffness_scale_;
+  filter(forces_.constraints, P);
   preconditioner_ = std::make_unique<BlockCholesky>(P);
   if (!preconditioner_->is_ok())
-    throw std::runtime_error(
-        "the stiffness at rest has no Cholesky factor, expected a positive definite model");
+    throw std::runtime_error("the stiffness has no Cholesky factor, expected a positive definite model");
 }
 
 void QuasiStaticSolver::project(Matrix3Xd& y) const {
@@ -107,9 +110,10 @@ double QuasiStaticSolver::potential(const State& state, double load_factor) cons
 }
 
 StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
-  constexpr double kTolerance = 1e-9, kLinearTolerance = 1e-6, kSufficientDecrease = 1e-4;
-  constexpr double kFirstShift = 1e-6, kLargestShift = 1e3;
-  constexpr int kMaxNewton = 200, kMaxLinear = 500, kMaxHalvings = 30;
+  constexpr double kTolerance = 1e-9, kLinearTolerance = 1e-6, kSufficientDecrease = 1e-4, kGoodGain = 0.75,
+                   kPoorGain = 0.25;
+  constexpr double kFirstShift = 1e-8, kLargestShift = 1e3;
+  constexpr int kMaxNewton = 200, kMaxLinear = 100, kMaxHalvings = 30;
 
   prescribe(forces_.constraints, model_.network.X, load_factor, state.x);
   const double size = (model_.network.X.rowwise().maxCoeff() - model_.network.X.rowwise().minCoeff()).norm();
@@ -125,6 +129,8 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     if (report.residual <= kTolerance) return report;
     if (report.newton_iterations == kMaxNewton || shift > kLargestShift) break;
 
+    K_.set_zero();
+    add_stiffness(model_, state, K_);
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
       multiply(K_, p, y);
       if (shift > 0) y += shift * stiffness_scale_ * p;
@@ -134,42 +140,35 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       preconditioner_->solve(v, z);
       project(z);
     };
-    Matrix3Xd dx;
-    SolveReport linear;
-    const auto solve_linear = [&] {
-      dx = Matrix3Xd::Zero(3, r.cols());
+    Matrix3Xd dx = Matrix3Xd::Zero(3, r.cols());
+    SolveReport linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kMaxLinear);
+    report.linear_iterations += linear.iterations;
+    if (!linear.is_converged) {
+      factorise(state, shift);
+      dx.setZero();
       linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kMaxLinear);
       report.linear_iterations += linear.iterations;
-    };
-    // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
-    if (model_.tet_springs && !model_.springs) {
-      K_.set_zero();
-      add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact);
-      solve_linear();
-    }
-    if (!linear.is_converged) {
-      K_.set_zero();
-      add_stiffness(model_, state, K_);
-      solve_linear();
     }
 
     // A mechanism's step has no bound: accept none that is wild or does not lower the energy.
     bool is_accepted = false;
+    double step = 1,
+           gain = 0;  // decrease of the energy over what the quadratic model promised for the full step
     const double slope = -r.cwiseProduct(dx).sum(), before = potential(state, load_factor);
     if (dx.allFinite() && slope < 0 && dx.colwise().norm().maxCoeff() < size) {
       State trial = state;
-      double step = 1;
       for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2) {
         trial.x = state.x + step * dx;
+        gain = (potential(trial, load_factor) - before) / (slope / 2);
         // Near equilibrium the energy is flat to rounding; there the balance of forces decides.
-        is_accepted = potential(trial, load_factor) <= before + kSufficientDecrease * step * slope ||
-                      residual(trial, load_factor).norm() < 0.5 * r.norm();
+        if (residual(trial, load_factor).norm() < 0.5 * r.norm()) gain = 1;
+        is_accepted = gain >= 2 * kSufficientDecrease * step;
       }
       if (is_accepted) state.x = trial.x;
     }
-    if (is_accepted && linear.is_converged)
+    if (linear.is_converged && gain > kGoodGain)
       shift = shift > kFirstShift ? shift / 10 : 0;
-    else
+    else if (!linear.is_converged || gain < kPoorGain)
       shift = std::max(10 * shift, kFirstShift);
     ++report.newton_iterations;
   }

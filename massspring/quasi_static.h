@@ -24,6 +24,7 @@ class QuasiStaticSolver {
   int n_free_rigid_motions() const { return static_cast<int>(rigid_motions_.cols()); }
 
  private:
+  void factorise(const State& state, double shift);
   Eigen::Matrix3Xd residual(const State& state, double load_factor) const;
   void project(Eigen::Matrix3Xd& y) const;
   double potential(const State& state, double load_factor) const;
