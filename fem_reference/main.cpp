@@ -193,6 +193,8 @@ void run(const Arguments& arguments) {
       hash_of(input_hash(scene, surface, {"network", "comparison"}) + ' ' +
               std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies));
   const std::filesystem::path out = arguments.out;
+  std::filesystem::create_directories(out);
+  write_file(out / "scene.toml", to_toml(scene));
   if (!arguments.is_forced && is_up_to_date(out, hash)) return;
   TetOptions options;
   options.interior_size = scene.reference.interior_size;

@@ -10,18 +10,12 @@
 namespace testbed {
 namespace {
 
-/// Masses where there are no tetrahedra: the cube of the mean length of a node's springs, halved on the
-/// surface, scaled so that the total is exact.
-Eigen::VectorXd masses_from_springs(const SpringNetwork& network, double total) {
-  const int n = static_cast<int>(network.X.cols());
-  Eigen::VectorXd length = Eigen::VectorXd::Zero(n), degree = Eigen::VectorXd::Zero(n);
-  for (const auto& s : network.E.colwise())
-    for (int i : s) {
-      length(i) += (network.X.col(s(0)) - network.X.col(s(1))).norm();
-      degree(i) += 1;
-    }
-  Eigen::VectorXd mass = (length.array() / degree.array().max(1)).cube();
-  mass.head(network.n_surface) /= 2;
+/// Masses where there are no tetrahedra: internal nodes, spread evenly, weigh the same, surface nodes half as
+/// much on average, in proportion to their area. The total is exact.
+Eigen::VectorXd masses_without_tetrahedra(const SpringNetwork& network, double total) {
+  Eigen::VectorXd mass = Eigen::VectorXd::Ones(network.X.cols());
+  const Eigen::VectorXd areas = vertex_areas(network.X.leftCols(network.n_surface), network.F);
+  mass.head(network.n_surface) = areas / areas.mean() / 2;
   return mass * (total / mass.sum());
 }
 
@@ -64,7 +58,7 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
   model.material = material;
   model.mass = network.T.cols() > 0
                    ? lumped_mass(network.X, network.T, material.rho)
-                   : masses_from_springs(network, material.rho * volume(network.X, network.F));
+                   : masses_without_tetrahedra(network, material.rho * volume(network.X, network.F));
   calibration.set_stiffness(model);
   return model;
 }

@@ -92,12 +92,15 @@ void run(const Arguments& arguments) {
   const SurfaceMesh surface = load_surface(scene.surface);
   const std::string hash = input_hash(scene, surface, {"reference", "comparison"});
   const std::filesystem::path out = arguments.out;
+  std::filesystem::create_directories(out);
+  write_file(out / "scene.toml", to_toml(scene));
   if (!arguments.is_forced && is_up_to_date(out, hash)) return;
-  const SpringNetwork network = make_network(scene, surface, calibration);
+  const SpringNetwork nodes = make_network(scene, surface, calibration);
 
   timer.start("setup");
   progress.stage("mass-spring: setup");
-  const MassSpringModel model = calibrate(network, scene.material, calibration);
+  const MassSpringModel model = calibrate(nodes, scene.material, calibration);
+  const SpringNetwork& network = model.network;
   if (scene.collapse && !model.springs)
     throw std::runtime_error(arguments.scene + ": collapse with network.calibration = " + calibration.name +
                              ", expected one of independent springs");
@@ -105,7 +108,6 @@ void run(const Arguments& arguments) {
   State state = initial_state(model);
   const Eigen::VectorXd rest_length = state.rest_length;
   Recorder recorder(out, cells_of(network), network.n_surface);
-  write_file(out / "scene.toml", to_toml(scene));
 
   nlohmann::ordered_json record = environment_record("massspring");
   record["name"] = scene.name;
@@ -126,6 +128,8 @@ void run(const Arguments& arguments) {
   if (is_static) {
     equilibrium = std::make_unique<QuasiStaticSolver>(model, forces);
     record["is_free"] = equilibrium->n_free_rigid_motions() > 0;
+    record["n_floppy_motions"] = equilibrium->n_floppy_motions();
+    record["floppy_load_share"] = equilibrium->floppy_load_share();
   } else {
     constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
     constexpr int kDefaultSteps = 100;

@@ -82,8 +82,12 @@ Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state
 }
 
 BlockMatrix stiffness_pattern(const MassSpringModel& model) {
-  const int n = static_cast<int>(model.network.X.cols());
-  return make_block_matrix(n, model.tet_springs ? pairs_of(*model.tet_springs) : model.network.E);
+  Eigen::Matrix2Xi pairs = model.tet_springs ? pairs_of(*model.tet_springs) : Eigen::Matrix2Xi(2, 0);
+  if (model.springs) {
+    pairs.conservativeResize(2, pairs.cols() + model.springs->E.cols());
+    pairs.rightCols(model.springs->E.cols()) = model.springs->E;
+  }
+  return make_block_matrix(static_cast<int>(model.network.X.cols()), pairs);
 }
 
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K) {

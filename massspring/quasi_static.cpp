@@ -8,11 +8,17 @@
 #include <stdexcept>
 
 #include "massspring/conjugate_gradients.h"
+#include "meshing/random.h"
 
 namespace testbed {
 namespace {
 
 using Eigen::Matrix3Xd;
+
+Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A) {
+  return Eigen::HouseholderQR<Eigen::MatrixXd>(A).householderQ() *
+         Eigen::MatrixXd::Identity(A.rows(), A.cols());
+}
 
 /// Orthonormal basis of the rigid motions of X that leave every constrained direction at rest, 3n x m, m
 /// <= 6.
@@ -34,9 +40,42 @@ Eigen::MatrixXd free_rigid_motions(const Matrix3Xd& X, const std::vector<Constra
   constexpr double kZero = 1e-10;  // squared sines of the angles at which supports hold a motion
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(held);
   const int m = static_cast<int>((eigen.eigenvalues().array() < kZero).count());
-  if (m == 0) return Eigen::MatrixXd(X.size(), 0);
-  const Eigen::MatrixXd free = R * eigen.eigenvectors().leftCols(m);
-  return Eigen::HouseholderQR<Eigen::MatrixXd>(free).householderQ() * Eigen::MatrixXd::Identity(X.size(), m);
+  return m == 0 ? Eigen::MatrixXd(X.size(), 0) : orthonormal(R * eigen.eigenvectors().leftCols(m));
+}
+
+/// Orthonormal basis of the motions on which K does no work, 3n x m, by subspace iteration with K's shifted
+/// factor.
+/// @param scale  largest diagonal entry of K
+Eigen::MatrixXd zero_energy_motions(const BlockMatrix& K, const BlockCholesky& factor, double scale) {
+  constexpr double kZero = 1e-7;  // of the largest stiffness: soft motions of sound networks lie above
+  constexpr int kIterations = 4;
+  Random random(1);
+  const int n = K.rows();
+  for (int m = std::min(64, 3 * n);; m = std::min(2 * m, 3 * n)) {
+    Eigen::MatrixXd Q(3 * n, m), KQ(3 * n, m);
+    for (double& q : Q.reshaped()) q = random.uniform() - 0.5;
+    Matrix3Xd y;
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
+      for (auto q : Q.colwise()) {
+        factor.solve(q.reshaped(3, n), y);
+        q = y.reshaped();
+      }
+      Q = orthonormal(Q);
+    }
+    for (int k = 0; k < m; ++k) {
+      multiply(K, Q.col(k).reshaped(3, n), y);
+      KQ.col(k) = y.reshaped();
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> ritz(Q.transpose() * KQ);
+    const int n_zero = static_cast<int>((ritz.eigenvalues().array() < kZero * scale).count());
+    if (n_zero < m || m == 3 * n) return Q * ritz.eigenvectors().leftCols(n_zero);
+  }
+}
+
+double largest_diagonal(const BlockMatrix& A) {
+  double largest = 0;
+  for (int i = 0; i < A.rows(); ++i) largest = std::max(largest, A.block[A.find(i, i)].diagonal().maxCoeff());
+  return largest;
 }
 
 /// Stiffness of the model, or where springs are coupled of its single tetrahedra alone, which is sparser.
@@ -56,35 +95,37 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
 }  // namespace
 
 QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces& forces)
-    : model_(model),
-      forces_(forces),
-      rigid_motions_(free_rigid_motions(model.network.X, forces.constraints)) {
+    : model_(model), forces_(forces), held_motions_(free_rigid_motions(model.network.X, forces.constraints)) {
+  n_free_rigid_motions_ = static_cast<int>(held_motions_.cols());
   const Eigen::Map<const Eigen::VectorXd> load(forces.load.data(), forces.load.size());
   constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
-  if ((rigid_motions_.transpose() * load).norm() > kBalanced * load.norm()) {
+  if ((held_motions_.transpose() * load).norm() > kBalanced * load.norm()) {
     const Eigen::Vector3d force = forces.load.rowwise().sum(), centre = model.network.X.rowwise().mean();
     Eigen::Vector3d torque = Eigen::Vector3d::Zero();
     for (int i = 0; i < forces.load.cols(); ++i)
       torque += (model.network.X.col(i) - centre).cross(forces.load.col(i));
     std::ostringstream what;
-    what << "the supports leave " << n_free_rigid_motions()
+    what << "the supports leave " << n_free_rigid_motions_
          << " rigid motions free and the loads drive them: net force (" << force.transpose()
          << ") N, net torque (" << torque.transpose()
          << ") N m about the centre; expected more supports or balanced loads";
     throw std::runtime_error(what.str());
   }
   K_ = stiffness_pattern(model);
-  factorise(initial_state(model), 0);
+  const State rest = initial_state(model);
+  BlockMatrix P = simple_stiffness(model, rest);
+  factorise(P);
+  if (model.tet_springs) return;  // rigid motions are all that tetrahedra leave free
+  filter(forces.constraints, P);
+  held_motions_ = zero_energy_motions(P, *preconditioner_, largest_diagonal(P));
+  const double load_norm = load.norm();
+  if (load_norm > 0) floppy_load_share_ = (held_motions_.transpose() * load).norm() / load_norm;
 }
 
-void QuasiStaticSolver::factorise(const State& state, double shift) {
-  constexpr double kLeastShift = 1e-8;  // so that a factor exists where rigid motions or mechanisms are free
-  BlockMatrix P = simple_stiffness(model_, state);
-  if (stiffness_scale_ == 0)
-    for (int i = 0; i < P.rows(); ++i)
-      stiffness_scale_ = std::max(stiffness_scale_, P.block[P.find(i, i)].diagonal().maxCoeff());
-  for (int i = 0; i < P.rows(); ++i)
-    P.block[P.find(i, i)].diagonal().array() += std::max(shift, kLeastShift) * stiffness_scale_;
+void QuasiStaticSolver::factorise(BlockMatrix P) {
+  constexpr double kShift = 1e-8;  // so that a factor exists where motions cost no energy
+  const double scale = largest_diagonal(P);
+  for (int i = 0; i < P.rows(); ++i) P.block[P.find(i, i)].diagonal().array() += kShift * scale;
   filter(forces_.constraints, P);
   preconditioner_ = std::make_unique<BlockCholesky>(P);
   if (!preconditioner_->is_ok())
@@ -93,9 +134,9 @@ void QuasiStaticSolver::factorise(const State& state, double shift) {
 
 void QuasiStaticSolver::project(Matrix3Xd& y) const {
   filter(forces_.constraints, y);
-  if (rigid_motions_.cols() == 0) return;
+  if (held_motions_.cols() == 0) return;
   Eigen::Map<Eigen::VectorXd> flat(y.data(), y.size());
-  flat -= rigid_motions_ * (rigid_motions_.transpose() * flat).eval();
+  flat -= held_motions_ * (held_motions_.transpose() * flat).eval();
 }
 
 Matrix3Xd QuasiStaticSolver::residual(const State& state, double load_factor) const {
@@ -110,15 +151,11 @@ double QuasiStaticSolver::potential(const State& state, double load_factor) cons
 }
 
 StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
-  constexpr double kTolerance = 1e-9, kLinearTolerance = 1e-6, kSufficientDecrease = 1e-4, kGoodGain = 0.75,
-                   kPoorGain = 0.25;
-  constexpr double kFirstShift = 1e-8, kLargestShift = 1e3;
-  constexpr int kMaxNewton = 200, kMaxLinear = 100, kMaxHalvings = 30;
+  constexpr double kTolerance = 1e-8, kLinearTolerance = 1e-6, kSufficientDecrease = 1e-4;
+  constexpr int kMaxNewton = 100, kPatience = 100, kMaxLinear = 2000, kMaxHalvings = 30;
 
   prescribe(forces_.constraints, model_.network.X, load_factor, state.x);
-  const double size = (model_.network.X.rowwise().maxCoeff() - model_.network.X.rowwise().minCoeff()).norm();
   StepReport report;
-  double shift = 0;
   for (Matrix3Xd r = residual(state, load_factor);; r = residual(state, load_factor)) {
     const double scale = load_factor * forces_.load.norm() + elastic_forces(model_, state).norm();
     report.residual = scale > 0 ? r.norm() / scale : 0;
@@ -127,13 +164,12 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       return report;
     }
     if (report.residual <= kTolerance) return report;
-    if (report.newton_iterations == kMaxNewton || shift > kLargestShift) break;
+    if (report.newton_iterations == kMaxNewton) break;
 
     K_.set_zero();
     add_stiffness(model_, state, K_);
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
       multiply(K_, p, y);
-      if (shift > 0) y += shift * stiffness_scale_ * p;
       project(y);
     };
     const auto precondition = [&](const Matrix3Xd& v, Matrix3Xd& z) {
@@ -141,36 +177,30 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       project(z);
     };
     Matrix3Xd dx = Matrix3Xd::Zero(3, r.cols());
-    SolveReport linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kMaxLinear);
+    SolveReport linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kPatience);
     report.linear_iterations += linear.iterations;
     if (!linear.is_converged) {
-      factorise(state, shift);
+      factorise(simple_stiffness(model_, state));
       dx.setZero();
       linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kMaxLinear);
       report.linear_iterations += linear.iterations;
     }
-
-    // A mechanism's step has no bound: accept none that is wild or does not lower the energy.
-    bool is_accepted = false;
-    double step = 1,
-           gain = 0;  // decrease of the energy over what the quadratic model promised for the full step
-    const double slope = -r.cwiseProduct(dx).sum(), before = potential(state, load_factor);
-    if (dx.allFinite() && slope < 0 && dx.colwise().norm().maxCoeff() < size) {
-      State trial = state;
-      for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2) {
-        trial.x = state.x + step * dx;
-        gain = (potential(trial, load_factor) - before) / (slope / 2);
-        // Near equilibrium the energy is flat to rounding; there the balance of forces decides.
-        if (residual(trial, load_factor).norm() < 0.5 * r.norm()) gain = 1;
-        is_accepted = gain >= 2 * kSufficientDecrease * step;
-      }
-      if (is_accepted) state.x = trial.x;
-    }
-    if (linear.is_converged && gain > kGoodGain)
-      shift = shift > kFirstShift ? shift / 10 : 0;
-    else if (!linear.is_converged || gain < kPoorGain)
-      shift = std::max(10 * shift, kFirstShift);
     ++report.newton_iterations;
+
+    const double slope = -r.cwiseProduct(dx).sum(), before = potential(state, load_factor);
+    const Matrix3Xd x = state.x;
+    bool is_accepted = false;
+    double step = 1;
+    for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2) {
+      state.x = x + step * dx;
+      // Near equilibrium the energy is flat to rounding; there the balance of forces decides.
+      is_accepted = potential(state, load_factor) <= before + kSufficientDecrease * step * slope ||
+                    residual(state, load_factor).norm() < 0.5 * r.norm();
+    }
+    if (!is_accepted) {
+      state.x = x;
+      break;
+    }
   }
   report.status = Status::NotConverged;
   return report;

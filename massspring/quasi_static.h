@@ -8,10 +8,13 @@
 
 namespace testbed {
 
-/// Newton's method on the potential energy with its Hessian kept positive semidefinite, backtracking line
-/// search, and a shift of the Hessian [Levenberg 1944] that grows only where the network is a mechanism.
-/// Linear systems by conjugate gradients, preconditioned by the Cholesky factor of the stiffness at rest (of
-/// single tetrahedra, which is sparser, where springs are coupled).
+/// Newton's method on the potential energy with its Hessian kept positive semidefinite and a backtracking
+/// line search. Linear systems by conjugate gradients, preconditioned by the Cholesky factor of the stiffness
+/// at rest, renewed where that has become a poor guide.
+///
+/// Motions that cost no energy at rest are kept out of the solution: rigid ones that the supports leave free,
+/// and those of a network that is a mechanism, as the paper's is [accuracy 1]. Nothing would stop the latter;
+/// the share of the load on them is reported.
 class QuasiStaticSolver {
  public:
   /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive: names
@@ -21,20 +24,25 @@ class QuasiStaticSolver {
   /// Moves `state` to equilibrium at `load_factor` times the full loads and prescribed displacements.
   StepReport solve(double load_factor, State& state);
 
-  int n_free_rigid_motions() const { return static_cast<int>(rigid_motions_.cols()); }
+  int n_free_rigid_motions() const { return n_free_rigid_motions_; }
+  /// Motions besides the rigid ones that cost no energy at rest.
+  int n_floppy_motions() const { return static_cast<int>(held_motions_.cols()) - n_free_rigid_motions_; }
+  /// |part of the load on floppy motions| / |load|: what the solution does not carry.
+  double floppy_load_share() const { return floppy_load_share_; }
 
  private:
-  void factorise(const State& state, double shift);
+  void factorise(BlockMatrix P);
   Eigen::Matrix3Xd residual(const State& state, double load_factor) const;
   void project(Eigen::Matrix3Xd& y) const;
   double potential(const State& state, double load_factor) const;
 
   const MassSpringModel& model_;
   const Forces& forces_;
-  Eigen::MatrixXd rigid_motions_;  ///< orthonormal basis of those the supports leave free, 3n x m
+  Eigen::MatrixXd held_motions_;  ///< orthonormal basis of the motions without energy, 3n x m
+  int n_free_rigid_motions_ = 0;
+  double floppy_load_share_ = 0;
   BlockMatrix K_;
   std::unique_ptr<BlockCholesky> preconditioner_;
-  double stiffness_scale_ = 0;  ///< largest diagonal entry at rest (N/m)
 };
 
 }  // namespace testbed

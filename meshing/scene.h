@@ -107,7 +107,7 @@ struct NetworkOptions {
   std::string sampling = "darts";      ///< of the internal nodes: darts or relaxed
   std::string connectivity = "pcp";    ///< name among connectivity_names() of meshing/connect.h
   int neighbours = 8;                  ///< completed_pcp: nearest neighbours of every node
-  std::string calibration = "affine";  ///< name of the spring model
+  std::string calibration = "node_averaged";  ///< name of the spring model
 };
 
 /// SmallStrain is a fair reference below a few per cent of strain; NeoHookean is the law of coupled springs.
