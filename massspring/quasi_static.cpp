@@ -166,8 +166,6 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     if (report.residual <= kTolerance) return report;
     if (report.newton_iterations == kMaxNewton) break;
 
-    K_.set_zero();
-    add_stiffness(model_, state, K_);
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
       multiply(K_, p, y);
       project(y);
@@ -176,14 +174,27 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       preconditioner_->solve(v, z);
       project(z);
     };
-    Matrix3Xd dx = Matrix3Xd::Zero(3, r.cols());
-    SolveReport linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kPatience);
-    report.linear_iterations += linear.iterations;
+    Matrix3Xd dx;
+    SolveReport linear;
+    const auto solve_linear = [&](int max_iterations) {
+      dx = Matrix3Xd::Zero(3, r.cols());
+      linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, max_iterations);
+      report.linear_iterations += linear.iterations;
+    };
+    // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
+    if (model_.tet_springs && !model_.springs) {
+      K_.set_zero();
+      add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact);
+      solve_linear(kPatience);
+    }
+    if (!linear.is_converged) {
+      K_.set_zero();
+      add_stiffness(model_, state, K_);
+      solve_linear(kPatience);
+    }
     if (!linear.is_converged) {
       factorise(simple_stiffness(model_, state));
-      dx.setZero();
-      linear = conjugate_gradients(product, precondition, r, dx, kLinearTolerance, kMaxLinear);
-      report.linear_iterations += linear.iterations;
+      solve_linear(kMaxLinear);
     }
     ++report.newton_iterations;
 
