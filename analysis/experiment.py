@@ -38,7 +38,7 @@ class Experiment:
     @property
     def surface(self) -> str:
         """Name of the surface's file or shape."""
-        return Path(self.scene["surface"]["file"]).name or self.scene["surface"]["shape"]
+        return Path(self.scene["surface"].get("file", "")).name or self.scene["surface"]["shape"]
 
     @property
     def calibration(self) -> str:
