@@ -208,7 +208,7 @@ void run(const Arguments& arguments) {
   Recorder recorder(out, {{5, solid.mesh().F}, {vtk_type, solid.cells()}}, mesh.n_surface);
   write_file(out / "scene.toml", to_toml(scene));
 
-  nlohmann::ordered_json record = environment_record("fem_reference");
+  nlohmann::ordered_json record = environment_record("fem_reference", 1);
   record["name"] = scene.name;
   record["input_hash"] = hash;
   record["mesh_hash"] =

@@ -8,6 +8,7 @@
 #include "massspring/collapse.h"
 #include "massspring/integrators.h"
 #include "massspring/quasi_static.h"
+#include "meshing/connect.h"
 #include "meshing/files.h"
 #include "meshing/network.h"
 #include "meshing/progress.h"
@@ -39,16 +40,6 @@ SpringNetwork network_of(const TetMesh& mesh) {
   Eigen::Index at = surface.cols();
   for (const auto& [i, j] : inner) network.E.col(at++) << i, j;
   return network;
-}
-
-/// PCP links sampled internal nodes; a calibration on tetrahedra takes theirs, and their edges are its
-/// springs.
-SpringNetwork make_network(const Scene& scene, const SurfaceMesh& surface, const Calibration& calibration) {
-  const NetworkOptions& options = scene.network;
-  if (!calibration.needs_tetrahedra)
-    return link_pcp(surface, sample_interior(surface, {options.phi, options.psi, options.k, options.seed}),
-                    {options.multiplicity});
-  return network_of(tetrahedralize(surface));
 }
 
 std::vector<CellBlock> cells_of(const SpringNetwork& network) {
@@ -95,7 +86,8 @@ void run(const Arguments& arguments) {
   std::filesystem::create_directories(out);
   write_file(out / "scene.toml", to_toml(scene));
   if (!arguments.is_forced && is_up_to_date(out, hash)) return;
-  const SpringNetwork nodes = make_network(scene, surface, calibration);
+  const SpringNetwork nodes = calibration.needs_tetrahedra ? network_of(tetrahedralize(surface))
+                                                           : build_network(surface, scene.network);
 
   timer.start("setup");
   progress.stage("mass-spring: setup");
@@ -109,7 +101,7 @@ void run(const Arguments& arguments) {
   const Eigen::VectorXd rest_length = state.rest_length;
   Recorder recorder(out, cells_of(network), network.n_surface);
 
-  nlohmann::ordered_json record = environment_record("massspring");
+  nlohmann::ordered_json record = environment_record("massspring", 1);
   record["name"] = scene.name;
   record["calibration"] = calibration.name;
   record["input_hash"] = hash;
