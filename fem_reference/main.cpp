@@ -206,7 +206,6 @@ void run(const Arguments& arguments) {
   timer.stop();
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
   Recorder recorder(out, {{5, solid.mesh().F}, {vtk_type, solid.cells()}}, mesh.n_surface);
-  write_file(out / "scene.toml", to_toml(scene));
 
   nlohmann::ordered_json record = environment_record("fem_reference", 1);
   record["name"] = scene.name;

@@ -8,9 +8,9 @@
 #include "massspring/collapse.h"
 #include "massspring/integrators.h"
 #include "massspring/quasi_static.h"
+#include "meshing/build_network.h"
 #include "meshing/connect.h"
 #include "meshing/files.h"
-#include "meshing/network.h"
 #include "meshing/progress.h"
 #include "meshing/record.h"
 #include "meshing/scene.h"
@@ -68,11 +68,9 @@ std::vector<std::pair<std::string, double>> curve_row(const MassSpringModel& mod
 }
 
 void run(const Arguments& arguments) {
-  Scene scene = read_scene(arguments.scene, arguments.overrides);
+  const Scene scene = read_scene(arguments.scene, arguments.overrides);
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (is_static && !scene.obstacles.empty())
-    throw std::runtime_error(arguments.scene + ": obstacles with time.mode = static, expected dynamic");
   if (!scene.obstacles.empty())
     throw std::runtime_error(arguments.scene + ": obstacles are not simulated yet");
 
@@ -125,8 +123,9 @@ void run(const Arguments& arguments) {
   } else {
     constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
     constexpr int kDefaultSteps = 100;
-    const bool is_implicit = scene.time.integrator == Integrator::ImplicitEuler;
-    if (h == 0) h = is_implicit ? scene.time.end / kDefaultSteps : kSafety * stable_step(model, state);
+    if (h == 0)
+      h = is_explicit(scene.time.integrator) ? kSafety * stable_step(model, forces, state)
+                                             : scene.time.end / kDefaultSteps;
     stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end);
     n_steps = std::max(1, static_cast<int>(std::ceil(scene.time.end / h - 1e-9)));
     record["step"] = h;
@@ -150,7 +149,11 @@ void run(const Arguments& arguments) {
   progress.stage("mass-spring: solve");
   StepReport report;
   int newton_iterations = 0, linear_iterations = 0, n_done = 0;
-  while (n_done < n_steps && report.status == Status::Ok) {
+  Status status = Status::Ok;
+  const auto has_ended = [&] {
+    return n_done == n_steps || status == Status::Diverged || (is_static && status == Status::NotConverged);
+  };
+  while (!has_ended()) {
     timer.start("solve");
     if (is_static) {
       const double load_factor = static_cast<double>(n_done + 1) / n_steps;
@@ -161,12 +164,12 @@ void run(const Arguments& arguments) {
       if (scene.collapse) collapse(*scene.collapse, network, state, h);
       report = stepper->step(state, h);
     }
+    if (report.status != Status::Ok) status = report.status;
     newton_iterations += report.newton_iterations;
     linear_iterations += report.linear_iterations;
     ++n_done;
     write_row();
-    const bool is_last = n_done == n_steps || report.status != Status::Ok;
-    if (is_last || (every > 0 && n_done % every == 0)) write_frame();
+    if (has_ended() || (every > 0 && n_done % every == 0)) write_frame();
     progress.update(static_cast<double>(n_done) / n_steps);
   }
   timer.stop();
@@ -175,8 +178,9 @@ void run(const Arguments& arguments) {
   record["newton_iterations"] = newton_iterations;
   record["linear_iterations"] = linear_iterations;
   record["residual"] = report.residual;
+  if (stepper && !stepper->solver_choice().empty()) record["solver"] = stepper->solver_choice();
   record["seconds"] = timer.seconds();
-  record["status"] = name_of(report.status);
+  record["status"] = name_of(status);
   recorder.finish(record);
 }
 
