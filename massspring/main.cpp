@@ -6,6 +6,7 @@
 
 #include "massspring/calibrate.h"
 #include "massspring/collapse.h"
+#include "massspring/diagnostics.h"
 #include "massspring/integrators.h"
 #include "massspring/quasi_static.h"
 #include "meshing/build_network.h"
@@ -67,6 +68,19 @@ std::vector<std::pair<std::string, double>> curve_row(const MassSpringModel& mod
           {"max_displacement", (state.x - X).colwise().norm().maxCoeff()}};
 }
 
+/// How far the model can be trusted on this mesh goes into the record; its error in bending and torsion at
+/// every node is returned, empty where the model has no answer, as a mechanism has none.
+Eigen::VectorXd add_diagnostics(const MassSpringModel& model, nlohmann::ordered_json& record) {
+  try {
+    const Diagnostics diagnostics = diagnose(model);
+    record["diagnostics"] = to_json(diagnostics);
+    return diagnostics.node_error;
+  } catch (const std::runtime_error& error) {
+    record["diagnostics"] = {{"refused", error.what()}};
+    return {};
+  }
+}
+
 void run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
   const Calibration& calibration = find_calibration(scene.network.calibration);
@@ -111,6 +125,11 @@ void run(const Arguments& arguments) {
   record["n_tetrahedra"] = network.T.cols();
   record["is_free"] = false;
 
+  timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
+  progress.stage("mass-spring: diagnose");
+  const Eigen::VectorXd node_error = add_diagnostics(model, record);
+
+  timer.start("setup");
   std::unique_ptr<QuasiStaticSolver> equilibrium;
   std::unique_ptr<TimeStepper> stepper;
   double h = scene.time.step;
@@ -136,6 +155,7 @@ void run(const Arguments& arguments) {
     timer.start("output");
     std::vector<Field> fields;
     if (!is_static) fields.push_back({"velocity", state.v});
+    if (node_error.size() > 0) fields.push_back({"node_error", node_error.transpose()});
     recorder.add_frame(state.t, network.X, state.x - network.X, fields);
   };
   const auto write_row = [&] {
