@@ -36,7 +36,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         help="default: ball_pressure.toml",
     )  # fmt: skip
     run.add_argument(
-        "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl)"
+        "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl .vtp .vtu)"
     )
     run.add_argument(
         "--out", type=Path, metavar="DIR", help="where results go; default: out/NAME of the scene"

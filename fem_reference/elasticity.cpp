@@ -158,7 +158,7 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
   const bool is_linear = law == ElasticLaw::SmallStrain;
   const bool is_moved =
       std::any_of(held.begin(), held.end(), [](const HeldComponent& h) { return h.displacement != 0; });
-  constexpr double kLinearTolerance = 1e-11, kNewtonTolerance = 1e-9;
+  constexpr double kLinearTolerance = 1e-13, kNewtonTolerance = 1e-9;
   constexpr double kRounding = 1e-12, kShortestStep = 1e-4;
   constexpr int kMaxNewton = 30;
   const auto stage = [&](const char* name) {

@@ -1,10 +1,12 @@
-// Readers of our own: VTK's return float32, split vertices at OBJ normals and know no OFF.
+// Readers of our own but for VTK's files: VTK's return float32, split vertices at OBJ normals and know no
+// OFF.
 #include "meshing/surface_io.h"
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <sstream>
 #include <stdexcept>
@@ -119,13 +121,14 @@ void TextLines::fail(const std::string& message) const {
 
 SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report) {
   const std::string extension = lower_extension(file), name = file.string(), bytes = read_file(file);
-  const PolygonSoup soup = extension == ".obj"   ? read_obj(bytes, name)
-                           : extension == ".off" ? read_off(bytes, name)
-                           : extension == ".ply" ? read_ply(bytes, name)
-                           : extension == ".stl"
-                               ? read_stl(bytes, name)
-                               : throw std::runtime_error(name + ": extension '" + extension +
-                                                          "', expected .obj, .off, .ply or .stl");
+  const std::map<std::string, PolygonSoup (*)(std::string_view, const std::string&)> readers{
+      {".obj", read_obj}, {".off", read_off}, {".ply", read_ply},
+      {".stl", read_stl}, {".vtp", read_vtp}, {".vtu", read_vtu}};
+  const auto reader = readers.find(extension);
+  if (reader == readers.end())
+    throw std::runtime_error(name + ": extension '" + extension +
+                             "', expected .obj, .off, .ply, .stl, .vtp or .vtu");
+  const PolygonSoup soup = reader->second(bytes, name);
   for (size_t i = 0; i < soup.points.size(); ++i)
     if (!soup.points[i].allFinite())
       throw std::runtime_error(name + ": vertex " + std::to_string(i) +

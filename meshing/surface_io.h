@@ -11,7 +11,7 @@ struct ReadReport {
   int n_merged = 0;  ///< vertices dropped because an earlier one has the same position (texture seams, STL)
 };
 
-/// Reads OBJ, OFF, PLY or STL in double precision. Vertices keep the file's order; those at equal positions
+/// Reads OBJ, OFF, PLY, STL, VTP or VTU in double precision. Vertices keep the file's order; those at equal positions
 /// are merged into the first. Polygons are cut into triangles.
 /// @throws std::runtime_error with file, line (text formats), value found and expected.
 SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report = nullptr);

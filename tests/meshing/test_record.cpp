@@ -12,6 +12,9 @@
 
 #include "meshing/files.h"
 #include "meshing/record.h"
+#include "meshing/shapes.h"
+#include "meshing/surface.h"
+#include "meshing/surface_io.h"
 
 namespace testbed {
 namespace {
@@ -125,6 +128,21 @@ TEST(Environment, NamesProgramVersionsBuildAndMachine) {
   EXPECT_GE(record.at("cores"), 1);
   EXPECT_EQ(record.at("threads"), 3);
   EXPECT_FALSE(environment_record("massspring").contains("threads")) << "unknown is not recorded";
+}
+
+TEST_F(RecorderTest, ItsFramesAreReadAsTheSurfaceTheyShow) {
+  const SurfaceMesh ball = make_shape("ball", 42);
+  Eigen::Matrix3Xd X(3, 43);  // an internal node, which no triangle uses
+  X << ball.X, Eigen::Vector3d::Zero();
+  const Eigen::Vector4i tet(ball.F(0, 0), ball.F(1, 0), ball.F(2, 0), 42);
+  Recorder recorder(folder, {{5, ball.F}, {10, tet}}, 42);
+  recorder.add_frame(0, X, Eigen::Matrix3Xd::Zero(3, 43));
+  const SurfaceMesh again = read_surface(folder / "frames/frame_000000.vtu");
+  EXPECT_NO_THROW(check_closed(again, "frame"));
+  EXPECT_EQ(again.X.cols(), 42);
+  EXPECT_EQ(volume(again.X, again.F), volume(ball.X, ball.F));
+  write_file(folder / "broken.vtu", "<VTKFile");
+  EXPECT_THROW(read_surface(folder / "broken.vtu"), std::runtime_error);
 }
 
 TEST(Hash, DependsOnEveryByte) {
