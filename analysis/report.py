@@ -43,7 +43,7 @@ def finding(comparison: dict[str, Any]) -> str:
     if model["status"] != "ok":
         return f"{title(comparison)}: the {name} springs gave no result: {model['status']}."
     springs, fem = total(model["seconds"]), total(comparison["reference"]["seconds"])
-    ratio = f"{fem / springs:.2g} times less" if fem >= springs else f"{springs / fem:.2g} times more"
+    ratio = f"{fem / springs:.2g} times faster" if fem >= springs else f"{springs / fem:.2g} times slower"
     sentence = (
         f"{title(comparison)}: the {name} springs miss the finite elements' surface displacement by "
         f"{percent(model['displacement_error_l2'])} (at worst {percent(model['displacement_error_max'])})"

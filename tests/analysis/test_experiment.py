@@ -55,7 +55,7 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
     comparison = compare(experiment)
     page = (experiment.folder / "report.html").read_text()
     assert html.escape(finding(comparison)) in page
-    assert "1 s against 9 s, 9 times less" in finding(comparison)
+    assert "1 s against 9 s, 9 times faster" in finding(comparison)
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
     assert page.count("data:image/svg+xml") == 2
     assert page.count("data:image/png") == 2
