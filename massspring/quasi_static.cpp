@@ -156,8 +156,10 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
 
   prescribe(forces_.constraints, model_.network.X, load_factor, state.x);
   StepReport report;
+  double scale = 0;
   for (Matrix3Xd r = residual(state, load_factor);; r = residual(state, load_factor)) {
-    const double scale = load_factor * forces_.load.norm() + elastic_forces(model_, state).norm();
+    // The largest forces met on the way: those at the end vanish where supports only move a body.
+    scale = std::max(scale, load_factor * forces_.load.norm() + elastic_forces(model_, state).norm());
     report.residual = scale > 0 ? r.norm() / scale : 0;
     if (!std::isfinite(report.residual)) {
       report.status = Status::Diverged;
