@@ -36,13 +36,19 @@ struct LoadPath {
 };
 
 void refuse_what_is_not_solved(const Scene& scene, const std::string& file) {
-  if (!scene.obstacles.empty())
-    throw std::runtime_error(file + ": obstacles, expected none: the reference has no contact");
-  if (scene.time.mode == TimeMode::Static) return;
+  const auto refuse = [&](const std::string& what) { throw std::runtime_error(file + ": " + what); };
+  if (!scene.obstacles.empty() || scene.self_contact.is_on)
+    refuse("obstacles or self_contact, expected none: the reference has no contact");
+  if (scene.volume || scene.skin) refuse("volume or skin, expected none: the reference is the solid alone");
+  for (const Load& load : scene.loads)
+    if (load.is_follower) refuse("loads.follower = true, expected false in the reference");
   if (scene.collapse)
-    throw std::runtime_error(file + ": collapse, expected none with time.mode = dynamic in the reference");
+    for (const Pivot& pivot : scene.collapse->pivots)
+      if (!pivot.motion.empty() || pivot.end) refuse("collapse.pivots with motion or end, expected neither");
+  if (scene.time.mode == TimeMode::Static) return;
+  if (scene.collapse) refuse("collapse, expected none with time.mode = dynamic in the reference");
   if (scene.reference.law != ElasticLaw::SmallStrain)
-    throw std::runtime_error(file + ": reference.law, expected small_strain with time.mode = dynamic");
+    refuse("reference.law, expected small_strain with time.mode = dynamic");
 }
 
 /// Full-load displacement of the surface's vertices on finer and finer meshes, and the error of the first

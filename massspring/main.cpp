@@ -85,8 +85,9 @@ void run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (!scene.obstacles.empty())
-    throw std::runtime_error(arguments.scene + ": obstacles are not simulated yet");
+  if (!scene.obstacles.empty() || scene.self_contact.is_on || scene.volume || scene.skin)
+    throw std::runtime_error(arguments.scene +
+                             ": obstacles, self_contact, volume and skin are not simulated yet");
 
   Progress progress(arguments.is_quiet);
   StageTimer timer;

@@ -4,14 +4,9 @@
 #include <Eigen/Core>
 
 #include "massspring/block_matrix.h"
+#include "meshing/scene.h"
 
 namespace testbed {
-
-/// Tension of a spring compressed below its rest length r; above it both are Hooke's.
-enum class SpringLaw {
-  Hooke,    ///< k_s (l - r): a network of such springs loses ellipticity at 20 % hydrostatic compression
-  Definite  ///< k_s r/4 (1 - (r/l)^4): the same stiffness at rest, without bound as l -> 0
-};
 
 struct Springs {
   Eigen::Matrix2Xi E;         ///< 2 x n_springs node pairs

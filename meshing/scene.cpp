@@ -20,6 +20,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+template <class T>
+struct is_vector : std::false_type {};
+template <class T>
+struct is_vector<std::vector<T>> : std::true_type {};
+
 /// Fills the scene's structs from a TOML table and refuses every key it was not asked for.
 class Reader {
  public:
@@ -193,13 +198,19 @@ class Reader {
     } else if constexpr (std::is_same_v<T, std::string>) {
       if (!node.is_string()) refuse("a string in quotes");
       value = *node.value<std::string>();
-    } else if constexpr (std::is_same_v<T, Eigen::Vector3d>) {
+    } else if constexpr (std::is_base_of_v<Eigen::MatrixBase<T>, T>) {
       const toml::array* array = node.as_array();
-      if (!array || array->size() != 3) refuse("three numbers [x, y, z]");
-      for (int c = 0; c < 3; ++c) read((*array)[c], key + "." + std::to_string(c), value(c), range, meaning);
-    } else if constexpr (std::is_same_v<T, std::vector<std::string>>) {
+      if (!array || array->size() != T::SizeAtCompileTime)
+        refuse(T::SizeAtCompileTime == 3 ? "three numbers [x, y, z]"
+                                         : std::to_string(T::SizeAtCompileTime) + " numbers");
+      // A range is that of values, not of the time in front of them.
+      constexpr bool has_time = T::SizeAtCompileTime != 3;
+      for (int c = 0; c < T::SizeAtCompileTime; ++c)
+        read((*array)[c], key + "." + std::to_string(c), value(c), has_time && c == 0 ? kAny : range,
+             meaning);
+    } else if constexpr (is_vector<T>::value) {
       const toml::array* array = node.as_array();
-      if (!array) refuse("a list of strings");
+      if (!array) refuse("a list");
       value.resize(array->size());
       for (size_t i = 0; i < array->size(); ++i)
         read((*array)[i], key + "." + std::to_string(i), value[i], range, meaning);
@@ -278,7 +289,25 @@ void apply_override(toml::table& root, const std::string& text) {
   }
 }
 
+template <class Rows>
+typename Rows::value_type interpolated(const Rows& rows, double t) {
+  const auto after = std::upper_bound(rows.begin(), rows.end(), t,
+                                      [](double time, const auto& row) { return time < row(0); });
+  if (after == rows.begin()) return rows.front();
+  if (after == rows.end()) return rows.back();
+  const auto before = after - 1;
+  return *before + (t - (*before)(0)) / ((*after)(0) - (*before)(0)) * (*after - *before);
+}
+
 }  // namespace
+
+double value_at(const Curve& curve, double t) {
+  return interpolated(curve, t)(1);
+}
+
+Eigen::Vector3d position_at(const Path& path, double t) {
+  return interpolated(path, t).tail<3>();
+}
 
 Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides) {
   toml::table table = parse(read_file(file), file.string());

@@ -26,6 +26,15 @@ struct Ball {
   Eigen::Vector3d centre;
   double radius;
 };
+/// Points within a radius of a segment.
+struct Capsule {
+  Eigen::Vector3d a, b;
+  double radius;
+};
+/// The inside of a closed surface.
+struct ClosedMesh {
+  std::string file;
+};
 
 /// A part of the surface, by vertex position at rest. Boundaries are included (to 1e-9 of the bounding box).
 struct Region {
@@ -53,7 +62,7 @@ struct Material {
 struct Support {
   Region region;
   std::array<bool, 3> fixed{{true, true, true}};  ///< which components are prescribed ("xyz" in the file)
-  Eigen::Vector3d displacement{0, 0, 0};        ///< their displacement at full load (m)
+  Eigen::Vector3d displacement{0, 0, 0};          ///< their displacement at full load (m)
 };
 
 /// Surface load on triangles whose three vertices lie in the region; on the undeformed area unless stated.
@@ -61,21 +70,58 @@ struct Load {
   Region region;
   double pressure = 0;                ///< Pa, acts against the outward normal
   Eigen::Vector3d traction{0, 0, 0};  ///< Pa
+  bool is_follower =
+      false;  ///< pressure acts on the deformed surface; the region holds whole components of it
+};
+
+/// A value at each time, linear in between and constant outside: (s, value), times ascending. Static scenes
+/// take the load factor for time.
+using Curve = std::vector<Eigen::Vector2d>;
+/// A point or a translation at each time, linear in between: (s, m, m, m).
+using Path = std::vector<Eigen::Vector4d>;
+double value_at(const Curve& curve, double t);            ///< curve not empty
+Eigen::Vector3d position_at(const Path& path, double t);  ///< path not empty
+
+/// Energies of volume [paper 3.3].
+struct VolumeForces {
+  double coefficient = 0;  ///< P of 1/2 P (V - V_1)^2 / V_1, V the volume that the surface encloses (Pa)
+  double local = 0;        ///< the same for every tetrahedron of the network (Pa)
+  Curve target;  ///< V_1 over the volume at rest; absent: 1, and the volume as it is while rest lengths
+                 ///< collapse
+};
+
+/// The surface as a shell of its own around the body [paper 4.2, 4.4].
+struct Skin {
+  double stiffness = 0;   ///< of the membrane (N/m): thickness times Young's modulus
+  double bending = 0;     ///< k_b of 1/2 k_b (theta - theta_0)^2 |e|^2 / (A_1 + A_2) (J)
+  double relaxation = 0;  ///< R' of eq. 9, the part lost in a second where the skin is bent most
 };
 
 /// Rest lengths collapse around a pivot [paper eq. 8].
 struct Pivot {
-  Eigen::Vector3d point;  ///< m
-  double start = 0;       ///< s (static scenes: load factor at which it begins)
+  Eigen::Vector3d point;      ///< m
+  Path motion;                ///< its translation from there
+  double start = 0;           ///< s (static scenes: load factor at which it begins)
+  std::optional<double> end;  ///< s; no effect from here on
 };
 struct Collapse {
-  double coefficient = 0.1;  ///< depletion R in [0, 1)
+  double coefficient = 0.1;  ///< depletion R in [0, 1), per second, per step or, static, at full load
+  bool is_per_step = false;  ///< as the paper has it: the result depends on the step
+  double least = 0.05;       ///< fraction of its first rest length below which no spring collapses
   std::vector<Pivot> pivots;
 };
 
-/// A fixed rigid body that the surface cannot enter: outside of the region's shape is free.
+/// A rigid body that the surface cannot enter.
 struct Obstacle {
-  std::variant<HalfSpace, Ball> shape;
+  std::variant<HalfSpace, Ball, Box, Capsule, ClosedMesh> shape;  ///< what it fills
+  Path motion;                                                    ///< its translation from there
+  double friction = 0;                                            ///< Coulomb's coefficient
+};
+
+/// The surface against itself.
+struct SelfContact {
+  bool is_on = false;
+  std::optional<double> thickness;  ///< m, that it keeps; from its edges if absent
 };
 
 enum class TimeMode { Static, Dynamic };
@@ -97,6 +143,12 @@ struct TimeOptions {
   Integrator integrator = Integrator::ImplicitEuler;
 };
 
+/// Tension of an independent spring compressed below its rest length r; above it both are Hooke's.
+enum class SpringLaw {
+  Hooke,    ///< k_s (l - r): a network of such springs loses ellipticity at 20 % hydrostatic compression
+  Definite  ///< k_s r/4 (1 - (r/l)^4): the same stiffness at rest, without bound as l -> 0
+};
+
 /// Distances that are absent are chosen from the surface.
 struct NetworkOptions {
   std::optional<double> phi;  ///< least distance between internal nodes (normalised box)
@@ -104,9 +156,11 @@ struct NetworkOptions {
   std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
   int multiplicity = 5;       ///< springs projected by each white node, >= 3
   std::uint64_t seed = 1;
-  std::string sampling = "darts";      ///< of the internal nodes: darts or relaxed
-  std::string connectivity = "pcp";    ///< name among connectivity_names() of meshing/connect.h
-  int neighbours = 8;                  ///< completed_pcp: nearest neighbours of every node
+  std::string sampling = "darts";    ///< of the internal nodes: darts or relaxed
+  std::string connectivity = "pcp";  ///< name among connectivity_names() of meshing/connect.h
+  int neighbours = 8;                ///< completed_pcp: nearest neighbours of every node
+  SpringLaw spring_law = SpringLaw::Hooke;
+  double spring_damping = 0;                  ///< k_d of every independent spring (N s/m)
   std::string calibration = "node_averaged";  ///< name of the spring model
 };
 
@@ -137,7 +191,10 @@ struct Scene {
   std::vector<Support> supports;
   std::vector<Load> loads;
   std::optional<Collapse> collapse;
+  std::optional<VolumeForces> volume;
+  std::optional<Skin> skin;
   std::vector<Obstacle> obstacles;
+  SelfContact self_contact;
   TimeOptions time;
   NetworkOptions network;
   ReferenceOptions reference;
@@ -145,8 +202,9 @@ struct Scene {
   OutputOptions output;
 };
 
-/// Reads a scene with `overrides` in place: "material.nu=0.3", "loads.0.pressure=5", the value in TOML or else a
-/// string. Paths are relative to the scene file, in overrides to the current folder, and absolute in the result.
+/// Reads a scene with `overrides` in place: "material.nu=0.3", "loads.0.pressure=5", the value in TOML or
+/// else a string. Paths are relative to the scene file, in overrides to the current folder, and absolute in
+/// the result.
 /// @throws std::runtime_error naming file, line, key, value found, what is allowed and the nearest known key.
 Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 

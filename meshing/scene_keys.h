@@ -22,6 +22,7 @@ inline const Range kPoisson{"in (-1, 0.5)", [](double x) { return x > -1 && x < 
 inline const Range kFraction{"in [0, 1)", [](double x) { return x >= 0 && x < 1; }};
 inline const Range kAtLeastOne{">= 1", [](double x) { return x >= 1; }};
 inline const Range kAtLeastThree{">= 3", [](double x) { return x >= 3; }};
+inline const Range kUpToOne{"in [0, 1]", [](double x) { return x >= 0 && x <= 1; }};
 inline const Range kDegree{"1 or 2", [](double x) { return x == 1 || x == 2; }};
 
 inline const std::vector<std::string> kTimeModes{"static", "dynamic"};
@@ -31,8 +32,17 @@ inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic
 inline const std::vector<std::string> kSamplings{"darts", "relaxed"};
 inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
                                                       "delaunay", "pcp",     "completed_pcp"};
+inline const std::vector<std::string> kSpringLaws{"hooke", "definite"};
 inline const std::vector<std::string> kLaws{"small_strain", "st_venant_kirchhoff", "neo_hookean"};
 inline const std::vector<std::string> kFields{"displacement", "velocity"};
+
+/// The times in front ascend.
+template <class Rows>
+bool is_ascending(const Rows& rows) {
+  for (size_t i = 1; i < rows.size(); ++i)
+    if (!(rows[i - 1](0) < rows[i](0))) return false;
+  return true;
+}
 
 template <class V>
 void describe(V& v, Everywhere&) {}
@@ -55,6 +65,18 @@ template <class V>
 void describe(V& v, Ball& ball) {
   v.required("center", ball.centre, kAny, "m");
   v.required("radius", ball.radius, kPositive, "m");
+}
+
+template <class V>
+void describe(V& v, Capsule& capsule) {
+  v.required("a", capsule.a, kAny, "end of its axis (m)");
+  v.required("b", capsule.b, kAny, "other end (m)");
+  v.required("radius", capsule.radius, kPositive, "m");
+}
+
+template <class V>
+void describe(V& v, ClosedMesh& mesh) {
+  v.path("file", mesh.file, "closed surface, as in [surface]");
 }
 
 template <class V>
@@ -95,25 +117,59 @@ void describe(V& v, Load& l) {
   v.inline_table("region", l.region, "triangles with three nodes inside");
   v("pressure", l.pressure, kAny, "against the outward normal (Pa)");
   v("traction", l.traction, kAny, "Pa");
+  v("follower", l.is_follower, "pressure acts on the deformed surface");
 }
 
 template <class V>
 void describe(V& v, Pivot& p) {
   v.required("point", p.point, kAny, "m");
+  v("motion", p.motion, kAny, "translation from there [[s, m, m, m], ...]");
+  v.check("motion", is_ascending(p.motion), "ascending times");
   v("start", p.start, kNotNegative, "s; static scenes: load factor");
+  v("end", p.end, kPositive, "s");
 }
 
 template <class V>
 void describe(V& v, Collapse& c) {
-  v("coefficient", c.coefficient, kFraction, "depletion R of rest lengths");
+  v("coefficient", c.coefficient, kFraction, "depletion R of rest lengths in a second; static: at full load");
+  v("per_step", c.is_per_step, "deplete by R in a step, whatever its length");
+  v("least", c.least, kUpToOne, "fraction of its rest length to which a spring collapses at most");
   v.list("pivots", c.pivots);
+}
+
+template <class V>
+void describe(V& v, VolumeForces& f) {
+  v("coefficient", f.coefficient, kNotNegative, "P, of the enclosed volume (Pa)");
+  v("local", f.local, kNotNegative, "of every tetrahedron (Pa)");
+  v("target", f.target, kPositive,
+    "[[s, volume over that at rest], ...]; absent: 1, or what a collapse leaves");
+  v.check("target", is_ascending(f.target), "ascending times");
+}
+
+template <class V>
+void describe(V& v, Skin& s) {
+  v("stiffness", s.stiffness, kNotNegative, "of the membrane: thickness times Young's modulus (N/m)");
+  v("bending", s.bending, kNotNegative, "k_b (J)");
+  v("relaxation", s.relaxation, kFraction, "R': part of a rest length lost in a second where bent most");
 }
 
 template <class V>
 void describe(V& v, Obstacle& o) {
   v.template alternative<HalfSpace>("plane", o.shape);
   v.template alternative<Ball>("sphere", o.shape);
-  v.needs_alternative("plane or sphere");
+  v.template alternative<Box>("box", o.shape);
+  v.template alternative<Capsule>("capsule", o.shape);
+  v.template alternative<ClosedMesh>("mesh", o.shape);
+  v.needs_alternative("plane, sphere, box, capsule or mesh");
+  v("motion", o.motion, kAny, "translation [[s, m, m, m], ...]");
+  v.check("motion", is_ascending(o.motion), "ascending times");
+  v("friction", o.friction, kNotNegative, "Coulomb's coefficient");
+}
+
+template <class V>
+void describe(V& v, SelfContact& c) {
+  v("on", c.is_on, "the surface does not pass through itself");
+  v("thickness", c.thickness, kPositive, "distance that it keeps (m); absent: from its edges");
 }
 
 template <class V>
@@ -139,6 +195,9 @@ void describe(V& v, NetworkOptions& n) {
            "surface, central, complete, delaunay, pcp, completed_pcp");
   v("neighbours", n.neighbours, kAtLeastOne, "completed_pcp: nearest neighbours of every node");
   v("calibration", n.calibration, "name of the spring model");
+  v.choice("spring_law", n.spring_law, kSpringLaws,
+           "of independent springs in compression: hooke, or definite, which no force flattens");
+  v("spring_damping", n.spring_damping, kNotNegative, "k_d of independent springs (N s/m)");
 }
 
 template <class V>
@@ -170,7 +229,10 @@ void describe(V& v, Scene& s) {
   v.list("supports", s.supports);
   v.list("loads", s.loads);
   v.table("collapse", s.collapse);
+  v.table("volume", s.volume);
+  v.table("skin", s.skin);
   v.list("obstacles", s.obstacles);
+  v.table("self_contact", s.self_contact);
   v.table("time", s.time);
   v.table("network", s.network);
   v.table("reference", s.reference);

@@ -110,12 +110,14 @@ class Writer {
   static std::string text(int x) { return std::to_string(x); }
   static std::string text(std::uint64_t x) { return std::to_string(x); }
   static std::string text(const std::string& x) { return toml_text(x); }
-  static std::string text(const Eigen::Vector3d& x) {
-    return "[" + toml_text(x(0)) + ", " + toml_text(x(1)) + ", " + toml_text(x(2)) + "]";
+  template <int n>
+  static std::string text(const Eigen::Matrix<double, n, 1>& x) {
+    return text(std::vector<double>(x.begin(), x.end()));
   }
-  static std::string text(const std::vector<std::string>& words) {
+  template <class T>
+  static std::string text(const std::vector<T>& values) {
     std::vector<std::string> all;
-    for (const std::string& word : words) all.push_back(toml_text(word));
+    for (const T& value : values) all.push_back(text(value));
     return "[" + joined(all) + "]";
   }
   template <class T>

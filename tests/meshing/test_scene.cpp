@@ -61,8 +61,20 @@ region = { plane = { point = [0, 0, 1], normal = [0, 0, -1] } }
 coefficient = 0.25
 [[collapse.pivots]]
 point = [1, 2, 3]
+motion = [[0, 0, 0, 0], [2, 4, 0, -4]]
+[volume]
+coefficient = 10
+target = [[1, 1], [3, 0.5]]
+[skin]
+bending = 0.1
 [[obstacles]]
 plane = { point = [0, 0, 0], normal = [0, 0, 1] }
+[[obstacles]]
+capsule = { a = [0, 0, 0], b = [1, 0, 0], radius = 0.5 }
+motion = [[0.5, 0, 1, 0]]
+friction = 0.3
+[self_contact]
+on = true
 [time]
 mode = "dynamic"
 integrator = "symplectic_euler"
@@ -86,10 +98,22 @@ TEST(Scene, IsReadWithItsValues) {
   EXPECT_EQ(std::get<Ball>(scene.supports[1].region.shape).radius, 0.5);
   EXPECT_EQ(scene.loads[1].traction.y(), 2);
   EXPECT_EQ(scene.collapse->pivots[0].point.z(), 3);
+  EXPECT_EQ(scene.skin->bending, 0.1);
+  EXPECT_EQ(std::get<Capsule>(scene.obstacles[1].shape).b.x(), 1);
+  EXPECT_TRUE(scene.self_contact.is_on);
   EXPECT_EQ(scene.time.integrator, Integrator::SymplecticEuler);
   EXPECT_EQ(*scene.network.k, 500);
   EXPECT_FALSE(scene.network.phi);
   EXPECT_EQ(scene.comparison.calibrations, (std::vector<std::string>{"uniform", "lloyd"}));
+}
+
+TEST(Scene, CurvesAndPathsAreLinearBetweenTheirTimesAndConstantOutside) {
+  const Scene scene = read_scene(write_scene(kFull));
+  const Curve& target = scene.volume->target;
+  for (const auto& [t, value] : {std::pair{0.0, 1.0}, {1.0, 1.0}, {1.5, 0.875}, {3.0, 0.5}, {9.0, 0.5}})
+    EXPECT_EQ(value_at(target, t), value) << t;
+  EXPECT_EQ(position_at(scene.collapse->pivots[0].motion, 0.5), Eigen::Vector3d(1, 0, -1));
+  EXPECT_EQ(position_at(scene.obstacles[1].motion, 0), Eigen::Vector3d(0, 1, 0));
 }
 
 TEST(Scene, FilledInFileGivesTheSameSceneAgain) {
@@ -215,8 +239,10 @@ TEST(Scene, ShapesWithoutAnInsideAreRefused) {
   EXPECT_EQ(error_of(support + "{ box = { low = [0, 0, 0], high = [1, 1, 1] }, plane = { point = [0, 0, 0], "
                                "normal = [0, 0, 1] } }\n"),
             "scene.toml:4: supports.0.region has both box and plane, expected one of them");
+  EXPECT_EQ(error_of("[surface]\nshape = \"ball\"\n[volume]\ntarget = [[1, 1], [1, 0.5]]\n"),
+            "scene.toml:4: volume.target = [ [ 1, 1 ], [ 1, 0.5 ] ], expected ascending times");
   EXPECT_EQ(error_of("[surface]\nshape = \"ball\"\n[[obstacles]]\n"),
-            "scene.toml:3: obstacles.0 has no shape, expected plane or sphere");
+            "scene.toml:3: obstacles.0 has no shape, expected plane, sphere, box, capsule or mesh");
 }
 
 TEST(Scene, ErrorsInOverridesNameTheOverride) {
