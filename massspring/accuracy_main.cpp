@@ -12,10 +12,9 @@
 #include "massspring/calibrate.h"
 #include "massspring/exact_fields.h"
 #include "massspring/linear_statics.h"
-#include "meshing/network.h"
+#include "meshing/build_network.h"
 #include "meshing/scene.h"
 #include "meshing/surface.h"
-#include "meshing/tetrahedralize.h"
 
 namespace testbed {
 
@@ -26,7 +25,7 @@ using Eigen::Matrix3Xd;
 struct Options {
   std::string out;
   std::vector<std::string> surfaces, models;
-  std::vector<double> nu{0, 0.25, 0.3, 0.45, 0.49}, spacings{0};
+  std::vector<double> nu{0, 0.25, 0.3, 0.45, 0.49}, spacings{0.7};
   std::vector<std::uint64_t> seeds{0};
 };
 
@@ -64,21 +63,13 @@ double volume_change(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, const Matrix
   return change;
 }
 
-/// Seed 0: the mesher's own inner nodes, `spacing` apart (0: as the surface). Other seeds: random inner
-/// nodes.
+/// Seed 0: the mesher's inner nodes, `spacing` of the surface's apart. Other seeds: random inner nodes.
 SpringNetwork network_of(const SurfaceMesh& surface, double spacing, std::uint64_t seed) {
-  TetOptions options;
-  if (spacing > 0) options.interior_size = spacing;
-  if (seed > 0) {
-    SampleOptions sampling;
-    sampling.seed = seed;
-    if (spacing > 0) sampling.phi = spacing;
-    options.interior = sample_interior(surface, sampling);
-  }
-  const TetMesh mesh = tetrahedralize(surface, options);
-  SpringNetwork network = link_pcp(surface, mesh.X.rightCols(mesh.X.cols() - mesh.n_surface), {});
-  network.T = mesh.T;
-  return network;
+  NetworkOptions options;
+  options.spacing = spacing;
+  options.sampling = seed == 0 ? "mesher" : "darts";
+  options.seed = seed;
+  return build_network(surface, options, true);
 }
 
 class Table {
@@ -204,8 +195,7 @@ int main(int argc, char** argv) {
   app.add_option("--out", options.out, "CSV file, continued if it exists")->required();
   app.add_option("--surface", options.surfaces, "file, or SHAPE:VERTICES of a generated shape")->required();
   app.add_option("--nu", options.nu, "Poisson's ratios");
-  app.add_option("--spacing", options.spacings,
-                 "spacings of inner nodes, smallest side of the body = 1; 0: as the surface's");
+  app.add_option("--spacing", options.spacings, "of the mesher's inner nodes, over the surface's nearby");
   app.add_option("--seed", options.seeds, "0: the mesher's own inner nodes; others: random inner nodes");
   app.add_option("--model", options.models, "spring models; all if absent");
   CLI11_PARSE(app, argc, argv);

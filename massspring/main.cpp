@@ -2,7 +2,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
-#include <set>
 
 #include "massspring/calibrate.h"
 #include "massspring/collapse.h"
@@ -10,13 +9,12 @@
 #include "massspring/integrators.h"
 #include "massspring/quasi_static.h"
 #include "meshing/build_network.h"
-#include "meshing/connect.h"
 #include "meshing/files.h"
 #include "meshing/progress.h"
 #include "meshing/record.h"
 #include "meshing/scene.h"
 #include "meshing/surface.h"
-#include "meshing/tetrahedralize.h"
+#include "meshing/tet_mesh.h"
 
 namespace testbed {
 namespace {
@@ -26,22 +24,6 @@ struct Arguments {
   std::vector<std::string> overrides;
   bool is_quiet = false, is_forced = false;
 };
-
-/// The tetrahedra's nodes and edges as a network: surface edges first.
-SpringNetwork network_of(const TetMesh& mesh) {
-  const Eigen::Matrix2Xi surface = edges_of(mesh.F);
-  std::set<std::pair<int, int>> inner;
-  for (const auto& t : mesh.T.colwise())
-    for (int i = 0; i < 4; ++i)
-      for (int j = i + 1; j < 4; ++j) inner.insert(std::minmax(t(i), t(j)));
-  for (const auto& e : surface.colwise()) inner.erase({e(0), e(1)});
-  SpringNetwork network{mesh.X, mesh.F, Eigen::Matrix2Xi(2, surface.cols() + inner.size()), mesh.T,
-                        mesh.n_surface};
-  network.E.leftCols(surface.cols()) = surface;
-  Eigen::Index at = surface.cols();
-  for (const auto& [i, j] : inner) network.E.col(at++) << i, j;
-  return network;
-}
 
 std::vector<CellBlock> cells_of(const SpringNetwork& network) {
   std::vector<CellBlock> cells{{5, network.F}, {3, network.E}};
@@ -99,8 +81,7 @@ void run(const Arguments& arguments) {
   std::filesystem::create_directories(out);
   write_file(out / "scene.toml", to_toml(scene));
   if (!arguments.is_forced && is_up_to_date(out, hash)) return;
-  const SpringNetwork nodes = calibration.needs_tetrahedra ? network_of(tetrahedralize(surface))
-                                                           : build_network(surface, scene.network);
+  const SpringNetwork nodes = build_network(surface, scene.network, calibration.needs_tetrahedra);
 
   timer.start("setup");
   progress.stage("mass-spring: setup");
@@ -124,6 +105,7 @@ void run(const Arguments& arguments) {
   record["n_nodes"] = network.X.cols();
   record["n_springs"] = network.E.cols();
   record["n_tetrahedra"] = network.T.cols();
+  if (network.T.cols() > 0) record["tetrahedra"] = to_json(tet_quality(network.X, network.T));
   record["is_free"] = false;
 
   timer.stop();  // what tells a user how far to trust the model is no part of what the model costs

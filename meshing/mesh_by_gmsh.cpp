@@ -1,14 +1,13 @@
 // The mesher of gmsh_worker.
 #include <gmsh.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <unordered_map>
 #include <vector>
 
-#include "meshing/kd_tree.h"
 #include "meshing/shells.h"
-#include "meshing/surface.h"
 #include "meshing/surface_tree.h"
 #include "meshing/tet_worker.h"
 
@@ -16,7 +15,7 @@ namespace testbed {
 
 namespace {
 
-/// Edges inside are as long as those of the surface nearby, or this part of the distance to it: three layers
+/// Edges inside are as long as wanted at the surface nearby, or this part of the distance to it: three layers
 /// are fine.
 constexpr double growth = 0.3;
 
@@ -90,18 +89,12 @@ void embed_points(const Eigen::Matrix3Xd& points, const std::vector<int>& entiti
     if (!inside[s].empty()) gmsh::model::mesh::embed(0, inside[s], 3, solids[s].volume);
 }
 
-/// Mean length of the edges at each vertex.
-Eigen::VectorXd vertex_spacing(const SurfaceMesh& surface) {
-  Eigen::VectorXd sum = Eigen::VectorXd::Zero(surface.X.cols()), count = sum;
-  const Eigen::Matrix2Xi edges = edges_of(surface.F);
-  for (const auto& e : edges.colwise()) {
-    const double length = (surface.X.col(e[0]) - surface.X.col(e[1])).norm();
-    for (int v : e) {
-      sum[v] += length;
-      count[v] += 1;
-    }
-  }
-  return sum.cwiseQuotient(count);
+/// Weights of a triangle's corners (columns) at a point of it.
+Eigen::Vector3d barycentric(const Eigen::Vector3d& x, const Eigen::Matrix3d& corners) {
+  Eigen::Vector3d weights;
+  for (int c = 0; c < 3; ++c)
+    weights[c] = (corners.col((c + 1) % 3) - x).cross(corners.col((c + 2) % 3) - x).norm();
+  return weights / weights.sum();
 }
 
 /// Reads the tetrahedra back: surface vertices first, then the points given, then gmsh's own.
@@ -147,13 +140,14 @@ TetNodes mesh_task(const TetTask& task, int algorithm, double angle_tolerance) {
   gmsh::model::geo::synchronize();
   if (!points.empty()) embed_points(task.interior, points, task.surface, shells, solids);
 
-  const KdTree vertices(task.surface.X);
-  const Eigen::VectorXd spacing = vertex_spacing(task.surface);
-  const double largest = task.interior_size > 0 ? task.interior_size : std::numeric_limits<double>::max();
+  const SurfaceTree tree(task.surface);
+  const double longest = task.longest > 0 ? task.longest : std::numeric_limits<double>::max();
   gmsh::model::mesh::setSizeCallback([&](int, int, double x, double y, double z) {
-    const Eigen::Vector3d p(x, y, z);
-    const int v = vertices.nearest(p, 1)[0];
-    return std::min(largest, std::max(spacing[v], growth * (p - task.surface.X.col(v)).norm()));
+    const SurfaceTree::Nearest nearest = tree.nearest({x, y, z});
+    const Eigen::Vector3i corners = task.surface.F.col(nearest.triangle);
+    const auto weights = barycentric(nearest.point, task.surface.X(Eigen::all, corners));
+    const double size = weights.dot(task.size(corners));
+    return std::min(longest, std::max(size, growth * nearest.distance));
   });
   gmsh::model::mesh::generate(3);
   return collect(task.surface.X.cols() + task.interior.cols());

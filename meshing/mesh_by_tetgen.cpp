@@ -33,9 +33,11 @@ TetNodes mesh_task(const TetTask& task, int, double) {
   points.pointlist = new REAL[task.interior.size() + 1];
   std::copy_n(task.interior.data(), task.interior.size(), points.pointlist);
 
-  std::string switches = "pYq1.4";  // Y: the surface stays as it is
-  if (task.interior_size > 0)
-    switches += "a" + std::to_string(std::pow(task.interior_size, 3) / (6 * std::sqrt(2.0)));
+  in.numberofpointmtrs = 1;
+  in.pointmtrlist = new REAL[X.cols()];
+  std::copy_n(task.size.data(), X.cols(), in.pointmtrlist);
+  std::string switches = "pYmq1.4";  // Y: the surface stays as it is; m: edge lengths inside
+  if (task.longest > 0) switches += "a" + std::to_string(std::pow(task.longest, 3) / (6 * std::sqrt(2.0)));
   if (task.interior.cols() > 0) switches += "i";
   try {
     tetrahedralize(switches.data(), &in, &out, &points);

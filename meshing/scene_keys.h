@@ -29,7 +29,7 @@ inline const std::vector<std::string> kTimeModes{"static", "dynamic"};
 inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic_euler", "rk4",
                                                    "implicit_euler", "minimising_euler", "midpoint",
                                                    "bdf2",           "tr_bdf2"};
-inline const std::vector<std::string> kSamplings{"darts", "relaxed"};
+inline const std::vector<std::string> kSamplings{"darts", "relaxed", "mesher"};
 inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
                                                       "delaunay", "pcp",     "completed_pcp"};
 inline const std::vector<std::string> kSpringLaws{"hooke", "definite"};
@@ -190,7 +190,9 @@ void describe(V& v, NetworkOptions& n) {
   v("k", n.k, kNotNegative, "internal nodes wanted; absent: as many as fit");
   v("multiplicity", n.multiplicity, kAtLeastThree, "springs projected by each white node");
   v("seed", n.seed, kNotNegative, "of the random nodes");
-  v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed");
+  v.choice("sampling", n.sampling, kSamplings,
+           "of the internal nodes: darts, relaxed, mesher; absent: mesher with tetrahedra, else darts");
+  v("spacing", n.spacing, kPositive, "mesher: edges inside over the surface's nearby, less in thin bodies");
   v.choice("connectivity", n.connectivity, kConnectivities,
            "surface, central, complete, delaunay, pcp, completed_pcp");
   v("neighbours", n.neighbours, kAtLeastOne, "completed_pcp: nearest neighbours of every node");

@@ -33,7 +33,8 @@ void write_task(const std::filesystem::path& file, const TetTask& task) {
   append(bytes, task.surface.X);
   append(bytes, task.surface.F);
   append(bytes, task.interior);
-  append(bytes, Eigen::Matrix<double, 1, 1>(task.interior_size));
+  append(bytes, Eigen::RowVectorXd(task.size.transpose()));
+  append(bytes, Eigen::Matrix<double, 1, 1>(task.longest));
   write_file(file, bytes);
 }
 
@@ -44,7 +45,8 @@ TetTask read_task(const std::filesystem::path& file) {
   task.surface.X = take<Eigen::Matrix3Xd>(bytes, at);
   task.surface.F = take<Eigen::Matrix3Xi>(bytes, at);
   task.interior = take<Eigen::Matrix3Xd>(bytes, at);
-  task.interior_size = take<Eigen::Matrix<double, 1, Eigen::Dynamic>>(bytes, at)(0);
+  task.size = take<Eigen::RowVectorXd>(bytes, at).transpose();
+  task.longest = take<Eigen::RowVectorXd>(bytes, at)(0);
   return task;
 }
 

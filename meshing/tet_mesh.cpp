@@ -118,4 +118,11 @@ TetQuality tet_quality(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T) {
   return quality;
 }
 
+nlohmann::ordered_json to_json(const TetQuality& quality) {
+  return {{"min_dihedral", quality.min_dihedral},
+          {"min_radius_ratio", quality.min_radius_ratio},
+          {"mean_radius_ratio", quality.mean_radius_ratio},
+          {"n_slivers", quality.n_slivers}};
+}
+
 }  // namespace testbed

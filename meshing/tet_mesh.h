@@ -1,6 +1,8 @@
 // Measures and checks of tetrahedra.
 #pragma once
 
+#include <nlohmann/json.hpp>
+
 #include "meshing/mesh.h"
 
 namespace testbed {
@@ -19,5 +21,7 @@ struct TetQuality {
   int n_slivers;  ///< 6 sqrt(2) V / (longest edge)^3 < 0.05; 1 in a regular one
 };
 TetQuality tet_quality(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T);
+/// For the record of a run.
+nlohmann::ordered_json to_json(const TetQuality& quality);
 
 }  // namespace testbed

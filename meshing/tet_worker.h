@@ -12,7 +12,8 @@ namespace testbed {
 struct TetTask {
   SurfaceMesh surface;
   Eigen::Matrix3Xd interior;  ///< points to keep
-  double interior_size = 0;   ///< m; 0 for none
+  Eigen::VectorXd size;       ///< edge length wanted inside, at each surface vertex (m)
+  double longest = 0;         ///< anywhere (m); 0 for no limit
 };
 
 /// Nodes in the order surface, interior, added; verified by the receiver.

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "meshing/child_process.h"
+#include "meshing/interior_size.h"
 #include "meshing/surface.h"
 #include "meshing/surface_check.h"
 #include "meshing/surface_faults.h"
@@ -58,7 +59,9 @@ std::string messages_in(const std::string& output) {
 TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const TetOptions& options) {
   const TemporaryFolder folder;
   const std::string task = folder.path() / "task", nodes_file = folder.path() / "nodes";
-  write_task(task, {surface, options.interior, options.interior_size.value_or(0)});
+  write_task(task,
+             {surface, options.interior, options.size.size() > 0 ? options.size : vertex_spacing(surface),
+              options.interior_size.value_or(0)});
   const ChildResult child =
       run_child(program_folder() / attempt.worker,
                 {attempt.algorithm, attempt.angle_tolerance, task, nodes_file}, options.time_limit);

@@ -10,10 +10,13 @@
 namespace testbed {
 
 struct TetOptions {
-  /// Longest edge wanted inside (m). Absent: edges as on the surface nearby, longer far from it.
+  /// Longest edge wanted inside (m). Absent: edges as `size` says, longer far from the surface.
   std::optional<double> interior_size;
   Eigen::Matrix3Xd interior;  ///< points to keep as nodes n_surface, n_surface + 1, ... (3 x k)
   double time_limit = 300;    ///< for each attempt (s)
+  /// Edge length wanted inside, at each surface vertex (m): interior_size() and the like. Empty: the
+  /// surface's.
+  Eigen::VectorXd size{};
 };
 
 struct TetReport {

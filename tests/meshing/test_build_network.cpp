@@ -1,0 +1,107 @@
+#include <gtest/gtest.h>
+
+#include "meshing/build_network.h"
+#include "meshing/interior_size.h"
+#include "meshing/network.h"
+#include "meshing/shapes.h"
+#include "meshing/surface.h"
+#include "meshing/tet_mesh.h"
+
+using namespace testbed;
+
+namespace {
+
+/// Tetrahedra that the line through x along `axis` passes.
+int n_tetrahedra_along(const SpringNetwork& network, const Eigen::Vector3d& x, int axis) {
+  int n = 0;
+  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+  for (const auto& t : network.T.colwise()) {
+    bool is_met = false;
+    for (int skip = 0; skip < 4; ++skip) {  // the shadow of a tetrahedron is that of its faces
+      double area[3], sum = 0;
+      for (int c = 0; c < 3; ++c) {
+        const Eigen::Vector3d a = network.X.col(t[(skip + 1 + c) % 4]) - x,
+                              b = network.X.col(t[(skip + 1 + (c + 1) % 3) % 4]) - x;
+        area[c] = a[u] * b[v] - a[v] * b[u];
+        sum += area[c];
+      }
+      is_met = is_met || (area[0] * sum > 0 && area[1] * sum > 0 && area[2] * sum > 0);
+    }
+    n += is_met;
+  }
+  return n;
+}
+
+}  // namespace
+
+TEST(BuildNetwork, SampledNodesKeepTheirPlacesAndGetTetrahedra) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  NetworkOptions options;
+  options.sampling = "darts";
+  options.seed = 3;
+  SampleOptions sample;
+  sample.seed = 3;
+  const Eigen::Matrix3Xd darts = sample_interior(surface, sample);
+  ASSERT_GT(darts.cols(), 50);
+  const SpringNetwork network = build_network(surface, options, true);
+  EXPECT_EQ(network.X.middleCols(162, darts.cols()), darts);
+  EXPECT_LT(network.X.cols() - 162, 4 * darts.cols() / 3) << "few are added";
+  EXPECT_NO_THROW(check_tetrahedra({network.X, network.T, network.F, network.n_surface}, surface));
+}
+
+TEST(BuildNetwork, PcpLinksTheMeshersNodes) {
+  const SurfaceMesh surface = make_shape("torus", 300);
+  const SpringNetwork network = build_network(surface, {}, true);
+  const Eigen::Index n_inner = network.X.cols() - network.n_surface;
+  ASSERT_GT(n_inner, 0);
+  EXPECT_EQ(network.E, link_pcp(surface, network.X.rightCols(n_inner), {}).E);
+  EXPECT_NO_THROW(check_tetrahedra({network.X, network.T, network.F, network.n_surface}, surface));
+}
+
+TEST(BuildNetwork, SpringsAloneTakeTheMeshersNodesToo) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  NetworkOptions options;
+  options.sampling = "mesher";
+  const SpringNetwork network = build_network(surface, options, false);
+  EXPECT_EQ(network.X, build_network(surface, options, true).X);
+  EXPECT_EQ(network.T.cols(), 0);
+}
+
+TEST(BuildNetwork, ThinBodiesGetLayers) {
+  const SurfaceMesh plate = make_shape("bar", 400, {2, 2, 0.3});
+  const Eigen::Vector3d x(0.013, 0.027, 0);
+  EXPECT_GE(n_tetrahedra_along(build_network(plate, {}, true), x, 2), 4);
+}
+
+TEST(BuildNetwork, SpacingSetsTheDensityInside) {
+  // where no layer is thin and no edge grows, nodes are as one over spacing cubed
+  const SurfaceMesh surface = make_shape("ball", 642);
+  NetworkOptions coarse, fine;
+  coarse.spacing = 0.8;
+  fine.spacing = 0.4;
+  const auto inner = [&](const NetworkOptions& options) {
+    const SpringNetwork network = build_network(surface, options, true);
+    return static_cast<double>(network.X.cols() - network.n_surface);
+  };
+  EXPECT_GT(inner(fine), 2.5 * inner(coarse));
+}
+
+TEST(BuildNetwork, RefusesConnectivityThatLosesCorners) {
+  NetworkOptions options;
+  options.connectivity = "central";
+  EXPECT_THROW(build_network(make_shape("ball", 162), options, true), std::runtime_error);
+}
+
+TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
+  const auto ratio = [](double thickness) {
+    const SurfaceMesh plate = make_shape("bar", 400, {2, 2, thickness});
+    const Eigen::VectorXd r = interior_size(plate, 0.7).cwiseQuotient(vertex_spacing(plate));
+    int middle;
+    (plate.X.colwise() - Eigen::Vector3d(0, 0, plate.X.row(2).maxCoeff())).colwise().norm().minCoeff(&middle);
+    return r[middle];
+  };
+  EXPECT_NEAR(ratio(2), 0.7, 1e-12);
+  EXPECT_NEAR(ratio(0.001), 0.35, 0.02);
+  EXPECT_GT(ratio(0.3), 0.36);
+  EXPECT_LT(ratio(0.3), 0.69);
+}
