@@ -8,13 +8,13 @@ using Eigen::Matrix3Xd;
 /// dv = h W f(x, v); dx = h v with the old velocity (explicit) or the new one (symplectic) [paper 3.4].
 class Euler : public Scheme {
  public:
-  Euler(const Motion& motion, bool is_symplectic) : motion_(motion), is_symplectic_(is_symplectic) {}
+  Euler(const Motion& motion, bool is_symplectic)
+      : motion_(motion), is_symplectic_(is_symplectic), inverse_mass_(motion.model.mass.cwiseInverse()) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     motion_.forces_at(state, f_);
     v.resizeLike(f_);
-    for (Eigen::Index i = 0; i < v.cols(); ++i)
-      v.col(i) = state.v.col(i) + h / motion_.model.mass(i) * f_.col(i);
+    for (Eigen::Index i = 0; i < v.cols(); ++i) v.col(i) = state.v.col(i) + h * inverse_mass_(i) * f_.col(i);
     motion_.constrain(v);
     x = state.x + h * (is_symplectic_ ? v : state.v);
     return {};
@@ -23,6 +23,7 @@ class Euler : public Scheme {
  private:
   const Motion& motion_;
   bool is_symplectic_;
+  Eigen::VectorXd inverse_mass_;
   Matrix3Xd f_;
 };
 

@@ -26,8 +26,8 @@ struct Definite {
     return l < r ? k * r / 4 * (l + r / 3 * q * q * q - 4 * r / 3) : Hooke::energy(k, l, r);
   }
   static double tension(double k, double l, double r) {
-    const double q = r / l;
-    return l < r ? k * r / 4 * (1 - q * q * q * q) : Hooke::tension(k, l, r);
+    const double q = r / l, compressed = k * r / 4 * (1 - q * q * q * q), stretched = Hooke::tension(k, l, r);
+    return l < r ? compressed : stretched;  // both computed: a loop over springs has no branch
   }
   static double slope(double k, double l, double r) {
     const double q = r / l;
@@ -51,6 +51,56 @@ void for_each_spring(const Springs& springs, const Eigen::Matrix3Xd& x, const Vi
     loop(Definite());
 }
 
+// Forces of many springs. Division and root are done for a batch of springs at once, in registers as wide as
+// the machine's; nodes are padded to four doubles, so that each is loaded and stored whole. Without
+// contraction (CMakeLists.txt) every width gives the same bits.
+constexpr int kBatch = 128;
+typedef double Padded __attribute__((vector_size(32), aligned(8)));
+#define TESTBED_EVERY_WIDTH __attribute__((target_clones("avx512f", "avx2", "default")))
+
+/// @param x, f  4 n doubles
+template <class Law>
+[[gnu::always_inline]] inline void add_forces_of(const Springs& springs, const double* rest_length,
+                                                 const double* x, double* f) {
+  const Padded* X = reinterpret_cast<const Padded*>(x);
+  Padded* F = reinterpret_cast<Padded*>(f);
+  Padded l[kBatch];
+  double squared[kBatch], factor[kBatch];
+  const int n = static_cast<int>(springs.E.cols());
+  for (int first = 0; first < n; first += kBatch) {
+    const int m = std::min(kBatch, n - first);
+    const int* E = springs.E.data() + 2 * first;
+    const double *k = springs.stiffness.data() + first, *r = rest_length + first;
+    for (int s = 0; s < m; ++s) {
+      l[s] = X[E[2 * s]] - X[E[2 * s + 1]];
+      const Padded squares = l[s] * l[s];
+      squared[s] = squares[0] + squares[1] + squares[2];
+    }
+    for (int s = 0; s < m; ++s) {
+      const double length = std::sqrt(squared[s]), t = Law::tension(k[s], length, r[s]) / length;
+      factor[s] = length > 0 ? t : 0;
+    }
+    for (int s = 0; s < m;) {  // springs of one first node follow each other: its sum stays in a register
+      const int a = E[2 * s];
+      Padded sum{};
+      do {
+        const Padded force = factor[s] * l[s];
+        F[E[2 * s + 1]] += force;
+        sum += force;
+        ++s;
+      } while (s < m && E[2 * s] == a);
+      F[a] -= sum;
+    }
+  }
+}
+
+TESTBED_EVERY_WIDTH void add_hooke(const Springs& springs, const double* r, const double* x, double* f) {
+  add_forces_of<Hooke>(springs, r, x, f);
+}
+TESTBED_EVERY_WIDTH void add_definite(const Springs& springs, const double* r, const double* x, double* f) {
+  add_forces_of<Definite>(springs, r, x, f);
+}
+
 }  // namespace
 
 double energy(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x) {
@@ -63,11 +113,14 @@ double energy(const Springs& springs, const Eigen::VectorXd& rest_length, const 
 
 void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                 Eigen::Matrix3Xd& f) {
-  for_each_spring(springs, x, [&](auto law, int s, int a, int b, const Eigen::Vector3d& l, double length) {
-    const Eigen::Vector3d force = law.tension(springs.stiffness(s), length, rest_length(s)) / length * l;
-    f.col(a) -= force;
-    f.col(b) += force;
-  });
+  thread_local Eigen::Matrix4Xd padded_x, padded_f;  // kept, so that a step allocates nothing
+  padded_x.resize(4, x.cols());
+  padded_x.topRows<3>() = x;
+  padded_x.row(3).setZero();
+  padded_f.setZero(4, x.cols());
+  (springs.law == SpringLaw::Hooke ? add_hooke : add_definite)(springs, rest_length.data(), padded_x.data(),
+                                                               padded_f.data());
+  f += padded_f.topRows<3>();
 }
 
 void add_hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
