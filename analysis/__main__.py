@@ -7,37 +7,56 @@ import json
 import sys
 from pathlib import Path
 
+from . import sweep
 from .experiment import compare, default_folder, fingerprint, run_solvers
 from .report import finding, text_tables
 from .runs import RunError
 
-_SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parent / "scenes"
 
-_EXAMPLES = """examples:
+_RUN_EXAMPLES = """examples:
   ./testbed run                                                 the default scene: a ball under pressure
   ./testbed run analysis/scenes/bar_sag.toml                    another one
   ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
   ./testbed run --set material.nu=0.45 --set network.k=2000     with other values
 """
 
+_SWEEP_EXAMPLES = """examples:
+  ./testbed sweep --set material.nu=0.25,0.3,0.45 --set network.multiplicity=3,5,8 --set network.calibration=uniform
+  ./testbed sweep analysis/scenes/bar_sag.toml --set network.calibration=uniform,affine,node_averaged
+
+On N machines: start "--part 1/N" ... "--part N/N" with one --out on a shared file system, or copy the machines'
+DIR/points into one folder; then the same command without --part writes the table.
+"""
+
 
 def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="./testbed", description="Run and compare both solvers.")
     commands = parser.add_subparsers(dest="command", required=True)
-    run = commands.add_parser(
-        "run",
-        description="Runs both solvers on a scene and reports how far they differ. "
-        "What has not changed is not run again.",
-        epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    run.add_argument(
-        "scene", nargs="?", type=Path, default=_SCENES / "ball_pressure.toml", metavar="SCENE.toml",
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("--quiet", action="store_true", help="no progress")
+    scene = argparse.ArgumentParser(add_help=False)
+    scene.add_argument(
+        "scene", nargs="?", type=Path, default=SCENES / "ball_pressure.toml", metavar="SCENE.toml",
         help="default: ball_pressure.toml",
     )  # fmt: skip
-    run.add_argument(
+    scene.add_argument(
         "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl .vtp .vtu)"
     )
+
+    def add(
+        name: str, parents: list[argparse.ArgumentParser], description: str, examples: str
+    ) -> argparse.ArgumentParser:
+        return commands.add_parser(
+            name, parents=[*parents, common], description=description, epilog=examples,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
+
+    run = add(
+        "run", [scene],
+        "Runs both solvers on a scene and reports how far they differ. What has not changed is not run again.",
+        _RUN_EXAMPLES,
+    )  # fmt: skip
     run.add_argument(
         "--out", type=Path, metavar="DIR", help="where results go; default: out/NAME of the scene"
     )
@@ -45,8 +64,33 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="replace a value of the scene, e.g. material.nu=0.3; may be repeated",
     )  # fmt: skip
-    run.add_argument("--quiet", action="store_true", help="no progress")
+
+    sweep = add(
+        "sweep", [scene],
+        "Runs both solvers over a grid of values: a table and a plot of how far they differ. A sweep that was killed "
+        "continues; a point that fails is a row that says why.",
+        _SWEEP_EXAMPLES,
+    )  # fmt: skip
+    sweep.add_argument("--out", type=Path, metavar="DIR", help="default: out/sweep/NAME of the scene")
+    sweep.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE,VALUE...", dest="overrides",
+        help="values of a key of the scene; several keys make a grid",
+    )  # fmt: skip
+    sweep.add_argument(
+        "--part",
+        type=_part,
+        default=(1, 1),
+        metavar="I/N",
+        help="run only the I-th of every N points, on one of N machines",
+    )
     return parser.parse_args(arguments)
+
+
+def _part(text: str) -> tuple[int, int]:
+    share, _, of = text.partition("/")
+    if not (share.isdigit() and of.isdigit() and 1 <= int(share) <= int(of)):
+        raise argparse.ArgumentTypeError(f"'{text}', expected I/N with 1 <= I <= N")
+    return int(share), int(of)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -63,9 +107,13 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
+_COMMANDS = {"run": run, "sweep": sweep.main}
+
+
 def main() -> int:
     try:
-        return run(parse_arguments(sys.argv[1:]))
+        arguments = parse_arguments(sys.argv[1:])
+        return _COMMANDS[arguments.command](arguments)
     except RunError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -96,6 +96,37 @@ def volume_change(run: Run) -> tuple[Array, Array]:
     return run.curves["time"], run.curves["volume"] / V0 - 1
 
 
+def displacement_at(run: Run, time: float) -> Array:
+    """Surface displacement (n, 3) at a time, linear between frames. Raises RunError for a time outside of them."""
+    slack = _SAME_TIME * abs(run.times[-1] - run.times[0])
+    if not run.times[0] - slack <= time <= run.times[-1] + slack:
+        raise RunError(f"{run.folder}: no frame at time {time:g}, expected {run.times[0]:g} to {run.times[-1]:g}")
+    after = min(int(np.searchsorted(run.times, time - slack)), len(run.times) - 1)
+    if abs(run.times[after] - time) <= slack:
+        return run.frame(after).u
+    share = (time - run.times[after - 1]) / (run.times[after] - run.times[after - 1])
+    return (1 - share) * run.frame(after - 1).u + share * run.frame(after).u
+
+
+def trajectory_error(run: Run, reference: Run) -> float:
+    """L2 norm over surface and time of the difference in displacement, over that of the reference's displacement.
+
+    The run's frames are interpolated linearly to the reference's times, which is exact where both have the same.
+    Raises RunError for different surfaces or lengths.
+    """
+    check_same_problem(run, reference)
+    weights = vertex_areas(reference.last.X, reference.last.F)
+    squares = []
+    for index, time in enumerate(reference.times):
+        u_reference = reference.frame(index).u
+        difference = displacement_at(run, time) - u_reference
+        squares.append([weights @ (field**2).sum(axis=1) for field in (difference, u_reference)])
+    both = np.trapezoid(np.array(squares), reference.times, axis=0)
+    if not both[1] > 0:
+        raise RunError("the reference does not deform, so there is nothing to compare with")
+    return float(np.sqrt(both[0] / both[1]))
+
+
 def check_same_problem(run: Run, reference: Run) -> None:
     """Raises RunError unless both runs are of the same surface, vertex by vertex, and end at the same time."""
     a, b = run.last, reference.last

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .compare import compare_runs, describe_reference, volume_change
+from .film import draw_film, draw_strip
 from .pictures import draw_comparison
 from .plots import plot_times, plot_volume
 from .report import render
@@ -158,6 +159,11 @@ def compare(experiment: Experiment) -> dict[str, Any]:
         pictures[f"Deformed surfaces and the error of the {name} springs."] = file
     is_static = experiment.scene["time"]["mode"] == "static"
     methods = {REFERENCE: reference, **runs}
+    shown = {name: methods[name] for name in (experiment.calibration, REFERENCE) if name in methods}
+    if not is_static and min(len(run.times) for run in shown.values()) > 1:
+        draw_film(experiment.folder / "film.gif", shown)
+        draw_strip(experiment.folder / "strip.png", shown)
+        pictures["Both solvers in time, and their volumes."] = experiment.folder / "film.gif"
     plots = {
         "Volume over the load, and the difference from the finite elements.": plot_volume(
             {name: volume_change(run) for name, run in methods.items()},

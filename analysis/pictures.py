@@ -30,19 +30,33 @@ def magnification(X: Array, u: Array) -> float:
     return float(power * max(step for step in (1, 2, 5) if step * power <= wanted))
 
 
-def _aim(camera: pv.Camera, points: Array) -> None:
-    """Parallel view along _VIEW in which all points lie between the panel's title and its colour bar."""
+def _view_axes() -> Array:
+    """Rows: to the right, up and towards the camera."""
     towards = np.array(_VIEW) / np.linalg.norm(_VIEW)
     right = np.cross((0, 1, 0), towards)
     right /= np.linalg.norm(right)
-    axes = np.array([right, np.cross(towards, right), towards])
+    return np.array([right, np.cross(towards, right), towards])
+
+
+def seen_size(points: Array) -> tuple[float, float]:
+    """Width and height (m) of the points as the camera sees them."""
+    width, height, _ = np.ptp(points @ _view_axes().T, axis=0)
+    return float(width), float(height)
+
+
+def aim(
+    camera: pv.Camera, points: Array, panel: tuple[int, int] = _PANEL, room: tuple[float, float] = _ROOM
+) -> None:
+    """Parallel view along _VIEW in which all points fill that share of the panel's (pixels) width or height."""
+    axes = _view_axes()
     seen = points @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     width, height, depth = high - low
     camera.parallel_projection = True
-    camera.parallel_scale = max(height / _ROOM[1], width / _ROOM[0] * _PANEL[1] / _PANEL[0]) / 2
-    camera.focal_point = (low + high) / 2 @ axes - 0.04 * camera.parallel_scale * axes[1]
-    camera.position = camera.focal_point + 2 * (depth + camera.parallel_scale) * towards
+    camera.parallel_scale = max(height / room[1], width / room[0] * panel[1] / panel[0]) / 2
+    below_middle = 0.04 if room == _ROOM else 0
+    camera.focal_point = (low + high) / 2 @ axes - below_middle * camera.parallel_scale * axes[1]
+    camera.position = camera.focal_point + 2 * (depth + camera.parallel_scale) * axes[2]
     camera.up = (0, 1, 0)
     camera.clipping_range = (1e-3 * camera.parallel_scale, 10 * (depth + camera.parallel_scale))
 
@@ -93,7 +107,7 @@ def draw_comparison(file: Path, springs: Frame, reference: Frame, is_free: bool,
         if not is_error:
             plotter.add_mesh(surface_of(X, F), color="grey", opacity=0.2)
         plotter.add_text(title, font_size=10, color="black", position="upper_edge")
-        _aim(plotter.camera, shown)
+        aim(plotter.camera, shown)
     plotter.set_background("white")
     plotter.enable_anti_aliasing("ssaa")
     plotter.screenshot(file)

@@ -74,7 +74,14 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
 
     errors: Table = (["", "nodes", "springs", "dofs", "displacement error", "largest", "volume error"], [])
     trust: Table = (
-        ["exact fields", "pressure", "uniaxial", "bending compliance", "torsion compliance", "floppy motions"],
+        [
+            "exact fields",
+            "pressure",
+            "uniaxial",
+            "bending compliance",
+            "torsion compliance",
+            "floppy motions",
+        ],
         [],
     )
     seconds: Table = (["seconds", *stages, "total"], [])
@@ -99,19 +106,23 @@ def _trust(model: dict[str, Any]) -> list[str]:
     measured = model.get("diagnostics") or {}
     floppy = model.get("n_floppy_motions") or 0
     share = f"{floppy} ({percent(model['floppy_load_share'])} of the load)" if floppy else "0"
-    errors = [percent(measured[key]) if key in measured else "-" for key in ("pressure_error", "uniaxial_error")]
+    errors = [
+        percent(measured[key]) if key in measured else "-" for key in ("pressure_error", "uniaxial_error")
+    ]
     ratios = [
-        f"{measured[key]:.3f}" if key in measured else "-" for key in ("bending_compliance", "torsion_compliance")
+        f"{measured[key]:.3f}" if key in measured else "-"
+        for key in ("bending_compliance", "torsion_compliance")
     ]
     return [*errors, *ratios, share]
 
 
 def text_tables(comparison: dict[str, Any]) -> str:
     """The tables for a terminal."""
-    return "\n\n".join(_text_table(head, rows) for head, rows in tables(comparison))
+    return "\n\n".join(text_table(head, rows) for head, rows in tables(comparison))
 
 
-def _text_table(head: list[str], rows: list[list[str]]) -> str:
+def text_table(head: list[str], rows: list[list[str]]) -> str:
+    """One table for a terminal."""
     widths = [max(map(len, column)) for column in zip(head, *rows)]
     lines = [
         "  ".join([row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:]))])
@@ -120,15 +131,47 @@ def _text_table(head: list[str], rows: list[list[str]]) -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
-def _image(data: bytes, kind: str, caption: str) -> str:
+def svg_figure(svg: str, caption: str) -> str:
+    """An SVG with its caption, for a page."""
+    return _figure(svg.encode(), "svg+xml", caption)
+
+
+def image_figure(file: Path, caption: str) -> str:
+    """A PNG or GIF file with its caption, for a page."""
+    return _figure(file.read_bytes(), file.suffix[1:], caption)
+
+
+def _figure(data: bytes, kind: str, caption: str) -> str:
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
     return f'<figure><img src="{source}" alt=""><figcaption>{html.escape(caption)}</figcaption></figure>'
 
 
-def _html_table(head: list[str], rows: list[list[str]]) -> str:
+def html_table(head: list[str], rows: list[list[str]]) -> str:
     cells = [f"<tr>{''.join(f'<th>{html.escape(cell)}</th>' for cell in head)}</tr>"]
     cells += [f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows]
     return f"<table>{''.join(cells)}</table>"
+
+
+def page(heading: str, sentence: str, parts: list[str], protocol: dict[str, str]) -> str:
+    """One self-contained HTML file.
+
+    sentence: the finding it opens with; parts: HTML, such as svg_figure and html_table give; protocol: name -> text of
+    all that is needed to repeat it.
+    """
+    details = [
+        f"<details><summary>{html.escape(name)}</summary><pre>{html.escape(text)}</pre></details>"
+        for name, text in protocol.items()
+    ]
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{html.escape(heading)}</title>
+<style>{_STYLE}</style></head><body>
+<h1>{html.escape(heading)}</h1>
+<p class="finding">{html.escape(sentence)}</p>
+{"".join(parts)}
+<h2>Protocol</h2>
+{"".join(details)}
+</body></html>
+"""
 
 
 def render(
@@ -142,26 +185,15 @@ def render(
 
     plots: caption -> SVG; pictures: caption -> PNG file; scene: filled-in TOML; records: method -> run.json.
     """
-    figures = [_image(svg.encode(), "svg+xml", caption) for caption, svg in plots.items()]
-    figures += [_image(file.read_bytes(), "png", caption) for caption, file in pictures.items()]
+    parts = [html_table(*table) for table in tables(comparison)]
+    parts += [svg_figure(svg, caption) for caption, svg in plots.items()]
+    parts += [image_figure(file, caption) for caption, file in pictures.items()]
     rigid = (
         "The body is free, so rigid motion is removed from both displacements first. "
         if comparison["rigid_motion_removed"]
         else ""
     )
-    protocol = [
-        f"<details><summary>{html.escape(label_of(method))}: run.json</summary>"
-        f"<pre>{html.escape(json.dumps(record, indent=2))}</pre></details>"
-        for method, record in records.items()
-    ]
-    return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title(comparison))}</title>
-<style>{_STYLE}</style></head><body>
-<h1>{html.escape(title(comparison))}</h1>
-<p class="finding">{html.escape(finding(comparison))}</p>
-{"".join(_html_table(*table) for table in tables(comparison))}
-{"".join(figures)}
-<h2>How to read this</h2>
+    parts.append(f"""<h2>How to read this</h2>
 <p>Both solvers start from the same surface, vertex by vertex. <b>Displacement error</b>: area-weighted L2 norm over
 the surface nodes of the difference at full load (or at the end), as a fraction of the same norm of the finite-element
 displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
@@ -172,10 +204,9 @@ elements' own; it says little where the reference hardly changes its volume
 on this mesh makes of loads whose exact displacement is known, no reference needed: error under uniform pressure and
 uniaxial tension, compliance over the exact one in bending and torsion (1 is exact, less too stiff). <b>Floppy
 motions</b> cost a network no energy; a static solution holds them and carries the rest of the load. A network with
-any gives no answer to the exact fields. <b>Seconds</b>: wall-clock, by stage.</p>
-<h2>Protocol</h2>
-<p>Scene with every default filled in; running it reproduces this.</p>
-<details><summary>scene.toml</summary><pre>{html.escape(scene)}</pre></details>
-{"".join(protocol)}
-</body></html>
-"""
+any gives no answer to the exact fields. <b>Seconds</b>: wall-clock, by stage.</p>""")
+    protocol = {"scene.toml, with every default filled in: running it reproduces this": scene}
+    protocol |= {
+        f"{label_of(method)}: run.json": json.dumps(record, indent=2) for method, record in records.items()
+    }
+    return page(title(comparison), finding(comparison), parts, protocol)

@@ -28,10 +28,12 @@ class Style(NamedTuple):
 
 
 REFERENCE = "fem_reference"
+FEM_P1, FEM_P2 = "fem_p1", "fem_p2"
 
 # Okabe & Ito 2008, "Color universal design"; yellow darkened, one colour from Tol 2021, "Colour schemes".
 _STYLES = {
     REFERENCE: Style("#000000", "s"),
+    FEM_P2: Style("#000000", "s"),
     "uniform": Style("#D55E00", "v"),
     "affine": Style("#0072B2", "o"),
     "van_gelder": Style("#E69F00", "^"),
@@ -40,13 +42,24 @@ _STYLES = {
     "edge_coupled": Style("#56B4E9", "D"),
     "node_averaged": Style("#009E73", "P"),
     "edge_averaged": Style("#882255", "*"),
+    FEM_P1: Style("#777777", "d"),
+}
+_LABELS = {
+    REFERENCE: "finite elements",
+    FEM_P1: "finite elements, linear",
+    FEM_P2: "finite elements, quadratic",
 }
 
 
-def style_of(method: str) -> Style:
-    """Colour and marker of the reference or a spring model; grey for one that has none yet."""
-    return _STYLES.get(method, Style("#888888", "X"))
+def style_of(method: str, number: int | None = None) -> Style:
+    """Colour and marker of the reference or a spring model, always the same.
+
+    number: of a line that is none of these; without it such a line is grey.
+    """
+    if method in _STYLES:
+        return _STYLES[method]
+    return Style("#888888", "X") if number is None else list(_STYLES.values())[(number + 1) % len(_STYLES)]
 
 
 def label_of(method: str) -> str:
-    return "finite elements" if method == REFERENCE else f"springs, {method}"
+    return _LABELS.get(method, f"springs, {method}")

@@ -1,0 +1,180 @@
+"""Runs of the solvers for sweeps and studies, each made once and kept in a folder named by all that it depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from .experiment import PROGRAMS, write_text
+from .runs import RunError
+
+# Top-level keys of a scene that a program does not read, as in its own input hash.
+_IGNORED = {"fem_reference": {"network", "comparison"}, "massspring": {"reference", "comparison"}}
+_MESHERS = ("gmsh_worker", "tetgen_worker")
+_THREADS = ("OMP_NUM_THREADS", "DEAL_II_NUM_THREADS")
+_MARK = f".part-{platform.node()}-"  # of a folder that a process works on; its number follows
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run of one program."""
+
+    program: str  #: fem_reference or massspring
+    scene: Path
+    overrides: tuple[str, ...] = ()  #: KEY=VALUE, as --set takes them
+    options: tuple[str, ...] = ()  #: further words of the command line
+    repetition: int = 0  #: of a timed run; only the first keeps its frames
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a point gave. A point that fails is a result too: status and message say how."""
+
+    status: str  #: "ok", the program's own word ("diverged", ...), "failed" or "time limit"
+    message: str
+    wall: float  #: s, of the whole process
+    cpu: float  #: s
+    memory: float  #: byte, largest resident set
+    load: float  #: load average of the machine as the run began
+    folder: Path = Path()
+    record: dict[str, Any] = field(default_factory=dict)  #: run.json
+
+
+class Store:
+    """A folder of points. Several processes may work on one store, and any may be killed: a point's folder appears
+    under its name only when it is whole."""
+
+    def __init__(self, folder: Path, time_limit: float = 3600, programs: Path = PROGRAMS) -> None:
+        self.folder, self.time_limit, self.programs = folder, time_limit, programs
+        folder.mkdir(parents=True, exist_ok=True)
+        for part in folder.glob(f"*{_MARK}*"):  # left by a killed process of this machine
+            if not Path("/proc", part.name.rsplit("-", 1)[1]).exists():
+                shutil.rmtree(part, ignore_errors=True)
+
+    def key(self, point: Point) -> str:
+        """Hash of programs, threads, scene, surface file and overrides that the point's result depends on.
+
+        Raises RunError when the scene or a program cannot be read.
+        """
+        ignored = _IGNORED[point.program]
+        scene = _read_toml(point.scene)
+        settings = dict(override.partition("=")[::2] for override in point.overrides)
+        surface = settings.get("surface.file") or scene.get("surface", {}).get("file")
+        base = Path() if "surface.file" in settings else point.scene.parent
+        parts = [
+            {key: value for key, value in scene.items() if key not in ignored},
+            {key: value for key, value in settings.items() if key.split(".")[0] not in ignored},
+            point.program,
+            point.options,
+            point.repetition,
+            [_hash_of_file(self.programs / name) for name in (point.program, *_MESHERS)],
+            [os.environ.get(name, "") for name in _THREADS],
+            _hash_of_file(base / surface) if surface else "",
+        ]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+    def find(self, point: Point) -> Outcome | None:
+        """The point's outcome if it has been run."""
+        folder = self.folder / self.key(point)
+        file = folder / "outcome.json"
+        if not file.exists():
+            return None
+        record = folder / "run.json"
+        return Outcome(
+            **json.loads(file.read_text()),
+            folder=folder,
+            record=json.loads(record.read_text()) if record.exists() else {},
+        )
+
+    def run(self, point: Point) -> Outcome:
+        """The point's outcome, running it now if that has not been done."""
+        if known := self.find(point):
+            return known
+        folder = self.folder / self.key(point)
+        part = folder.with_name(f"{folder.name}{_MARK}{os.getpid()}")
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir()
+        outcome = self._execute(point, part)
+        if point.repetition:
+            shutil.rmtree(part / "frames", ignore_errors=True)
+        values = asdict(outcome)
+        del values["folder"], values["record"]
+        write_text(part / "outcome.json", json.dumps(values))
+        try:
+            part.rename(folder)
+        except OSError:  # another process has been faster
+            shutil.rmtree(part)
+        found = self.find(point)
+        assert found
+        return found
+
+    def _execute(self, point: Point, folder: Path) -> Outcome:
+        # The solver dies with this process, so that a killed study leaves nobody working.
+        command = ["setpriv", "--pdeathsig", "KILL", str(self.programs / point.program), str(point.scene)]
+        command += ["--out", str(folder), "--quiet", *point.options]
+        for override in point.overrides:
+            command += ["--set", override]
+        load = os.getloadavg()[0]
+        has_ended_late = threading.Event()
+        with (folder / "messages.txt").open("wb") as messages:
+            start = time.perf_counter()
+            process = subprocess.Popen(command, stdout=messages, stderr=messages)
+
+            def stop() -> None:
+                has_ended_late.set()
+                process.kill()
+
+            timer = threading.Timer(self.time_limit, stop)
+            timer.daemon = True
+            timer.start()
+            _, wait_status, usage = os.wait4(process.pid, 0)
+            timer.cancel()
+            wall = time.perf_counter() - start
+        process.returncode = os.waitstatus_to_exitcode(wait_status)
+        spent = {
+            "wall": wall,
+            "cpu": usage.ru_utime + usage.ru_stime,
+            "memory": usage.ru_maxrss * 1024.0,
+            "load": load,
+        }
+        if has_ended_late.is_set():
+            return Outcome("time limit", f"stopped after {self.time_limit:g} s", **spent)
+        text = (folder / "messages.txt").read_text(errors="replace").strip()
+        if process.returncode != 0:
+            last = text.splitlines()[-1] if text else f"exit status {process.returncode}"
+            return Outcome("failed", last.removeprefix("error: "), **spent)
+        status = json.loads((folder / "run.json").read_text())["status"]
+        return Outcome(status, "", **spent)
+
+
+def _read_toml(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise RunError(f"{file}: {error}") from None
+
+
+@lru_cache
+def _hash_of_file(file: Path) -> str:
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise RunError(f"{file}: {error.strerror}") from None
+
+
+def say(text: str, is_quiet: bool) -> None:
+    """Progress, on stderr."""
+    if not is_quiet:
+        print(text, file=sys.stderr, flush=True)

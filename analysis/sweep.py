@@ -1,0 +1,264 @@
+"""Runs a scene over a grid of values: a table, a plot, and nothing that is finished is run again."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .compare import compare_runs
+from .experiment import ROOT, default_folder, write_text
+from .plots import svg_of
+from .points import Outcome, Point, Store, say
+from .report import html_table, page, percent, svg_figure, text_table
+from .runs import RunError, load_run
+from .style import style_of
+
+FIGURES = [
+    "displacement_error_l2", "displacement_error_max", "volume_change_error", "n_nodes", "n_springs",
+    "seconds_massspring", "seconds_fem_reference",
+]  # fmt: skip
+_ERROR = FIGURES[0]
+Row = dict[str, Any]
+
+
+def parse_grid(settings: list[str]) -> dict[str, list[str]]:
+    """Key -> values of KEY=VALUE,VALUE... Commas within brackets or quotes belong to a value.
+
+    Raises RunError for a setting without "=" and for a key that stands twice.
+    """
+    grid: dict[str, list[str]] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals or not key:
+            raise RunError(f"--set {setting}: expected KEY=VALUE,VALUE...")
+        if key in grid:
+            raise RunError(f"--set {setting}: {key} stands twice, expected all its values in one --set")
+        grid[key] = _split(text)
+    return grid
+
+
+def _split(text: str) -> list[str]:
+    values, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        elif letter in "[{":
+            depth += 1
+        elif letter in "]}":
+            depth -= 1
+        if letter == "," and not depth and not quote:
+            values.append("")
+        else:
+            values[-1] += letter
+    return values
+
+
+def points_of(grid: dict[str, list[str]]) -> list[dict[str, str]]:
+    """Every combination of the grid's values, the last key changing fastest."""
+    return [dict(zip(grid, values)) for values in itertools.product(*grid.values())]
+
+
+def varied(grid: dict[str, list[str]]) -> list[str]:
+    """The keys of more than one value: those that a table needs to tell points apart."""
+    return [key for key, values in grid.items() if len(values) > 1] or list(grid)
+
+
+def measure(store: Store, scene: Path, settings: dict[str, str]) -> Row:
+    """The row of one point: its settings, status, message and figures. A point that fails has a message instead."""
+    overrides = ("output.frames_every=0", *(f"{key}={value}" for key, value in settings.items()))
+    runs: list[Outcome] = []
+    for program in ("massspring", "fem_reference"):
+        runs.append(store.run(Point(program, scene, overrides)))
+        if runs[-1].status != "ok":
+            return {
+                **settings,
+                "status": runs[-1].status,
+                "message": f"{program}: {runs[-1].message or 'gave no result'}",
+            }
+    try:
+        springs, reference = (load_run(run.folder) for run in runs)
+        figures = compare_runs(springs, reference, is_free=reference.record["is_free"])
+    except RunError as error:
+        return {**settings, "status": "failed", "message": str(error)}
+    for run in (springs, reference):
+        figures[f"seconds_{run.record['program']}"] = sum(run.record["seconds"].values())
+    return {**settings, "status": "ok", "message": "", **{name: figures[name] for name in FIGURES}}
+
+
+def csv_of(rows: list[Row]) -> str:
+    """Rows as CSV text; the first row's settings lead, and a figure that does not exist is left empty."""
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    text = io.StringIO()
+    table = csv.DictWriter(text, keys, lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue()
+
+
+def finding(name: str, keys: list[str], rows: list[Row]) -> str:
+    """The sweep in one sentence."""
+    good = sorted((row for row in rows if row["status"] == "ok"), key=lambda row: row[_ERROR])
+    failed = (
+        f"; {len(rows) - len(good)} of {len(rows)} points gave no result" if len(good) < len(rows) else ""
+    )
+    if not good:
+        return f"{name}: none of {len(rows)} points gave a result."
+
+    def place(row: Row) -> str:
+        return ", ".join(f"{key} = {row[key]}" for key in keys)
+
+    best, worst = good[0], good[-1]
+    return (
+        f"{name}: the springs miss the finite elements' surface displacement by {percent(best[_ERROR])} at best "
+        f"({place(best)}) and by {percent(worst[_ERROR])} at worst ({place(worst)}){failed}."
+    )
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def plot(keys: list[str], rows: list[Row]) -> str:
+    """Error over the numeric key of most values, a line for every combination of the others."""
+    numeric = [key for key in keys if all(_number(row[key]) is not None for row in rows)]
+    along = max(numeric or keys, key=lambda key: len({row[key] for row in rows}))
+    others = [key for key in keys if key != along]
+    places = list(dict.fromkeys(row[along] for row in rows))
+    figure = Figure(figsize=(7, 4.5))
+    axes = figure.subplots()
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        label = ", ".join(
+            row[key] if key == "network.calibration" else f"{key} = {row[key]}" for key in others
+        )
+        at = float(row[along]) if along in numeric else float(places.index(row[along]))
+        lines.setdefault(label, []).append((at, 100 * row[_ERROR] if row["status"] == "ok" else np.nan))
+    for number, (label, line) in enumerate(lines.items()):
+        style = style_of(label, number)
+        axes.plot(*zip(*sorted(line)), color=style.colour, marker=style.marker, label=label)
+    axes.set_yscale("log")
+    if along not in numeric:
+        axes.set_xticks(range(len(places)), places)
+    axes.set_xlabel(along)
+    axes.set_ylabel("displacement error (%)")
+    if others:
+        axes.legend(fontsize=8)
+    return svg_of(figure)
+
+
+def table_of(keys: list[str], rows: list[Row]) -> tuple[list[str], list[list[str]]]:
+    """Head and rows for the terminal and the report."""
+    head = [
+        *keys,
+        "displacement error",
+        "largest",
+        "volume error",
+        "nodes",
+        "springs (s)",
+        "finite elements (s)",
+        "",
+    ]
+    body = []
+    for row in rows:
+        cells = [row[key] for key in keys]
+        if row["status"] == "ok":
+            cells += [percent(row[name]) for name in FIGURES[:3]] + [str(row["n_nodes"])]
+            cells += [f"{row[name]:.2f}" for name in FIGURES[5:]] + [""]
+        else:
+            cells += ["-"] * 6 + [f"{row['status']}: {row['message']}"]
+        body.append(cells)
+    return head, body
+
+
+def write(
+    folder: Path, scene: Path, keys: list[str], rows: list[Row], records: dict[str, dict[str, Any]]
+) -> None:
+    """Writes sweep.csv and report.html."""
+    write_text(folder / "sweep.csv", csv_of(rows))
+    parts = [html_table(*table_of(keys, rows))]
+    if any(row["status"] == "ok" for row in rows):
+        parts.insert(
+            0, svg_figure(plot(keys, rows), "Displacement error at the surface over the values of the sweep.")
+        )
+    parts.append("<p>Seconds are those of single runs, not benchmarked.</p>")
+    protocol = {scene.name: scene.read_text()}
+    protocol |= {
+        f"{program}: run.json of one point": json.dumps(record, indent=2)
+        for program, record in records.items()
+    }
+    write_text(
+        folder / "report.html",
+        page(f"{scene.stem}: {', '.join(keys)}", finding(scene.stem, keys, rows), parts, protocol),
+    )
+
+
+def sweep(
+    scene: Path,
+    grid: dict[str, list[str]],
+    folder: Path,
+    part: tuple[int, int] = (1, 1),
+    is_quiet: bool = False,
+    store: Store | None = None,
+) -> list[Row]:
+    """Runs every point of the grid that has not been run, and writes the table after each.
+
+    part: (i, n) runs the i-th of every n points only, and writes no table: the share of one of n machines.
+    """  # fmt: skip
+    store = store or Store(folder / "points")
+    settings = points_of(grid)
+    share = settings[part[0] - 1 :: part[1]]
+    rows: list[Row] = []
+    for values in share:
+        rows.append(measure(store, scene, values))
+        row = rows[-1]
+        result = percent(row[_ERROR]) if row["status"] == "ok" else f"{row['status']}: {row['message']}"
+        say(
+            f"[{len(rows)}/{len(share)}] {' '.join(f'{k}={v}' for k, v in values.items())}: {result}",
+            is_quiet,
+        )
+        if share == settings:
+            write_text(folder / "sweep.csv", csv_of(rows))
+    if share != settings:
+        return rows
+    records = {
+        program: found.record
+        for program in ("massspring", "fem_reference")
+        if (
+            found := store.find(
+                Point(
+                    program, scene, ("output.frames_every=0", *(f"{k}={v}" for k, v in settings[0].items()))
+                )
+            )
+        )
+    }
+    write(folder, scene, varied(grid), rows, records)
+    return rows
+
+
+def main(arguments: Any) -> int:
+    """./testbed sweep"""
+    grid = parse_grid(arguments.overrides)
+    if not grid:
+        raise RunError("sweep: expected --set KEY=VALUE,VALUE...")
+    if arguments.surface:
+        grid = {"surface.shape": ['""'], "surface.file": [str(arguments.surface.resolve())], **grid}
+    folder = arguments.out or ROOT / "out" / "sweep" / default_folder(arguments.scene, arguments.surface).name
+    rows = sweep(arguments.scene.resolve(), grid, folder, arguments.part, arguments.quiet)
+    if arguments.part == (1, 1):
+        keys = varied(grid)
+        print(
+            f"{finding(arguments.scene.stem, keys, rows)}\n\n{text_table(*table_of(keys, rows))}\n\nreport: {folder / 'report.html'}"
+        )
+    return 0

@@ -1,0 +1,51 @@
+"""Programs that stand in for the solvers: each copies a ready run, and writes down that it has run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from synthetic import write_run
+
+_PROGRAM = """#!{python} -SE
+import os, shutil, sys, time
+name, home = os.path.basename(sys.argv[0]), {home!r}
+out = sys.argv[sys.argv.index("--out") + 1]
+settings = dict(word.split("=", 1) for word in sys.argv if "=" in word)
+with open(home + "/log.txt", "a") as log:
+    log.write(name + " " + str(sorted(settings.items())) + "\\n")
+time.sleep({seconds})
+nu = settings.get("material.nu", "0.25")
+if nu == "0.6":
+    sys.exit("error: scene.toml: material.nu = 0.6, expected less than 0.5")
+source = home + "/" + name + ("_diverged" if nu == "diverge" else "_" + nu if name == "massspring" else "")
+shutil.copytree(source, out, dirs_exist_ok=True)
+"""
+
+ERRORS = {"0.25": 0.1, "0.3": 0.2, "0.45": 0.4}  # of the stand-in for the springs
+
+
+def make_solvers(home: Path, ball: tuple[np.ndarray, np.ndarray], seconds: float = 0) -> Path:
+    """A folder of programs; their calls are listed in its log.txt."""
+    home.mkdir()
+    few = np.linspace(0, 1, 2)
+    write_run(home / "fem_reference", *ball, lambda X: 0.01 * X, few, program="fem_reference", is_free=False)
+    for nu, error in ERRORS.items():
+        write_run(
+            home / f"massspring_{nu}", *ball, lambda X: 0.01 * (1 + error) * X, few, calibration="affine"
+        )
+    (home / "massspring_diverged").mkdir()
+    (home / "massspring_diverged" / "run.json").write_text('{"status": "diverged"}')
+    programs = home / "bin"
+    programs.mkdir()
+    for name in ("fem_reference", "massspring", "gmsh_worker", "tetgen_worker"):
+        file = programs / name
+        file.write_text(_PROGRAM.format(python=sys.executable, home=str(home), seconds=seconds))
+        file.chmod(0o755)
+    return programs
+
+
+def calls(programs: Path) -> list[str]:
+    log = programs.parent / "log.txt"
+    return log.read_text().splitlines() if log.exists() else []
