@@ -1,0 +1,128 @@
+// CalculiX as an independent program on the same tetrahedra.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "fem_reference/elasticity.h"
+#include "meshing/child_process.h"
+#include "meshing/files.h"
+
+namespace testbed {
+
+/// What CalculiX is asked about the nodes and cells of a solid.
+struct CalculixJob {
+  Material material;
+  std::vector<HeldComponent> held;
+  Eigen::Vector3d gravity{0, 0, 0};  ///< m/s2
+  std::vector<std::pair<int, double>>
+      pressures;                  ///< boundary triangle, Pa: follows the surface at finite strain
+  bool is_finite_strain = false;  ///< St. Venant-Kirchhoff
+  int n_frequencies = 0;          ///< > 0: natural frequencies instead of equilibrium
+};
+
+struct CalculixResult {
+  Eigen::Matrix3Xd u;               ///< m, 7 digits
+  std::vector<double> frequencies;  ///< Hz, 7 digits
+};
+
+inline bool has_calculix() {
+  return std::system("command -v ccx > /dev/null") == 0;
+}
+
+/// Nodes of CalculiX's C3D10 follow VTK's order; gmsh's swaps the last two.
+inline std::string calculix_input(const ElasticSolid& solid, const CalculixJob& job) {
+  std::ostringstream out;
+  const auto number = [](double x) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.12e", x);  // input fields hold 20 characters
+    return std::string(text);
+  };
+  out << "*NODE, NSET=ALL\n";
+  for (int i = 0; i < solid.X().cols(); ++i) {
+    out << i + 1;
+    for (double x : solid.X().col(i)) out << ", " << number(x);
+    out << '\n';
+  }
+  out << "*ELEMENT, ELSET=BODY, TYPE=" << (solid.cells().rows() == 4 ? "C3D4" : "C3D10") << '\n';
+  std::map<std::array<int, 3>, std::pair<int, int>>
+      side_of;  // by sorted corners: element, number of its face
+  constexpr int kSides[4][3] = {{0, 1, 2}, {0, 3, 1}, {1, 3, 2}, {2, 3, 0}};
+  const auto sorted = [](int a, int b, int c) {
+    std::array<int, 3> key{{a, b, c}};
+    std::sort(key.begin(), key.end());
+    return key;
+  };
+  for (int t = 0; t < solid.cells().cols(); ++t) {
+    const auto cell = solid.cells().col(t);
+    out << t + 1;
+    for (int node : cell) out << ", " << node + 1;
+    out << '\n';
+    for (int s = 0; s < 4; ++s)
+      side_of[sorted(cell(kSides[s][0]), cell(kSides[s][1]), cell(kSides[s][2]))] = {t + 1, s + 1};
+  }
+  out << "*MATERIAL, NAME=M\n*ELASTIC\n"
+      << number(job.material.E) << ", " << number(job.material.nu) << "\n*DENSITY\n"
+      << number(job.material.rho) << "\n*SOLID SECTION, ELSET=BODY, MATERIAL=M\n*BOUNDARY\n";
+  for (const HeldComponent& h : job.held)
+    if (h.displacement == 0) out << h.node + 1 << ", " << h.component + 1 << '\n';
+  if (job.n_frequencies > 0) {
+    out << "*STEP\n*FREQUENCY\n" << job.n_frequencies << "\n*NODE FILE\nU\n*END STEP\n";
+    return out.str();
+  }
+  out << (job.is_finite_strain
+              ? "*STEP, NLGEOM, INC=100\n*STATIC\n0.1, 1.0\n*CONTROLS, PARAMETERS=FIELD\n1e-8, 1e-8\n"
+              : "*STEP\n*STATIC\n");
+  out << "*BOUNDARY\n";
+  for (const HeldComponent& h : job.held)
+    if (h.displacement != 0)
+      out << h.node + 1 << ", " << h.component + 1 << ", " << h.component + 1 << ", "
+          << number(h.displacement) << '\n';
+  out << "*DLOAD\n";
+  if (job.gravity.norm() > 0) {
+    out << "BODY, GRAV, " << number(job.gravity.norm());
+    for (double g : job.gravity.normalized()) out << ", " << number(g);
+    out << '\n';
+  }
+  for (const auto& [f, p] : job.pressures) {
+    const auto face = solid.faces().col(f);
+    const auto [element, side] = side_of.at(sorted(face(0), face(1), face(2)));
+    out << element << ", P" << side << ", " << number(p) << '\n';
+  }
+  out << "*NODE PRINT, NSET=ALL\nU\n*END STEP\n";
+  return out.str();
+}
+
+/// @throws std::runtime_error with what CalculiX wrote when it fails.
+inline CalculixResult run_calculix(const ElasticSolid& solid, const CalculixJob& job) {
+  const TemporaryFolder folder;
+  const std::string name = (folder.path() / "job").string();
+  write_file(name + ".inp", calculix_input(solid, job));
+  const ChildResult child = run_child("/usr/bin/env", {"-C", folder.path().string(), "ccx", "-i", name}, 300);
+  std::ifstream printed(name + ".dat");
+  if (!child.is_success || !printed)
+    throw std::runtime_error("CalculiX: " + child.ending + "\n" + child.output);
+  CalculixResult result;
+  result.u.setZero(3, solid.X().cols());
+  for (std::string line; std::getline(printed, line);) {
+    std::istringstream words(line);
+    int i;
+    double a, b, c, d;
+    if (!(words >> i >> a >> b >> c)) continue;
+    if (job.n_frequencies == 0)
+      result.u.col(i - 1) << a, b, c;  // the last step's stay
+    else if (words >> d && static_cast<int>(result.frequencies.size()) < job.n_frequencies)
+      result.frequencies.push_back(c);  // eigenvalue, rad/s, cycles/s, imaginary part
+  }
+  return result;
+}
+
+}  // namespace testbed
