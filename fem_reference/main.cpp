@@ -211,7 +211,8 @@ void run(const Arguments& arguments) {
   ElasticSolid solid = assemble_scene(scene, surface, mesh);
   timer.stop();
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
-  Recorder recorder(out, {{5, solid.mesh().F}, {vtk_type, solid.cells()}}, mesh.n_surface);
+  // The surface as it was given, refined or not, so that every run of it can be compared vertex by vertex.
+  Recorder recorder(out, {{5, surface.F}, {vtk_type, solid.cells()}}, mesh.n_surface);
 
   nlohmann::ordered_json record = environment_record("fem_reference", 1);
   record["name"] = scene.name;
