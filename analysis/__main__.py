@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import sweep
+from . import study, sweep
 from .experiment import compare, default_folder, fingerprint, run_solvers
 from .report import finding, text_tables
 from .runs import RunError
@@ -27,6 +27,14 @@ _SWEEP_EXAMPLES = """examples:
 
 On N machines: start "--part 1/N" ... "--part N/N" with one --out on a shared file system, or copy the machines'
 DIR/points into one folder; then the same command without --part writes the table.
+"""
+
+_STUDY_EXAMPLES = """studies:
+  work-precision   error against seconds: every spring model and finite elements, over resolutions or time steps
+
+examples:
+  ./testbed study work-precision
+  ./testbed study work-precision analysis/scenes/bar_sag.toml --quick
 """
 
 
@@ -83,6 +91,15 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         metavar="I/N",
         help="run only the I-th of every N points, on one of N machines",
     )
+    study.add_arguments(
+        add(
+            "study",
+            [],
+            "Measures something over many runs and reports it. A study that was killed continues. Timed runs are made one "
+            "at a time: leave the machine alone meanwhile.",
+            _STUDY_EXAMPLES,
+        )
+    )
     return parser.parse_args(arguments)
 
 
@@ -107,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "sweep": sweep.main}
+_COMMANDS = {"run": run, "sweep": sweep.main, "study": study.main}
 
 
 def main() -> int:

@@ -163,7 +163,7 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> dict[str, Any]:
         "volume_change_error": change.relative,
         "volume_change_difference": change.absolute,
         "n_nodes": run.record["n_nodes"],
-        "n_springs": run.record["n_springs"],
+        "n_springs": run.record.get("n_springs"),
         "diagnostics": run.record.get("diagnostics"),
         "n_floppy_motions": run.record.get("n_floppy_motions"),
         "floppy_load_share": run.record.get("floppy_load_share"),

@@ -86,16 +86,17 @@ class Store:
         return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def find(self, point: Point) -> Outcome | None:
-        """The point's outcome if it has been run."""
+        """The point's outcome if it has been run, and if it was not stopped by a time limit shorter than this one."""
         folder = self.folder / self.key(point)
         file = folder / "outcome.json"
         if not file.exists():
             return None
+        values = json.loads(file.read_text())
+        if values["status"] == "time limit" and values["wall"] < self.time_limit:
+            return None
         record = folder / "run.json"
         return Outcome(
-            **json.loads(file.read_text()),
-            folder=folder,
-            record=json.loads(record.read_text()) if record.exists() else {},
+            **values, folder=folder, record=json.loads(record.read_text()) if record.exists() else {}
         )
 
     def run(self, point: Point) -> Outcome:
@@ -106,6 +107,7 @@ class Store:
         part = folder.with_name(f"{folder.name}{_MARK}{os.getpid()}")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
+        shutil.rmtree(folder, ignore_errors=True)  # of a shorter time limit
         outcome = self._execute(point, part)
         if point.repetition:
             shutil.rmtree(part / "frames", ignore_errors=True)

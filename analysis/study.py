@@ -1,0 +1,167 @@
+"""Studies: ./testbed study NAME. Each leaves a report, its tables as CSV and its figures as SVG in one folder."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import fcntl
+import hashlib
+import io
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from . import work_precision
+from .experiment import PROGRAMS, ROOT, write_text
+from .points import Store, say
+from .report import Table, html_table, image_figure, page, svg_figure, text_table
+
+SCENES = Path(__file__).parent / "scenes"
+
+
+@dataclass
+class Section:
+    """A part of a report: sentences, figures (name -> SVG text or picture's file, and caption) and tables by name."""
+
+    title: str
+    sentences: list[str] = field(default_factory=list)
+    figures: dict[str, tuple[str | Path, str]] = field(default_factory=dict)
+    tables: dict[str, Table] = field(default_factory=dict)
+
+    def html(self) -> list[str]:
+        parts = [f"<h2>{self.title}</h2>", *(f"<p>{sentence}</p>" for sentence in self.sentences)]
+        for figure, caption in self.figures.values():
+            parts.append(
+                svg_figure(figure, caption) if isinstance(figure, str) else image_figure(figure, caption)
+            )
+        return parts + [html_table(*table) for table in self.tables.values()]
+
+
+@dataclass
+class Result:
+    """What a study found."""
+
+    title: str
+    sentence: str  #: the finding
+    sections: list[Section]
+    protocol: dict[str, str]
+
+
+@contextmanager
+def alone(is_quiet: bool = False) -> Iterator[None]:
+    """Waits until no other timed study runs on this machine, and keeps others waiting."""
+    with (Path(tempfile.gettempdir()) / "testbed-timed-study.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say("another timed study runs on this machine: waiting for it to end", is_quiet)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def environment(record: dict[str, Any], arguments: argparse.Namespace) -> dict[str, str]:
+    """Command, programs, flags and machine of a study, from the record of one of its runs."""
+    keys = ["date", "compiler", "build", "eigen", "vtk", "processor", "cores", "threads"]
+    programs = {
+        file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+        for file in sorted(PROGRAMS.iterdir())
+        if file.name in ("massspring", "fem_reference", "gmsh_worker", "tetgen_worker")
+    }
+    text = {
+        "command": "./testbed " + " ".join(arguments.words),
+        **{key: record[key] for key in keys if key in record},
+        "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "not set"),
+        "programs (SHA-256)": programs,
+    }
+    return {"command, programs and machine": json.dumps(text, indent=2)}
+
+
+def write(folder: Path, result: Result) -> None:
+    """Writes figures, tables and, last, report.html."""
+    folder.mkdir(parents=True, exist_ok=True)
+    parts: list[str] = []
+    for section in result.sections:
+        parts += section.html()
+        for name, (figure, _) in section.figures.items():
+            if isinstance(figure, str):
+                write_text(folder / f"{name}.svg", figure)
+        for name, (head, rows) in section.tables.items():
+            text = io.StringIO()
+            csv.writer(text, lineterminator="\n").writerows([head, *rows])
+            write_text(folder / f"{name}.csv", text.getvalue())
+    write_text(folder / "report.html", page(result.title, result.sentence, parts, result.protocol))
+
+
+def text_of(result: Result) -> str:
+    """The study for a terminal."""
+    parts = [result.sentence]
+    for section in result.sections:
+        parts.append("\n".join([section.title, *section.sentences]))
+        parts += [text_table(*table) for table in section.tables.values()]
+    return "\n\n".join(parts)
+
+
+def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Error against seconds for every method."""
+    files = arguments.scenes or [
+        SCENES / f"{name}.toml" for name in ("bar_sag", "torus_hang", "bar_bend", "bar_swing")
+    ]
+    effort = work_precision.QUICK if arguments.quick else work_precision.FULL
+    timed, store = Store(folder / "points", arguments.time_limit), Store(folder / "points")
+    sections, findings, protocol, record = [], [], {}, {}
+    with alone(arguments.quiet):
+        for file in files:
+            scene = work_precision.SceneStudy(file.resolve(), effort, timed, store)
+            scene.run(arguments.quiet)
+            sentences = work_precision.in_words(work_precision.curves_of(scene.measurements))
+            findings.append(
+                f"{scene.name}: {sentences[0]}" if sentences else f"{scene.name}: no method gave a result."
+            )
+            figure = (
+                {f"{scene.name}_work_precision": (work_precision.plot(scene), work_precision.CAPTION)}
+                if sentences
+                else {}
+            )
+            sentences.append(work_precision.noise(scene.measurements))
+            sections.append(Section(scene.name, sentences, figure, {scene.name: work_precision.table(scene)}))
+            protocol[f"{scene.name}: the scene, before the ladder's values"] = file.read_text()
+            record = next((run.record for m in scene.measurements for run in m.outcomes), record)
+    protocol = (
+        environment(record, arguments) | {"how it is measured": work_precision.__doc__ or ""} | protocol
+    )
+    return Result("Work and precision", " ".join(findings), sections, protocol)
+
+
+_STUDIES = {"work-precision": study_work_precision}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", choices=_STUDIES)
+    parser.add_argument(
+        "scenes", nargs="*", type=Path, metavar="SCENE.toml", help="instead of the study's own"
+    )
+    parser.add_argument("--quick", action="store_true", help="few and small: to try it out")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: out/study/NAME")
+    parser.add_argument(
+        "--time-limit",
+        type=float,
+        default=120,
+        metavar="SECONDS",
+        help="for one timed run (120); what takes longer is a row that says so",
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    """./testbed study"""
+    arguments.words = sys.argv[1:]
+    folder = arguments.out or ROOT / "out" / "study" / arguments.name
+    result = _STUDIES[arguments.name](arguments, folder)
+    write(folder, result)
+    print(f"{text_of(result)}\n\nreport: {folder / 'report.html'}")
+    return 0
