@@ -6,6 +6,10 @@
 
 namespace testbed {
 
+/// A second derivative as it is, or with its negative eigenvalues set to 0: exact converges quadratically,
+/// projected always descends.
+enum class Curvature { Exact, Projected };
+
 /// Block compressed rows; columns ascend in a row; the pattern is symmetric and holds the diagonal.
 struct BlockMatrix {
   std::vector<int> row_start;          ///< n + 1

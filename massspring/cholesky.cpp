@@ -1,29 +1,47 @@
 #include "massspring/cholesky.h"
 
+#include <omp.h>
+
 #include <Eigen/CholmodSupport>
 #include <Eigen/SparseCore>
 
 namespace testbed {
 
 struct BlockCholesky::Factor {
+  Eigen::SparseMatrix<double> lower;
   Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> llt;
 };
 
 BlockCholesky::BlockCholesky(const BlockMatrix& A) : factor_(std::make_unique<Factor>()) {
-  Eigen::SparseMatrix<double> lower(3 * A.rows(), 3 * A.rows());
+  Eigen::SparseMatrix<double>& lower = factor_->lower;
+  lower.resize(3 * A.rows(), 3 * A.rows());
   std::vector<int> n_per_column(3 * A.rows());
   for (int i = 0; i < A.rows(); ++i)
-    for (int c = 0; c < 3; ++c) n_per_column[3 * i + c] = 3 * (A.row_start[i + 1] - A.find(i, i)) - c;
+    for (int c = 0; c < 3; ++c) n_per_column[3 * i + c] = 3 * (A.row_start[i + 1] - A.diagonal[i]) - c;
   lower.reserve(n_per_column);
-  // Column 3 i + c of the lower triangle is row 3 i + c of the upper one: blocks j >= i of block row i.
   for (int i = 0; i < A.rows(); ++i)
     for (int c = 0; c < 3; ++c)
-      for (int k = A.find(i, i); k < A.row_start[i + 1]; ++k)
-        for (int r = A.column[k] == i ? c : 0; r < 3; ++r)
-          lower.insert(3 * A.column[k] + r, 3 * i + c) = A.block[k](c, r);
+      for (int k = A.diagonal[i]; k < A.row_start[i + 1]; ++k)
+        for (int r = A.column[k] == i ? c : 0; r < 3; ++r) lower.insert(3 * A.column[k] + r, 3 * i + c) = 0;
   lower.makeCompressed();
   factor_->llt.cholmod().print = 0;
-  factor_->llt.compute(lower);
+  factor_->llt.analyzePattern(lower);
+  update(A);
+}
+
+void BlockCholesky::update(const BlockMatrix& A) {
+  // Column 3 i + c of the lower triangle is row 3 i + c of the upper one: blocks j >= i of block row i.
+  double* value = factor_->lower.valuePtr();
+  for (int i = 0; i < A.rows(); ++i)
+    for (int c = 0; c < 3; ++c)
+      for (int k = A.diagonal[i]; k < A.row_start[i + 1]; ++k)
+        for (int r = A.column[k] == i ? c : 0; r < 3; ++r) *value++ = A.block[k](c, r);
+  // CHOLMOD asks for four threads in its small loops whatever the machine and OMP_NUM_THREADS say; waiting
+  // for each other they make a factorisation up to four times as long.
+  const int levels = omp_get_max_active_levels();
+  omp_set_max_active_levels(0);
+  factor_->llt.factorize(factor_->lower);
+  omp_set_max_active_levels(levels);
 }
 
 BlockCholesky::~BlockCholesky() = default;

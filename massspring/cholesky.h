@@ -13,6 +13,9 @@ class BlockCholesky {
   explicit BlockCholesky(const BlockMatrix& A);
   ~BlockCholesky();
 
+  /// Factorises another matrix of the same pattern, whose analysis is kept.
+  void update(const BlockMatrix& A);
+
   /// False when the matrix was not positive definite: then solve may not be called.
   bool is_ok() const;
   /// x = A^-1 b, 3 x n.

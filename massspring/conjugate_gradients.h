@@ -1,12 +1,7 @@
 // Preconditioned conjugate gradients on node vectors.
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
-#include <Eigen/LU>
-#include <vector>
-
-#include "massspring/block_matrix.h"
 
 namespace testbed {
 
@@ -51,12 +46,6 @@ SolveReport conjugate_gradients(const Product& product, const Precondition& prec
     p = z + rz / rz_before * p;
     ++report.iterations;
   }
-}
-
-/// Inverses of the diagonal blocks of A, which must be positive definite.
-inline void block_jacobi(const BlockMatrix& A, std::vector<Eigen::Matrix3d>& inverse) {
-  inverse.resize(A.rows());
-  for (int i = 0; i < A.rows(); ++i) inverse[i] = A.block[A.diagonal[i]].inverse();
 }
 
 }  // namespace testbed

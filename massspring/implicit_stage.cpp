@@ -2,15 +2,13 @@
 
 #include <algorithm>
 
-#include "massspring/volume_force.h"
-
 namespace testbed {
 
 using Eigen::Matrix3Xd;
 
 ImplicitStage::ImplicitStage(const Motion& motion)
     : motion_(motion),
-      A_(stiffness_pattern(motion.model)),
+      A_(motion),
       size_((motion.model.network.X.rowwise().maxCoeff() - motion.model.network.X.rowwise().minCoeff())
                 .norm()) {}
 
@@ -62,20 +60,15 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       report.status = Status::NotConverged;
       break;
     }
-    A_.set_zero();
-    add_stiffness(model, trial, A_);
-    if (model.springs && model.springs->damping > 0) add_damping_matrix(*model.springs, start.x, 1 / a, A_);
-    for (int i = 0; i < A_.rows(); ++i)
-      A_.block[A_.diagonal[i]].diagonal().array() += model.mass(i) * (1 / a + forces.mass_damping) / a;
-    filter(forces.constraints, A_);
-    std::optional<Matrix3Xd> g;
-    if (forces.volume_pressure) {
-      g = volume_stiffness_root(*forces.volume_pressure, trial.target_volume, model.network.F, trial.x);
-      filter(forces.constraints, *g);
+    SolveReport linear;
+    // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
+    for (Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
+      A_.set(trial, start.x, {(1 / a + forces.mass_damping) / a, 1, 1 / a}, curvature);
+      dx = Matrix3Xd::Zero(3, r.cols());
+      linear = solver_.solve(A_.system(), r, dx, std::clamp(r.norm() / first, kTightest, kLoosest));
+      report.linear_iterations += linear.iterations;
+      if (linear.is_converged) break;
     }
-    dx = Matrix3Xd::Zero(3, r.cols());
-    const SolveReport linear = solver_.solve(A_, g, r, dx, std::clamp(r.norm() / first, kTightest, kLoosest));
-    report.linear_iterations += linear.iterations;
     report.residual = linear.residual;
     ++report.newton_iterations;
 

@@ -1,8 +1,7 @@
 // The nonlinear equation that every implicit scheme solves once or twice a step.
 #pragma once
 
-#include "massspring/linear_solver.h"
-#include "massspring/motion.h"
+#include "massspring/implicit_matrix.h"
 
 namespace testbed {
 
@@ -28,7 +27,7 @@ class ImplicitStage {
                          const Eigen::Matrix3Xd& w, Eigen::Matrix3Xd& r) const;
 
   const Motion& motion_;
-  BlockMatrix A_;
+  ImplicitMatrix A_;
   LinearSolver solver_;
   double size_;  ///< diagonal of the body's box at rest (m)
 };

@@ -1,6 +1,5 @@
+#include "massspring/implicit_matrix.h"
 #include "massspring/integrators.h"
-#include "massspring/linear_solver.h"
-#include "massspring/volume_force.h"
 
 namespace testbed {
 namespace {
@@ -8,37 +7,25 @@ namespace {
 using Eigen::Matrix3Xd;
 
 /// (M - h df/dv - h^2 df/dx) dv = h (f + h df/dx v) on the free directions, dx = h (v + dv) [paper eq. 7,
-/// method 5].
+/// method 5]. With A the matrix on the left and f_0 the forces without damping, the right-hand side is
+/// h f_0 + M v - A v.
 class LinearisedEuler : public Scheme {
  public:
   LinearisedEuler(const Motion& motion, double tolerance)
-      : motion_(motion), tolerance_(tolerance), A_(stiffness_pattern(motion.model)) {}
+      : motion_(motion), tolerance_(tolerance), A_(motion) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     const auto& [model, forces, end] = motion_;
-    A_.set_zero();
-    add_stiffness(model, state, A_);
-    multiply(A_, state.v, b_);
-    std::optional<Matrix3Xd> g;
-    if (forces.volume_pressure) {
-      g = volume_stiffness_root(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
-      b_ += g->cwiseProduct(state.v).sum() * *g;
-      *g *= h;
-      filter(forces.constraints, *g);
-    }
-    motion_.forces_at(state, f_);
-    b_ = h * (f_ - h * b_);
+    A_.set(state, state.x, {1 + h * forces.mass_damping, h * h, h}, Curvature::Projected);
+    motion_.undamped_forces_at(state, b_);
+    A_.multiply(state.v, Av_);
+    b_ = h * b_ + state.v * model.mass.asDiagonal();
     filter(forces.constraints, b_);
-
-    for (Eigen::Matrix3d& block : A_.block) block *= h * h;
-    if (model.springs && model.springs->damping > 0) add_damping_matrix(*model.springs, state.x, h, A_);
-    for (int i = 0; i < A_.rows(); ++i)
-      A_.block[A_.diagonal[i]].diagonal().array() += model.mass(i) * (1 + h * forces.mass_damping);
-    filter(forces.constraints, A_);
+    b_ -= Av_;
 
     if (dv_.cols() != b_.cols()) dv_ = Matrix3Xd::Zero(3, b_.cols());
     filter(forces.constraints, dv_);
-    const SolveReport linear = solver_.solve(A_, g, b_, dv_, tolerance_);  // from the last step's dv
+    const SolveReport linear = solver_.solve(A_.system(), b_, dv_, tolerance_);  // from the last step's dv
     v = state.v + dv_;
     x = state.x + h * v;
     return {linear.is_converged ? Status::Ok : Status::NotConverged, 1, linear.iterations, linear.residual};
@@ -49,9 +36,9 @@ class LinearisedEuler : public Scheme {
  private:
   const Motion& motion_;
   double tolerance_;
-  BlockMatrix A_;
+  ImplicitMatrix A_;
   LinearSolver solver_;
-  Matrix3Xd f_, b_, dv_;
+  Matrix3Xd b_, Av_, dv_;
 };
 
 }  // namespace

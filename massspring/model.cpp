@@ -90,9 +90,14 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model) {
   return make_block_matrix(static_cast<int>(model.network.X.cols()), pairs);
 }
 
-void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K) {
-  if (model.springs) add_hessian(*model.springs, state.rest_length, state.x, K);
-  if (model.tet_springs) add_hessian(*model.tet_springs, state.x, K);
+void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K, Curvature curvature) {
+  if (model.springs)
+    add_blocks(*model.springs, hessian(*model.springs, state.rest_length, state.x, 1, curvature), K);
+  if (model.tet_springs) add_hessian(*model.tet_springs, state.x, K, curvature);
+}
+
+bool is_springs_alone(const MassSpringModel& model) {
+  return model.springs && !model.tet_springs;
 }
 
 void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y) {

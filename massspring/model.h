@@ -70,8 +70,12 @@ Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state
 /// Zero matrix with the pattern of the model's stiffness.
 BlockMatrix stiffness_pattern(const MassSpringModel& model);
 
-/// K += positive semidefinite Hessian of the elastic energy (N/m).
-void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K);
+/// K += Hessian of the elastic energy (N/m).
+void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K,
+                   Curvature curvature = Curvature::Projected);
+
+/// Springs are all that add_stiffness adds, so that no step needs the matrix.
+bool is_springs_alone(const MassSpringModel& model);
 
 /// y_i <- S_i y_i at every constrained node.
 void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y);

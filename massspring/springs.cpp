@@ -2,17 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace testbed {
 namespace {
-
-/// Adds B to the diagonal blocks of nodes a and b and subtracts it from the blocks between them.
-void add_pair(BlockMatrix& K, int a, int b, const Eigen::Matrix3d& B) {
-  K.block[K.diagonal[a]] += B;
-  K.block[K.diagonal[b]] += B;
-  K.block[K.find(a, b)] -= B;
-  K.block[K.find(b, a)] -= B;
-}
 
 struct Hooke {
   static double energy(double k, double l, double r) { return k / 2 * (l - r) * (l - r); }
@@ -94,11 +87,48 @@ template <class Law>
   }
 }
 
+/// @param B, p, y  4 doubles per spring, per node, per node
+TESTBED_EVERY_WIDTH void add_padded_product(const Eigen::Matrix2Xi& pairs, const double* B, const double* p,
+                                            double* y) {
+  const Padded *block = reinterpret_cast<const Padded*>(B), *P = reinterpret_cast<const Padded*>(p);
+  Padded* Y = reinterpret_cast<Padded*>(y);
+  const int* E = pairs.data();
+  for (int s = 0, n = static_cast<int>(pairs.cols()); s < n;) {
+    const int a = E[2 * s];
+    const Padded p_a = P[a];
+    Padded sum{};
+    do {
+      const Padded d = p_a - P[E[2 * s + 1]], u = block[s], products = u * d;
+      const Padded q = u * (products[0] + products[1] + products[2]) + d * u[3];
+      Y[E[2 * s + 1]] -= q;
+      sum += q;
+      ++s;
+    } while (s < n && E[2 * s] == a);
+    Y[a] += sum;
+  }
+}
+
 TESTBED_EVERY_WIDTH void add_hooke(const Springs& springs, const double* r, const double* x, double* f) {
   add_forces_of<Hooke>(springs, r, x, f);
 }
 TESTBED_EVERY_WIDTH void add_definite(const Springs& springs, const double* r, const double* x, double* f) {
   add_forces_of<Definite>(springs, r, x, f);
+}
+
+/// Calls kernel(4 n doubles: in with a row of zeros; 4 n doubles that it adds to) and adds the result to out.
+template <class Kernel>
+void apply_padded(const Kernel& kernel, const Eigen::Matrix3Xd& in, Eigen::Matrix3Xd& out) {
+  thread_local Eigen::Matrix4Xd padded_in, padded_out;  // kept, so that a step allocates nothing
+  padded_in.resize(4, in.cols());
+  padded_in.topRows<3>() = in;
+  padded_in.row(3).setZero();
+  padded_out.setZero(4, in.cols());
+  kernel(padded_in.data(), padded_out.data());
+  out += padded_out.topRows<3>();
+}
+
+Eigen::Matrix3d matrix_of(const SpringBlocks& B, int s) {
+  return B.col(s).head<3>() * B.col(s).head<3>().transpose() + B(3, s) * Eigen::Matrix3d::Identity();
 }
 
 }  // namespace
@@ -113,24 +143,52 @@ double energy(const Springs& springs, const Eigen::VectorXd& rest_length, const 
 
 void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                 Eigen::Matrix3Xd& f) {
-  thread_local Eigen::Matrix4Xd padded_x, padded_f;  // kept, so that a step allocates nothing
-  padded_x.resize(4, x.cols());
-  padded_x.topRows<3>() = x;
-  padded_x.row(3).setZero();
-  padded_f.setZero(4, x.cols());
-  (springs.law == SpringLaw::Hooke ? add_hooke : add_definite)(springs, rest_length.data(), padded_x.data(),
-                                                               padded_f.data());
-  f += padded_f.topRows<3>();
+  const auto add = springs.law == SpringLaw::Hooke ? add_hooke : add_definite;
+  apply_padded([&](const double* in, double* out) { add(springs, rest_length.data(), in, out); }, x, f);
 }
 
-void add_hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
-                 BlockMatrix& K) {
-  for_each_spring(springs, x, [&](auto law, int s, int a, int b, const Eigen::Vector3d& l, double length) {
+SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
+                     double scale, Curvature curvature) {
+  const double least = curvature == Curvature::Projected ? 0 : -std::numeric_limits<double>::infinity();
+  SpringBlocks B = SpringBlocks::Zero(4, springs.E.cols());
+  for_each_spring(springs, x, [&](auto law, int s, int, int, const Eigen::Vector3d& l, double length) {
     const double k = springs.stiffness(s), r = rest_length(s);
-    const double across = std::max(0.0, law.tension(k, length, r) / length);
-    const double along = (law.slope(k, length, r) - across) / (length * length);
-    add_pair(K, a, b, across * Eigen::Matrix3d::Identity() + along * l * l.transpose());
+    const double across = std::max(least, law.tension(k, length, r) / length);
+    B.col(s) << std::sqrt(scale * (law.slope(k, length, r) - across)) / length * l, scale * across;
   });
+  return B;
+}
+
+SpringBlocks damping_matrix(const Springs& springs, const Eigen::Matrix3Xd& x, double scale) {
+  SpringBlocks B = SpringBlocks::Zero(4, springs.E.cols());
+  for_each_spring(springs, x, [&](auto, int s, int, int, const Eigen::Vector3d& l, double length) {
+    B.col(s).head<3>() = std::sqrt(scale * springs.damping) / length * l;
+  });
+  return B;
+}
+
+void add_blocks(const Springs& springs, const SpringBlocks& B, BlockMatrix& K) {
+  for (int s = 0; s < springs.E.cols(); ++s) {
+    const int a = springs.E(0, s), b = springs.E(1, s);
+    const Eigen::Matrix3d block = matrix_of(B, s);
+    K.block[K.diagonal[a]] += block;
+    K.block[K.diagonal[b]] += block;
+    K.block[K.find(a, b)] -= block;
+    K.block[K.find(b, a)] -= block;
+  }
+}
+
+void add_diagonal(const Springs& springs, const SpringBlocks& B, std::vector<Eigen::Matrix3d>& diagonal) {
+  for (int s = 0; s < springs.E.cols(); ++s) {
+    const Eigen::Matrix3d block = matrix_of(B, s);
+    for (int i : springs.E.col(s)) diagonal[i] += block;
+  }
+}
+
+void add_product(const Springs& springs, const SpringBlocks& B, const Eigen::Matrix3Xd& p,
+                 Eigen::Matrix3Xd& y) {
+  apply_padded([&](const double* in, double* out) { add_padded_product(springs.E, B.data(), in, out); }, p,
+               y);
 }
 
 void add_damping_forces(const Springs& springs, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,
@@ -155,15 +213,6 @@ double damping_power(const Springs& springs, const Eigen::Matrix3Xd& x, const Ei
     if (squared > 0) sum += springs.damping * along * along / squared;
   }
   return sum;
-}
-
-void add_damping_matrix(const Springs& springs, const Eigen::Matrix3Xd& x, double scale, BlockMatrix& K) {
-  for (int s = 0; s < springs.E.cols(); ++s) {
-    const int a = springs.E(0, s), b = springs.E(1, s);
-    const Eigen::Vector3d l = x.col(a) - x.col(b);
-    if (const double squared = l.squaredNorm(); squared > 0)
-      add_pair(K, a, b, scale * springs.damping / squared * l * l.transpose());
-  }
 }
 
 }  // namespace testbed

@@ -23,10 +23,27 @@ double energy(const Springs& springs, const Eigen::VectorXd& rest_length, const 
 void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                 Eigen::Matrix3Xd& f);
 
-/// K += Hessian of the energy (N/m), -df_a/dx_b = -[t' n n^T + t/|l| (I - n n^T)], n = l/|l|, where t is not
-/// taken below 0, which keeps K positive semidefinite under compression [method 5].
-void add_hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
-                 BlockMatrix& K);
+/// A matrix over the nodes made of one block B = u u^T + w I per spring: B in both diagonal blocks of its
+/// nodes, -B between them. Column s holds u and w (N/m).
+using SpringBlocks = Eigen::Matrix4Xd;
+
+/// Hessian of the energy (N/m) times a scale: B = t' n n^T + t/|l| (I - n n^T), n = l/|l|; projected, t is
+/// not taken below 0 [method 5].
+SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
+                     double scale = 1, Curvature curvature = Curvature::Projected);
+
+/// -df/dv of the damping forces (N s/m) times a scale: B = k_d n n^T.
+SpringBlocks damping_matrix(const Springs& springs, const Eigen::Matrix3Xd& x, double scale = 1);
+
+/// K += B.
+void add_blocks(const Springs& springs, const SpringBlocks& B, BlockMatrix& K);
+
+/// Adds the diagonal blocks of B, one for each node.
+void add_diagonal(const Springs& springs, const SpringBlocks& B, std::vector<Eigen::Matrix3d>& diagonal);
+
+/// y += B p without a matrix; 3 x n.
+void add_product(const Springs& springs, const SpringBlocks& B, const Eigen::Matrix3Xd& p,
+                 Eigen::Matrix3Xd& y);
 
 /// f_a -= k_d (mu . n) n, mu = v_a - v_b (N).
 void add_damping_forces(const Springs& springs, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,
@@ -34,8 +51,5 @@ void add_damping_forces(const Springs& springs, const Eigen::Matrix3Xd& x, const
 
 /// sum k_d (mu . n)^2 (W).
 double damping_power(const Springs& springs, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v);
-
-/// K += scale times -df/dv of the damping forces.
-void add_damping_matrix(const Springs& springs, const Eigen::Matrix3Xd& x, double scale, BlockMatrix& K);
 
 }  // namespace testbed

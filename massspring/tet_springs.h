@@ -64,10 +64,6 @@ double energy(const TetSprings& springs, const Eigen::Matrix3Xd& x);
 /// Adds the negative gradient of energy (N) to f.
 void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
 
-/// The second derivative of psi by F as it is, or with its negative eigenvalues set to 0
-/// [Smith, de Goes & Kim 2019]: exact converges quadratically, projected always descends.
-enum class Curvature { Exact, Projected };
-
 /// Projected second derivative of psi (Pa) per patch, over the columns of F.
 struct TetStiffness {
   std::vector<Eigen::Matrix<double, 9, 9>> H;
@@ -78,7 +74,8 @@ TetStiffness stiffness_at(const TetSprings& springs, const Eigen::Matrix3Xd& x);
 void add_product(const TetSprings& springs, const TetStiffness& stiffness, const Eigen::Matrix3Xd& p,
                  Eigen::Matrix3Xd& y);
 
-/// K += Hessian of the energy (N/m); K's pattern must hold pairs_of(springs).
+/// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K's pattern must
+/// hold pairs_of(springs).
 void add_hessian(const TetSprings& springs, const Eigen::Matrix3Xd& x, BlockMatrix& K,
                  Curvature curvature = Curvature::Projected);
 

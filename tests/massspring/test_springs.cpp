@@ -32,10 +32,21 @@ class EverySpringLaw : public testing::TestWithParam<SpringLaw> {
     add_forces(springs, rest, x, f);
     return f;
   }
-  Eigen::MatrixXd hessian(const Matrix3Xd& x) const {
+  Eigen::MatrixXd hessian(const Matrix3Xd& x, Curvature curvature = Curvature::Projected) const {
     BlockMatrix K = make_block_matrix(5, model.network.E);
-    add_hessian(springs, rest, x, K);
+    add_blocks(springs, testbed::hessian(springs, rest, x, 1, curvature), K);
     return dense(K);
+  }
+
+  void expect_force_gradient(const Eigen::MatrixXd& K, const Matrix3Xd& x) const {
+    ASSERT_GT(K.norm(), 1);
+    for (int k = 0; k < x.size(); ++k) {
+      Matrix3Xd up = x, down = x;
+      up(k) += difference_step;
+      down(k) -= difference_step;
+      const Matrix3Xd column = (forces(up) - forces(down)) / (2 * difference_step);
+      EXPECT_LT((K.col(k) + column.reshaped()).norm(), difference_tolerance * K.norm());
+    }
   }
 
   MassSpringModel model = small_model();
@@ -64,15 +75,27 @@ TEST_P(EverySpringLaw, ForceIsMinusEnergyGradient) {
 }
 
 TEST_P(EverySpringLaw, HessianIsMinusForceGradientUnderTension) {
-  const Eigen::MatrixXd K = hessian(stretched);
-  ASSERT_GT(K.norm(), 1);
-  for (int k = 0; k < stretched.size(); ++k) {
-    Matrix3Xd up = stretched, down = stretched;
-    up(k) += difference_step;
-    down(k) -= difference_step;
-    const Matrix3Xd column = (forces(up) - forces(down)) / (2 * difference_step);
-    EXPECT_LT((K.col(k) + column.reshaped()).norm(), difference_tolerance * K.norm());
-  }
+  expect_force_gradient(hessian(stretched), stretched);
+}
+
+TEST_P(EverySpringLaw, ExactHessianIsMinusForceGradientAlsoUnderCompression) {
+  expect_force_gradient(hessian(crushed, Curvature::Exact), crushed);
+}
+
+TEST_P(EverySpringLaw, BlocksApplyAsTheMatrixTheyForm) {
+  const Matrix3Xd p = random_points(5, 1, 5);
+  constexpr double scale = 2.5;
+  const SpringBlocks B = testbed::hessian(springs, rest, crushed, scale);
+  Matrix3Xd y = Matrix3Xd::Zero(3, 5);
+  add_product(springs, B, p, y);
+  const Eigen::VectorXd expected = scale * hessian(crushed) * p.reshaped();
+  ASSERT_GT(expected.norm(), 1);
+  EXPECT_LT((y.reshaped() - expected).norm(), rounding * expected.norm());
+  std::vector<Eigen::Matrix3d> diagonal(5, Eigen::Matrix3d::Zero());
+  add_diagonal(springs, B, diagonal);
+  for (int i = 0; i < 5; ++i)
+    EXPECT_LT((diagonal[i] - scale * hessian(crushed).block<3, 3>(3 * i, 3 * i)).norm(),
+              rounding * diagonal[i].norm());
 }
 
 TEST_P(EverySpringLaw, HessianStaysSemidefiniteUnderCompression) {
@@ -119,7 +142,7 @@ TEST(Springs, DampingMatrixIsMinusForceGradientByVelocityAndItsPowerIsLost) {
   add_damping_forces(springs, x, v, f);
   ASSERT_GT(f.norm(), 0.1);
   BlockMatrix D = make_block_matrix(5, model.network.E);
-  add_damping_matrix(springs, x, 1, D);
+  add_blocks(springs, damping_matrix(springs, x), D);
   EXPECT_LT((dense(D) * v.reshaped() + f.reshaped()).norm(), rounding * f.norm());
   EXPECT_NEAR(damping_power(springs, x, v), -f.cwiseProduct(v).sum(), rounding * 100);
 }

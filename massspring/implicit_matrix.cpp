@@ -1,0 +1,84 @@
+#include "massspring/implicit_matrix.h"
+
+#include <cmath>
+
+#include "massspring/volume_force.h"
+
+namespace testbed {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+
+ImplicitMatrix::ImplicitMatrix(const Motion& motion) : motion_(motion) {
+  if (!is_springs_alone(motion.model)) K_ = stiffness_pattern(motion.model);
+}
+
+void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
+                         Curvature curvature) {
+  const auto& [model, forces, end] = motion_;
+  mass_ = factors.mass * model.mass;
+  if (model.springs && model.springs->damping > 0)
+    damping_ = damping_matrix(*model.springs, damped_at, factors.damping);
+  if (forces.volume_pressure)
+    g_ = std::sqrt(factors.stiffness) *
+         volume_stiffness_root(*forces.volume_pressure, at.target_volume, model.network.F, at.x);
+  if (!K_) {
+    springs_ = hessian(*model.springs, at.rest_length, at.x, factors.stiffness, curvature);
+    return;
+  }
+  K_->set_zero();
+  add_stiffness(model, at, *K_, curvature);
+  for (Matrix3d& block : K_->block) block *= factors.stiffness;
+  if (damping_) add_blocks(*model.springs, *damping_, *K_);
+  for (int i = 0; i < K_->rows(); ++i) K_->block[K_->diagonal[i]].diagonal().array() += mass_(i);
+}
+
+void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
+  if (K_) {
+    testbed::multiply(*K_, p, y);
+  } else {
+    y = p * mass_.asDiagonal();
+    add_product(*motion_.model.springs, *springs_, p, y);
+    if (damping_) add_product(*motion_.model.springs, *damping_, p, y);
+  }
+  if (g_) y += g_->cwiseProduct(p).sum() * *g_;
+  filter(motion_.forces.constraints, y);
+}
+
+void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
+  const int n = static_cast<int>(mass_.size());
+  blocks.resize(n);
+  if (K_) {
+    for (int i = 0; i < n; ++i) blocks[i] = K_->block[K_->diagonal[i]];
+  } else {
+    for (int i = 0; i < n; ++i) blocks[i] = mass_(i) * Matrix3d::Identity();
+    add_diagonal(*motion_.model.springs, *springs_, blocks);
+    if (damping_) add_diagonal(*motion_.model.springs, *damping_, blocks);
+  }
+  for (const Constraint& c : motion_.forces.constraints) {
+    Matrix3d& block = blocks[c.node];
+    block = c.S * block * c.S + block.trace() * (Matrix3d::Identity() - c.S);
+  }
+}
+
+const BlockMatrix& ImplicitMatrix::matrix() {
+  if (K_) {
+    A_ = *K_;
+  } else {
+    if (!A_) A_ = stiffness_pattern(motion_.model);
+    A_->set_zero();
+    for (int i = 0; i < A_->rows(); ++i) A_->block[A_->diagonal[i]].diagonal().setConstant(mass_(i));
+    add_blocks(*motion_.model.springs, *springs_, *A_);
+    if (damping_) add_blocks(*motion_.model.springs, *damping_, *A_);
+  }
+  filter(motion_.forces.constraints, *A_);
+  return *A_;
+}
+
+LinearSystem ImplicitMatrix::system() {
+  return {[this](const Matrix3Xd& p, Matrix3Xd& y) { multiply(p, y); },
+          [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
+          [this]() -> const BlockMatrix& { return matrix(); }};
+}
+
+}  // namespace testbed

@@ -1,0 +1,42 @@
+// The matrix of an implicit step, of which no more is formed than is used.
+#pragma once
+
+#include "massspring/linear_solver.h"
+#include "massspring/motion.h"
+
+namespace testbed {
+
+/// A = mass M + stiffness K + damping D on the free directions: M the masses, K the Hessian of the potential
+/// with the rank-one part of the global volume force, D the damping matrix of the springs. Where springs are
+/// all there is, A is applied spring by spring and only a factorisation forms it.
+class ImplicitMatrix {
+ public:
+  struct Factors {
+    double mass, stiffness, damping;
+  };
+
+  explicit ImplicitMatrix(const Motion& motion);
+
+  /// @param at         K is taken at its positions and rest lengths
+  /// @param damped_at  positions (3 x n) that give the springs' directions in D
+  void set(const State& at, const Eigen::Matrix3Xd& damped_at, const Factors& factors, Curvature curvature);
+
+  /// y = A p, 3 x n; of p also the constrained directions count.
+  void multiply(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
+
+  /// For LinearSolver; valid until the next set.
+  LinearSystem system();
+
+ private:
+  void diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
+  const BlockMatrix& matrix();
+
+  const Motion& motion_;
+  Eigen::VectorXd mass_;  ///< times its factor
+  std::optional<SpringBlocks> springs_, damping_;
+  std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
+  std::optional<Eigen::Matrix3Xd> g_;  ///< of the rank-one part g g^T
+  std::optional<BlockMatrix> A_;
+};
+
+}  // namespace testbed

@@ -1,0 +1,69 @@
+#include <gtest/gtest.h>
+
+#include "massspring/implicit_matrix.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+constexpr double rounding = 1e-12;
+
+Forces some_constraints(const MassSpringModel& model) {
+  Forces forces = no_forces(model);
+  const Eigen::Vector3d p = Eigen::Vector3d(1, 2, -2) / 3;
+  forces.constraints.push_back({0, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  forces.constraints.push_back({3, Eigen::Matrix3d::Identity() - p * p.transpose(), Eigen::Vector3d::Zero()});
+  return forces;
+}
+
+TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
+  MassSpringModel model = small_model();
+  model.springs->damping = 3;
+  const Forces forces = some_constraints(model);
+  const Motion motion(model, forces, 1);
+  State state = initial_state(model);
+  state.x *= 0.8;
+  ImplicitMatrix A(motion);
+  A.set(state, 1.2 * state.x, {2, 0.3, 0.1}, Curvature::Projected);
+  Matrix3Xd p = random_points(5, 1, 6), y, expected;
+  filter(forces.constraints, p);
+  A.multiply(p, y);
+  multiply(A.system().matrix(), p, expected);
+  ASSERT_GT(y.norm(), 1);
+  EXPECT_LT((y - expected).norm(), rounding * y.norm());
+}
+
+TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
+  MassSpringModel model = small_model();
+  model.springs->damping = 3;
+  Forces forces = some_constraints(model);
+  forces.volume_pressure = 70;
+  const Motion motion(model, forces, 1);
+  State state =
+      initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
+  state.v = random_points(5, 1, 4);
+  constexpr double m = 2, k = 0.3, d = 0.1, step = 1e-6, difference_tolerance = 1e-7;
+  ImplicitMatrix A(motion);
+  A.set(state, state.x, {m, k, d}, Curvature::Exact);
+  Matrix3Xd p = random_points(5, 1, 6), y, f[2][2];
+  filter(forces.constraints, p);
+  A.multiply(p, y);
+  for (int side : {0, 1}) {
+    State moved = state;
+    moved.x += (side ? step : -step) * p;
+    motion.undamped_forces_at(moved, f[0][side]);
+    moved = state;
+    moved.v += (side ? step : -step) * p;
+    motion.forces_at(moved, f[1][side]);
+  }
+  Matrix3Xd expected =
+      m * p * model.mass.asDiagonal() - (k * (f[0][1] - f[0][0]) + d * (f[1][1] - f[1][0])) / (2 * step);
+  filter(forces.constraints, expected);
+  ASSERT_GT(y.norm(), 1);
+  EXPECT_LT((y - expected).norm(), difference_tolerance * y.norm());
+}
+
+}  // namespace
+}  // namespace testbed
