@@ -9,49 +9,51 @@
 
 namespace testbed {
 
-namespace {
-
-Eigen::Matrix3Xd sampled_nodes(const SurfaceMesh& surface, const NetworkOptions& options,
-                               const std::string& sampling) {
-  const SampleOptions sample{options.phi, options.psi, options.k, options.seed,
-                             sampling == "relaxed" ? Sampling::Relaxed : Sampling::Darts};
-  return sample_interior(surface, sample);
+TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
+                    TetReport* report) {
+  const std::vector<std::string> known{"darts", "relaxed", "mesher"};
+  if (std::find(known.begin(), known.end(), options.sampling) == known.end())
+    throw std::runtime_error("network.sampling = '" + options.sampling + "'" +
+                             suggestion(options.sampling, known));
+  TetOptions tets;
+  if (options.sampling == "mesher") {
+    tets.size = interior_size(surface, options.spacing);
+    return tetrahedralize(surface, tets, report);
+  }
+  tets.interior =
+      sample_interior(surface, {options.phi, options.psi, options.k, options.seed,
+                                options.sampling == "relaxed" ? Sampling::Relaxed : Sampling::Darts});
+  if (needs_tetrahedra) {
+    const double body = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm();
+    tets.size = Eigen::VectorXd::Constant(surface.X.cols(), body);  // no more nodes than the mesher needs
+    try {
+      return tetrahedralize(surface, tets, report);
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(
+          std::string(error.what()) +
+          "\nThe inner nodes were sampled; network.sampling = 'mesher' lets the mesher choose them.");
+    }
+  }
+  const Eigen::Index n_surface = surface.X.cols();
+  TetMesh nodes{
+      Eigen::Matrix3Xd(3, n_surface + tets.interior.cols()), {}, surface.F, static_cast<int>(n_surface)};
+  nodes.X << surface.X, tets.interior;
+  return nodes;
 }
-
-}  // namespace
 
 SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
                             TetReport* report) {
-  const std::string sampling = !options.sampling.empty() ? options.sampling
-                               : needs_tetrahedra        ? "mesher"
-                                                         : "darts";
-  const std::vector<std::string> known{"darts", "relaxed", "mesher"};
-  if (std::find(known.begin(), known.end(), sampling) == known.end())
-    throw std::runtime_error("network.sampling = '" + sampling + "'" + suggestion(sampling, known));
-
-  TetOptions tets;
-  if (sampling == "mesher") {
-    tets.size = interior_size(surface, options.spacing);
-  } else {
-    tets.interior = sampled_nodes(surface, options, sampling);
-    const double body = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm();
-    tets.size = Eigen::VectorXd::Constant(surface.X.cols(), body);  // no more nodes than the mesher needs
-  }
-  TetMesh mesh;
-  if (needs_tetrahedra || sampling == "mesher") {
-    mesh = tetrahedralize(surface, tets, report);
-    tets.interior = mesh.X.rightCols(mesh.X.cols() - mesh.n_surface);
-  }
   ConnectOptions how;
   how.connectivity = connectivity_of(options.connectivity);
   how.pcp.multiplicity = options.multiplicity;
   how.neighbours = options.neighbours;
-  SpringNetwork network = connect(surface, tets.interior, how);
+  const TetMesh nodes = place_nodes(surface, options, needs_tetrahedra, report);
+  SpringNetwork network = connect(surface, nodes.X.rightCols(nodes.X.cols() - nodes.n_surface), how);
   if (needs_tetrahedra) {
-    if (network.X.cols() != mesh.X.cols())
+    if (network.X.cols() != nodes.X.cols())
       throw std::runtime_error("network.connectivity = '" + options.connectivity +
                                "' leaves out internal nodes that are corners of tetrahedra");
-    network.T = mesh.T;
+    network.T = nodes.T;
   }
   return network;
 }

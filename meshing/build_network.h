@@ -7,11 +7,17 @@
 
 namespace testbed {
 
-/// Internal nodes sampled or made by the mesher, springs joined as the scene's network table says, and, where
-/// wanted, tetrahedra on the same nodes. Where sampled nodes get tetrahedra, those that the mesher must add
-/// join the network.
-/// @throws std::runtime_error for a name that is not known or options out of range, or when no mesher fills
-/// the surface.
+/// Internal nodes sampled or made by the mesher, as the scene's network table says, with tetrahedra where
+/// wanted (or where the mesher made the nodes). Sampled nodes stay as they are; those that the mesher must
+/// add to them follow.
+/// @throws std::runtime_error for a sampling that is not known or options out of range, or when no mesher
+/// fills the surface.
+TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
+                    TetReport* report = nullptr);
+
+/// These nodes joined by springs as the table says; with their tetrahedra where wanted.
+/// @throws std::runtime_error as place_nodes, or for a connectivity that is not known or leaves out corners
+/// of tetrahedra.
 SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
                             TetReport* report = nullptr);
 

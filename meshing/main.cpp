@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <iostream>
 
+#include "meshing/build_network.h"
 #include "meshing/connect.h"
 #include "meshing/record.h"
 #include "meshing/rigidity.h"
@@ -12,7 +13,6 @@
 #include "meshing/surface_faults.h"
 #include "meshing/surface_io.h"
 #include "meshing/tet_mesh.h"
-#include "meshing/tetrahedralize.h"
 
 using namespace testbed;
 
@@ -118,29 +118,45 @@ void print_network(const SpringNetwork& network, const SurfaceMesh& surface) {
     std::printf("floppy modes not counted above %d nodes\n", most_nodes);
 }
 
+void print_quality(const TetMesh& mesh) {
+  const TetQuality quality = tet_quality(mesh.X, mesh.T);
+  std::printf(
+      "tetrahedra %ld\nleast dihedral angle %.3g degrees\nradius ratio least %.3g, mean %.3g\nslivers %d\n",
+      mesh.T.cols(), quality.min_dihedral, quality.min_radius_ratio, quality.mean_radius_ratio,
+      quality.n_slivers);
+}
+
+void print_attempts(const TetReport& report) {
+  for (const std::string& failure : report.failures) std::fprintf(stderr, "failed: %s\n", failure.c_str());
+  std::printf("mesher %s\n", report.mesher.c_str());
+}
+
 void add_network(CLI::App& app) {
   struct Arguments {
     std::string file, out, connectivity = "pcp";
-    SampleOptions sample;
+    NetworkOptions nodes;
     ConnectOptions connect;
+    bool has_tetrahedra = false;
   };
   auto* command =
       app.add_subcommand("network", "Fill a surface with internal nodes and join them by springs");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("file", arguments->file, "surface")->required();
-  command->add_option("out", arguments->out, "file to write (.vtu): triangles, then springs");
-  command->add_option("--phi", arguments->sample.phi, "least distance of internal nodes (normalised box)");
-  command->add_option("--psi", arguments->sample.psi, "least distance to the surface (normalised box)");
-  command->add_option("-k,--nodes", arguments->sample.k, "internal nodes wanted (absent: as many as fit)");
-  command->add_option("--seed", arguments->sample.seed, "of the random nodes")->capture_default_str();
+  command->add_option("out", arguments->out,
+                      "file to write (.vtu): triangles, then springs, then tetrahedra");
+  command->add_option("--sampling", arguments->nodes.sampling, "of internal nodes: darts, relaxed, mesher")
+      ->capture_default_str();
+  command->add_option("--phi", arguments->nodes.phi, "least distance of internal nodes (normalised box)");
+  command->add_option("--psi", arguments->nodes.psi, "least distance to the surface (normalised box)");
+  command->add_option("-k,--nodes", arguments->nodes.k, "internal nodes wanted (absent: as many as fit)");
+  command->add_option("--seed", arguments->nodes.seed, "of the random nodes")->capture_default_str();
+  command->add_option("--spacing", arguments->nodes.spacing, "mesher: edges inside over the surface's nearby")
+      ->capture_default_str();
+  command->add_flag("--tetrahedra", arguments->has_tetrahedra, "on the same nodes");
   command
       ->add_option("--multiplicity", arguments->connect.pcp.multiplicity,
                    "PCP: springs projected by each white node")
       ->capture_default_str();
-  const std::map<std::string, Sampling> samplings = {{"darts", Sampling::Darts},
-                                                     {"relaxed", Sampling::Relaxed}};
-  command->add_option("--sampling", arguments->sample.sampling, "of internal nodes")
-      ->transform(CLI::CheckedTransformer(samplings));
   const std::map<std::string, PcpReading> readings = {{"stage_wise", PcpReading::StageWise},
                                                       {"whole_last_stage", PcpReading::WholeLastStage},
                                                       {"literal", PcpReading::Literal}};
@@ -156,17 +172,23 @@ void add_network(CLI::App& app) {
   command->callback([arguments] {
     const SurfaceMesh surface = read_surface(arguments->file);
     check_closed(surface, arguments->file);
-    const Eigen::Matrix3Xd interior = sample_interior(surface, arguments->sample);
-    if (arguments->sample.k && interior.cols() < *arguments->sample.k)
-      std::fprintf(stderr, "only %ld of %d internal nodes fit\n", interior.cols(), *arguments->sample.k);
+    TetReport attempts;
+    const TetMesh nodes = place_nodes(surface, arguments->nodes, arguments->has_tetrahedra, &attempts);
+    const Eigen::Matrix3Xd interior = nodes.X.rightCols(nodes.X.cols() - nodes.n_surface);
+    if (arguments->nodes.k && interior.cols() < *arguments->nodes.k)
+      std::fprintf(stderr, "only %ld of %d internal nodes fit\n", interior.cols(), *arguments->nodes.k);
     arguments->connect.connectivity = connectivity_of(arguments->connectivity);
     PcpReport report;
     const SpringNetwork network = connect(surface, interior, arguments->connect, &report);
     print_network(network, surface);
     std::printf("PCP stages %zu\n", report.white_per_stage.size());
-    if (!arguments->out.empty())
-      write_cells(arguments->out, network.X, {{vtk_triangle, network.F}, {vtk_line, network.E}},
-                  network.n_surface);
+    std::vector<CellBlock> cells{{vtk_triangle, network.F}, {vtk_line, network.E}};
+    if (nodes.T.cols() > 0) {
+      print_attempts(attempts);
+      print_quality(nodes);
+      cells.push_back({vtk_tetra, nodes.T});
+    }
+    if (!arguments->out.empty()) write_cells(arguments->out, network.X, cells, network.n_surface);
   });
 }
 
@@ -187,12 +209,9 @@ void add_tetrahedralize(CLI::App& app) {
     const SurfaceMesh surface = read_surface(arguments->file);
     TetReport report;
     const TetMesh mesh = tetrahedralize(surface, arguments->tets, &report);
-    const TetQuality quality = tet_quality(mesh.X, mesh.T);
-    for (const std::string& failure : report.failures) std::fprintf(stderr, "failed: %s\n", failure.c_str());
-    std::printf("mesher %s\nnodes %ld (surface %d)\ntetrahedra %ld\n", report.mesher.c_str(), mesh.X.cols(),
-                mesh.n_surface, mesh.T.cols());
-    std::printf("least dihedral angle %.3g degrees\nradius ratio least %.3g, mean %.3g\nslivers %d\n",
-                quality.min_dihedral, quality.min_radius_ratio, quality.mean_radius_ratio, quality.n_slivers);
+    print_attempts(report);
+    std::printf("nodes %ld (surface %d)\n", mesh.X.cols(), mesh.n_surface);
+    print_quality(mesh);
     if (!arguments->out.empty())
       write_cells(arguments->out, mesh.X, {{vtk_triangle, mesh.F}, {vtk_tetra, mesh.T}}, mesh.n_surface);
   });
@@ -209,7 +228,7 @@ int main(int argc, char** argv) {
       "  meshing repair scan.stl clean.obj\n"
       "  meshing shape torus torus.obj --vertices 924\n"
       "  meshing network torus.obj torus.vtu --nodes 500 --multiplicity 5\n"
-      "  meshing network bunny.obj bunny.vtu --connectivity completed_pcp\n"
+      "  meshing network bunny.obj bunny.vtu --connectivity completed_pcp --tetrahedra\n"
       "  meshing tetrahedralize bunny.obj bunny.vtu --interior-size 0.1");
   add_check(app);
   add_repair(app);

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <unordered_map>
 #include <vector>
 
@@ -60,33 +61,30 @@ std::vector<Solid> add_surface(const SurfaceMesh& surface, const std::vector<She
   return solids;
 }
 
-/// Gives gmsh one discrete entity for each point, whose nodes get the tags from `first_tag` on.
-std::vector<int> add_points(const Eigen::Matrix3Xd& points, std::size_t first_tag) {
-  std::vector<int> entities;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(points.cols()); ++i) {
-    entities.push_back(gmsh::model::addDiscreteEntity(0));
-    gmsh::model::mesh::addNodes(0, entities.back(), {first_tag + i},
-                                {points(0, i), points(1, i), points(2, i)});
-    gmsh::model::mesh::addElementsByType(entities.back(), 15, {}, {first_tag + i});
+/// Gives gmsh the points that lie in each solid (the one that the triangle nearest to it bounds), as one
+/// discrete entity: one for each point takes time as the square of their number. Nodes get the tags from
+/// `first_tag` on.
+void add_points(const Eigen::Matrix3Xd& points, std::size_t first_tag, const SurfaceTree& tree,
+                const std::vector<Shell>& shells, const std::vector<Solid>& solids) {
+  std::map<int, int> solid_of;  // by triangle
+  for (size_t s = 0; s < solids.size(); ++s)
+    for (int shell : solids[s].shells)
+      for (int f : shells[shell].triangles) solid_of[f] = static_cast<int>(s);
+  std::vector<std::vector<std::size_t>> tags(solids.size());
+  std::vector<std::vector<double>> coordinates(solids.size());
+  for (int i = 0; i < points.cols(); ++i) {
+    const int s = solid_of.at(tree.nearest(points.col(i)).triangle);
+    tags[s].push_back(first_tag + i);
+    coordinates[s].insert(coordinates[s].end(), points.col(i).begin(), points.col(i).end());
   }
-  return entities;
-}
-
-/// Puts each point into the solid around it: the one that the triangle nearest to it bounds.
-void embed_points(const Eigen::Matrix3Xd& points, const std::vector<int>& entities,
-                  const SurfaceMesh& surface, const std::vector<Shell>& shells,
-                  const std::vector<Solid>& solids) {
-  std::vector<int> shell_of(surface.F.cols()), solid_of(shells.size());
-  for (size_t s = 0; s < shells.size(); ++s)
-    for (int f : shells[s].triangles) shell_of[f] = static_cast<int>(s);
-  for (size_t s = 0; s < solids.size(); ++s)
-    for (int shell : solids[s].shells) solid_of[shell] = static_cast<int>(s);
-  const SurfaceTree tree(surface);
-  std::vector<std::vector<int>> inside(solids.size());
-  for (int i = 0; i < points.cols(); ++i)
-    inside[solid_of[shell_of[tree.nearest(points.col(i)).triangle]]].push_back(entities[i]);
-  for (size_t s = 0; s < solids.size(); ++s)
-    if (!inside[s].empty()) gmsh::model::mesh::embed(0, inside[s], 3, solids[s].volume);
+  for (size_t s = 0; s < solids.size(); ++s) {
+    if (tags[s].empty()) continue;
+    const int entity = gmsh::model::addDiscreteEntity(0);
+    gmsh::model::mesh::addNodes(0, entity, tags[s], coordinates[s]);
+    gmsh::model::mesh::addElementsByType(entity, 15, {}, tags[s]);
+    gmsh::model::geo::synchronize();
+    gmsh::model::mesh::embed(0, {entity}, 3, solids[s].volume);
+  }
 }
 
 /// Weights of a triangle's corners (columns) at a point of it.
@@ -136,11 +134,10 @@ TetNodes mesh_task(const TetTask& task, int algorithm, double angle_tolerance) {
 
   const std::vector<Shell> shells = shells_of(task.surface);
   const std::vector<Solid> solids = add_surface(task.surface, shells);
-  const std::vector<int> points = add_points(task.interior, task.surface.X.cols() + 1);
   gmsh::model::geo::synchronize();
-  if (!points.empty()) embed_points(task.interior, points, task.surface, shells, solids);
-
   const SurfaceTree tree(task.surface);
+  add_points(task.interior, task.surface.X.cols() + 1, tree, shells, solids);
+
   const double longest = task.longest > 0 ? task.longest : std::numeric_limits<double>::max();
   gmsh::model::mesh::setSizeCallback([&](int, int, double x, double y, double z) {
     const SurfaceTree::Nearest nearest = tree.nearest({x, y, z});

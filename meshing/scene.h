@@ -156,9 +156,7 @@ struct NetworkOptions {
   std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
   int multiplicity = 5;       ///< springs projected by each white node, >= 3
   std::uint64_t seed = 1;
-  /// Of the internal nodes: darts, relaxed or mesher. Empty: mesher where the spring model needs tetrahedra,
-  /// else darts.
-  std::string sampling;
+  std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed or mesher
   double spacing = 0.7;              ///< mesher: edges inside over the surface's nearby
   std::string connectivity = "pcp";  ///< name among connectivity_names() of meshing/connect.h
   int neighbours = 8;                ///< completed_pcp: nearest neighbours of every node

@@ -190,8 +190,7 @@ void describe(V& v, NetworkOptions& n) {
   v("k", n.k, kNotNegative, "internal nodes wanted; absent: as many as fit");
   v("multiplicity", n.multiplicity, kAtLeastThree, "springs projected by each white node");
   v("seed", n.seed, kNotNegative, "of the random nodes");
-  v.choice("sampling", n.sampling, kSamplings,
-           "of the internal nodes: darts, relaxed, mesher; absent: mesher with tetrahedra, else darts");
+  v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed, mesher");
   v("spacing", n.spacing, kPositive, "mesher: edges inside over the surface's nearby, less in thin bodies");
   v.choice("connectivity", n.connectivity, kConnectivities,
            "surface, central, complete, delaunay, pcp, completed_pcp");

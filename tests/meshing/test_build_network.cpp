@@ -37,7 +37,6 @@ int n_tetrahedra_along(const SpringNetwork& network, const Eigen::Vector3d& x, i
 TEST(BuildNetwork, SampledNodesKeepTheirPlacesAndGetTetrahedra) {
   const SurfaceMesh surface = make_shape("ball", 162);
   NetworkOptions options;
-  options.sampling = "darts";
   options.seed = 3;
   SampleOptions sample;
   sample.seed = 3;
@@ -51,7 +50,9 @@ TEST(BuildNetwork, SampledNodesKeepTheirPlacesAndGetTetrahedra) {
 
 TEST(BuildNetwork, PcpLinksTheMeshersNodes) {
   const SurfaceMesh surface = make_shape("torus", 300);
-  const SpringNetwork network = build_network(surface, {}, true);
+  NetworkOptions options;
+  options.sampling = "mesher";
+  const SpringNetwork network = build_network(surface, options, true);
   const Eigen::Index n_inner = network.X.cols() - network.n_surface;
   ASSERT_GT(n_inner, 0);
   EXPECT_EQ(network.E, link_pcp(surface, network.X.rightCols(n_inner), {}).E);
@@ -70,13 +71,18 @@ TEST(BuildNetwork, SpringsAloneTakeTheMeshersNodesToo) {
 TEST(BuildNetwork, ThinBodiesGetLayers) {
   const SurfaceMesh plate = make_shape("bar", 400, {2, 2, 0.3});
   const Eigen::Vector3d x(0.013, 0.027, 0);
-  EXPECT_GE(n_tetrahedra_along(build_network(plate, {}, true), x, 2), 4);
+  for (const char* sampling : {"darts", "mesher"}) {
+    NetworkOptions options;
+    options.sampling = sampling;
+    EXPECT_GE(n_tetrahedra_along(build_network(plate, options, true), x, 2), 4) << sampling;
+  }
 }
 
 TEST(BuildNetwork, SpacingSetsTheDensityInside) {
   // where no layer is thin and no edge grows, nodes are as one over spacing cubed
   const SurfaceMesh surface = make_shape("ball", 642);
   NetworkOptions coarse, fine;
+  coarse.sampling = fine.sampling = "mesher";
   coarse.spacing = 0.8;
   fine.spacing = 0.4;
   const auto inner = [&](const NetworkOptions& options) {
