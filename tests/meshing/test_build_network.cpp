@@ -98,6 +98,20 @@ TEST(BuildNetwork, RefusesConnectivityThatLosesCorners) {
   EXPECT_THROW(build_network(make_shape("ball", 162), options, true), std::runtime_error);
 }
 
+TEST(BuildNetwork, FollowsTheScenesTable) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  NetworkOptions options;
+  options.k = 50;
+  options.connectivity = "complete";
+  EXPECT_EQ(build_network(ball, options, false).E.cols(), 212 * 211 / 2);
+  options.connectivity = "pcp";
+  const SpringNetwork darts = build_network(ball, options, false);
+  options.sampling = "relaxed";
+  EXPECT_NE(build_network(ball, options, false).X, darts.X);
+  options.sampling = "random";
+  EXPECT_THROW(build_network(ball, options, false), std::runtime_error);
+}
+
 TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
   const auto ratio = [](double thickness) {
     const SurfaceMesh plate = make_shape("bar", 400, {2, 2, thickness});

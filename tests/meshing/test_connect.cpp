@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <set>
 
-#include "meshing/build_network.h"
 #include "meshing/connect.h"
 #include "meshing/rigidity.h"
 #include "meshing/shapes.h"
@@ -134,18 +133,4 @@ TEST(Rigidity, WeakNodesHaveFewSpringsOrAllInAPlane) {
   const std::vector<int> weak = weak_nodes(network);
   EXPECT_GT(weak.size(), 100u);
   EXPECT_TRUE(weak_nodes(network_of(make_shape("ball", 162), Connectivity::Complete)).empty());
-}
-
-TEST(BuildNetwork, FollowsTheScenesTable) {
-  const SurfaceMesh ball = make_shape("ball", 162);
-  NetworkOptions options;
-  options.k = 50;
-  options.connectivity = "complete";
-  EXPECT_EQ(build_network(ball, options).E.cols(), 212 * 211 / 2);
-  options.connectivity = "pcp";
-  const SpringNetwork darts = build_network(ball, options);
-  options.sampling = "relaxed";
-  EXPECT_NE(build_network(ball, options).X, darts.X);
-  options.sampling = "random";
-  EXPECT_THROW(build_network(ball, options), std::runtime_error);
 }
