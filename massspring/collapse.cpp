@@ -11,6 +11,28 @@ double box_scale(const SpringNetwork& network) {
   return (surface.rowwise().maxCoeff() - surface.rowwise().minCoeff()).minCoeff();
 }
 
+/// Multiplies lengths by shrink(w) around a pivot, down to `least` of those at rest.
+template <class Shrink>
+void shrink_around(const Eigen::Vector3d& pivot, const MassSpringModel& model, const Eigen::Matrix3Xd& x,
+                   const State& rest, double least, const Shrink& shrink, State& state) {
+  const double scale = box_scale(model.network);
+  if (model.springs) {
+    const Eigen::Index n = model.springs->E.cols();
+    const Eigen::ArrayXd w = fall_off(pivot, model.springs->E, x, scale);
+    state.rest_length.head(n) =
+        (state.rest_length.head(n).array() * shrink(w)).max(least * rest.rest_length.head(n).array());
+  }
+  if (model.tet_springs) {
+    const Eigen::ArrayXd w = fall_off(pivot, *model.tet_springs, x, scale);
+    if (state.patch_scale.size() == 0) state.patch_scale = Eigen::VectorXd::Ones(w.size());
+    state.patch_scale = (state.patch_scale.array() * shrink(w)).max(least);
+  }
+}
+
+Eigen::Vector3d at_time(const Pivot& pivot, double t) {
+  return pivot.motion.empty() ? pivot.point : pivot.point + position_at(pivot.motion, t);
+}
+
 }  // namespace
 
 Eigen::VectorXd fall_off(const Eigen::Vector3d& pivot, const Eigen::Matrix2Xi& E, const Eigen::Matrix3Xd& x,
@@ -25,24 +47,52 @@ Eigen::VectorXd fall_off(const Eigen::Vector3d& pivot, const Eigen::Matrix2Xi& E
   return w;
 }
 
-Eigen::VectorXd collapsed(const Collapse& collapse, const SpringNetwork& network,
-                          const Eigen::VectorXd& rest_length, double load_factor) {
-  Eigen::ArrayXd r = rest_length;
-  for (const Pivot& pivot : collapse.pivots)
-    if (load_factor > pivot.start) {
-      const double s = (load_factor - pivot.start) / (1 - pivot.start);
-      r *= 1 -
-           collapse.coefficient * s * fall_off(pivot.point, network.E, network.X, box_scale(network)).array();
-    }
-  return r;
+Eigen::VectorXd fall_off(const Eigen::Vector3d& pivot, const TetSprings& springs, const Eigen::Matrix3Xd& x,
+                         double scale) {
+  Eigen::VectorXd w(springs.n_patches());
+  for (int p = 0; p < springs.n_patches(); ++p) {
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+    for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
+      centre += springs.weight[e] * x.col(springs.node[e]);
+    w(p) = 1 / (1 + (centre - pivot).norm() / scale);
+  }
+  return w;
 }
 
-void collapse(const Collapse& collapse, const SpringNetwork& network, State& state, double h) {
-  for (const Pivot& pivot : collapse.pivots)
-    if (state.t >= pivot.start)
-      state.rest_length.array() *=
-          (1 - collapse.coefficient * fall_off(pivot.point, network.E, state.x, box_scale(network)).array())
-              .pow(h);
+void collapse_to(const Collapse& collapse, const MassSpringModel& model, double load_factor, State& state) {
+  const State rest = initial_state(model);
+  state.rest_length = rest.rest_length;
+  state.patch_scale = rest.patch_scale;
+  for (const Pivot& pivot : collapse.pivots) {
+    if (load_factor <= pivot.start) continue;
+    const double s = (load_factor - pivot.start) / (1 - pivot.start);
+    shrink_around(
+        at_time(pivot, load_factor), model, model.network.X, rest, collapse.least,
+        [&](const Eigen::ArrayXd& w) -> Eigen::ArrayXd { return 1 - collapse.coefficient * s * w; }, state);
+  }
+}
+
+void collapse(const Collapse& collapse, const MassSpringModel& model, double h, State& state) {
+  const State rest = initial_state(model);
+  for (const Pivot& pivot : collapse.pivots) {
+    if (state.t < pivot.start || (pivot.end && state.t >= *pivot.end)) continue;
+    const double exponent = collapse.is_per_step ? 1 : h;
+    shrink_around(
+        at_time(pivot, state.t), model, state.x, rest, collapse.least,
+        [&](const Eigen::ArrayXd& w) -> Eigen::ArrayXd {
+          return (1 - collapse.coefficient * w).pow(exponent);
+        },
+        state);
+  }
+}
+
+void relax_surface(double coefficient, const MassSpringModel& model, double h, State& state) {
+  const Eigen::VectorXd f = mean_bending_forces(*model.bending, state.x);
+  const double largest = f.maxCoeff();
+  if (!(largest > 0)) return;
+  const Eigen::Matrix2Xi& E = model.springs->E;
+  for (Eigen::Index s = 0; s < model.network.F.cols() * 3 / 2; ++s)
+    state.rest_length(s) *= std::pow(1 - coefficient * (f(E(0, s)) + f(E(1, s))) / (2 * largest), h);
 }
 
 }  // namespace testbed

@@ -1,4 +1,4 @@
-// Deflation by collapsing rest lengths around pivots [paper 4.4, eq. 8].
+// Deflation by collapsing rest lengths around pivots, and surface relaxation [paper 4.4, eq. 8 and 9].
 #pragma once
 
 #include "massspring/model.h"
@@ -10,13 +10,20 @@ namespace testbed {
 Eigen::VectorXd fall_off(const Eigen::Vector3d& pivot, const Eigen::Matrix2Xi& E, const Eigen::Matrix3Xd& x,
                          double scale);
 
-/// Rest lengths (m) of a static scene at a load factor: r = r_0 prod_pivots (1 - R w s), s growing linearly
-/// from 0 at the pivot's start to 1.
-Eigen::VectorXd collapsed(const Collapse& collapse, const SpringNetwork& network,
-                          const Eigen::VectorXd& rest_length, double load_factor);
+/// The same of each patch of coupled springs, d the distance to its centre of mass.
+Eigen::VectorXd fall_off(const Eigen::Vector3d& pivot, const TetSprings& springs, const Eigen::Matrix3Xd& x,
+                         double scale);
 
-/// Rest lengths after h seconds of every pivot that has started: r <- r (1 - R w)^h, so that the result does
-/// not hang on the step.
-void collapse(const Collapse& collapse, const SpringNetwork& network, State& state, double h);
+/// Sets what a static scene has collapsed to at a load factor: rest lengths and the rest shapes of patches
+/// shrink by prod_pivots (1 - R w s), w at rest, s growing linearly from 0 at the pivot's start to 1.
+void collapse_to(const Collapse& collapse, const MassSpringModel& model, double load_factor, State& state);
+
+/// Collapses rest lengths, and the rest shapes of patches, by every pivot at work at state.t, for h seconds:
+/// r <- r (1 - R w)^h, so that the result does not hang on the step, or per step r <- r (1 - R w).
+void collapse(const Collapse& collapse, const MassSpringModel& model, double h, State& state);
+
+/// Relaxes the springs along the surface's edges, which come first, for h seconds:
+/// r_ij <- r_ij (1 - R' (f_i + f_j) / (2 max f))^h, f_i the mean bending force of the edges at node i.
+void relax_surface(double coefficient, const MassSpringModel& model, double h, State& state);
 
 }  // namespace testbed

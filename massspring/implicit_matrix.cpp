@@ -2,8 +2,6 @@
 
 #include <cmath>
 
-#include "massspring/volume_force.h"
-
 namespace testbed {
 
 using Eigen::Matrix3d;
@@ -19,9 +17,8 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   mass_ = factors.mass * model.mass;
   if (model.springs && model.springs->damping > 0)
     damping_ = damping_matrix(*model.springs, damped_at, factors.damping);
-  if (forces.volume_pressure)
-    g_ = std::sqrt(factors.stiffness) *
-         volume_stiffness_root(*forces.volume_pressure, at.target_volume, model.network.F, at.x);
+  g_ = volume_stiffness_root(model, forces, at);
+  if (g_) *g_ *= std::sqrt(factors.stiffness);
   if (!K_) {
     springs_ = hessian(*model.springs, at.rest_length, at.x, factors.stiffness, curvature);
     return;

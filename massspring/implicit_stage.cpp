@@ -15,7 +15,8 @@ ImplicitStage::ImplicitStage(const Motion& motion)
 double ImplicitStage::objective(const State& trial, const Matrix3Xd& start_x, double a,
                                 const Matrix3Xd& w) const {
   const MassSpringModel& model = motion_.model;
-  double sum = (trial.v - w).colwise().squaredNorm().dot(model.mass) / 2 + motion_.potential(trial);
+  double sum =
+      (trial.v - w).colwise().squaredNorm().dot(model.mass) / 2 + potential(model, motion_.forces, trial);
   if (motion_.forces.mass_damping > 0)
     sum += a * motion_.forces.mass_damping / 2 * trial.v.colwise().squaredNorm().dot(model.mass);
   if (model.springs && model.springs->damping > 0)
@@ -26,7 +27,7 @@ double ImplicitStage::objective(const State& trial, const Matrix3Xd& start_x, do
 void ImplicitStage::negative_gradient(const State& trial, const Matrix3Xd& start_x, double a,
                                       const Matrix3Xd& w, Matrix3Xd& r) const {
   const MassSpringModel& model = motion_.model;
-  motion_.undamped_forces_at(trial, r);
+  undamped_forces(model, motion_.forces, trial, r);
   if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, start_x, trial.v, r);
   const double c = motion_.forces.mass_damping;
   for (Eigen::Index i = 0; i < r.cols(); ++i)

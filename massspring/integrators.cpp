@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 #include "massspring/block_matrix.h"
-#include "massspring/volume_force.h"
 #include "meshing/random.h"
 
 namespace testbed {
@@ -67,9 +66,7 @@ StepReport TimeStepper::step(State& state, double h) {
 double stable_step(const MassSpringModel& model, const Forces& forces, const State& state) {
   BlockMatrix K = stiffness_pattern(model);
   add_stiffness(model, state, K);
-  std::optional<Matrix3Xd> g;
-  if (forces.volume_pressure)
-    g = volume_stiffness_root(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
+  const std::optional<Matrix3Xd> g = volume_stiffness_root(model, forces, state);
   const Eigen::VectorXd scale = model.mass.cwiseSqrt().cwiseInverse();
   Matrix3Xd scaled, Kq;
   const auto product = [&](const Matrix3Xd& q) -> Matrix3Xd {  // M^-1/2 K M^-1/2 q

@@ -17,7 +17,7 @@ class LinearisedEuler : public Scheme {
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     const auto& [model, forces, end] = motion_;
     A_.set(state, state.x, {1 + h * forces.mass_damping, h * h, h}, Curvature::Projected);
-    motion_.undamped_forces_at(state, b_);
+    undamped_forces(model, forces, state, b_);
     A_.multiply(state.v, Av_);
     b_ = h * b_ + state.v * model.mass.asDiagonal();
     filter(forces.constraints, b_);

@@ -63,13 +63,39 @@ Eigen::VectorXd add_diagnostics(const MassSpringModel& model, nlohmann::ordered_
   }
 }
 
+/// The solid of a scene, with its skin and volumes.
+/// @throws std::runtime_error when parts of the scene do not go together.
+MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const Calibration& calibration) {
+  MassSpringModel model = calibrate(network, scene.material, calibration);
+  if (model.springs) {
+    model.springs->law = scene.network.spring_law;
+    model.springs->damping = scene.network.spring_damping;
+  }
+  if (scene.skin) {
+    add_skin(*scene.skin, model);
+    if (scene.skin->relaxation > 0 && !(model.bending && model.springs))
+      throw std::runtime_error(
+          "skin.relaxation = " + std::to_string(scene.skin->relaxation) +
+          ", expected skin.bending > 0 to drive it and springs along the surface (skin.stiffness > 0)");
+  }
+  if (scene.volume && scene.volume->local > 0) {
+    if (network.T.cols() == 0)
+      throw std::runtime_error("volume.local = " + std::to_string(scene.volume->local) +
+                               ", expected 0 with " + calibration.name +
+                               " springs: their network has no tetrahedra");
+    model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
+    for (Eigen::Index t = 0; t < network.T.cols(); ++t)
+      model.local_volume->rest_volume(t) = rest_volume(network.X, network.T.col(t));
+  }
+  return model;
+}
+
 void run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (!scene.obstacles.empty() || scene.self_contact.is_on || scene.volume || scene.skin)
-    throw std::runtime_error(arguments.scene +
-                             ": obstacles, self_contact, volume and skin are not simulated yet");
+  if (!scene.obstacles.empty() || scene.self_contact.is_on)
+    throw std::runtime_error(arguments.scene + ": obstacles and self_contact are not simulated yet");
 
   Progress progress(arguments.is_quiet);
   StageTimer timer;
@@ -86,14 +112,11 @@ void run(const Arguments& arguments) {
 
   timer.start("setup");
   progress.stage("mass-spring: setup");
-  const MassSpringModel model = calibrate(nodes, scene.material, calibration);
+  const MassSpringModel model = model_of(scene, nodes, calibration);
   const SpringNetwork& network = model.network;
-  if (scene.collapse && !model.springs)
-    throw std::runtime_error(arguments.scene + ": collapse with network.calibration = " + calibration.name +
-                             ", expected one of independent springs");
   const Forces forces = forces_of(scene, model);
   State state = initial_state(model);
-  const Eigen::VectorXd rest_length = state.rest_length;
+  const double rest_volume = state.target_volume;
   Recorder recorder(out, cells_of(network), network.n_surface);
 
   nlohmann::ordered_json record = environment_record("massspring", 1);
@@ -150,6 +173,13 @@ void run(const Arguments& arguments) {
     if (scene.output.curves) recorder.add_row(curve_row(model, state, is_static ? state.t : 1));
   };
 
+  const auto set_target_volume = [&](double t) {
+    if (!scene.volume) return;
+    if (!scene.volume->target.empty())
+      state.target_volume = rest_volume * value_at(scene.volume->target, t);
+    else if (scene.collapse)  // [paper 4.4]
+      state.target_volume = volume(state.x, network.F);
+  };
   const int every = scene.output.frames_every;
   if (every > 0) write_frame();
   write_row();
@@ -164,11 +194,14 @@ void run(const Arguments& arguments) {
     timer.start("solve");
     if (is_static) {
       const double load_factor = static_cast<double>(n_done + 1) / n_steps;
-      if (scene.collapse) state.rest_length = collapsed(*scene.collapse, network, rest_length, load_factor);
+      if (scene.collapse) collapse_to(*scene.collapse, model, load_factor, state);
+      set_target_volume(load_factor);
       report = equilibrium->solve(load_factor, state);
       state.t = load_factor;
     } else {
-      if (scene.collapse) collapse(*scene.collapse, network, state, h);
+      if (scene.collapse) collapse(*scene.collapse, model, h, state);
+      if (scene.skin && scene.skin->relaxation > 0) relax_surface(scene.skin->relaxation, model, h, state);
+      set_target_volume(state.t + h);
       report = stepper->step(state, h);
     }
     if (report.status != Status::Ok) status = report.status;

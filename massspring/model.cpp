@@ -1,12 +1,27 @@
 #include "massspring/model.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <map>
 #include <stdexcept>
 
 #include "meshing/surface.h"
 
 namespace testbed {
+namespace {
+
+/// Every edge is met once in each direction.
+bool is_closed(const Eigen::Matrix3Xi& F) {
+  std::map<std::pair<int, int>, int> balance;
+  for (const auto& t : F.colwise())
+    for (int k = 0; k < 3; ++k) {
+      const int a = t(k), b = t((k + 1) % 3);
+      balance[std::minmax(a, b)] += a < b ? 1 : -1;
+    }
+  return std::all_of(balance.begin(), balance.end(), [](const auto& edge) { return edge.second == 0; });
+}
+
+}  // namespace
 
 const char* name_of(Status status) {
   return status == Status::Ok ? "ok" : status == Status::Diverged ? "diverged" : "not_converged";
@@ -29,6 +44,7 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F};
   Forces forces;
   forces.mass_damping = scene.material.damping;
+  if (scene.volume && scene.volume->coefficient > 0) forces.volume_pressure = scene.volume->coefficient;
   forces.load = Eigen::Matrix3Xd::Zero(3, network.X.cols());
   if (scene.gravity) forces.load += *scene.gravity * model.mass.transpose();
 
@@ -39,8 +55,18 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
     if (triangles.empty())
       throw std::runtime_error("loads." + std::to_string(l) +
                                ": no triangle of the surface lies in its region");
+    if (load.is_follower) {
+      FollowerPressure follower{load.pressure, Eigen::Matrix3Xi(3, triangles.size())};
+      for (size_t i = 0; i < triangles.size(); ++i) follower.F.col(i) = surface.F.col(triangles[i]);
+      if (!is_closed(follower.F))
+        throw std::runtime_error(
+            "loads." + std::to_string(l) +
+            ".follower = true, expected a region that holds whole components of the surface");
+      forces.followers.push_back(std::move(follower));
+    }
+    const double dead_pressure = load.is_follower ? 0 : load.pressure;
     for (int f : triangles) {
-      const Eigen::Vector3d third = (areas.col(f).norm() * load.traction - load.pressure * areas.col(f)) / 3;
+      const Eigen::Vector3d third = (areas.col(f).norm() * load.traction - dead_pressure * areas.col(f)) / 3;
       for (int i : surface.F.col(f)) forces.load.col(i) += third;
     }
   }
@@ -67,25 +93,94 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   return forces;
 }
 
+void add_skin(const Skin& skin, MassSpringModel& model) {
+  const auto& [X, F, E, T, n_surface] = model.network;
+  if (skin.stiffness > 0) {
+    const Eigen::Index n_edges = F.cols() * 3 / 2;  // of the surface, which come first
+    if (!model.springs) model.springs = Springs{E.leftCols(n_edges), Eigen::VectorXd::Zero(n_edges)};
+    std::map<std::pair<int, int>, double> areas;
+    for (const auto& t : F.colwise()) {
+      const double area = (X.col(t(1)) - X.col(t(0))).cross(X.col(t(2)) - X.col(t(0))).norm() / 2;
+      for (int k = 0; k < 3; ++k) areas[std::minmax(t(k), t((k + 1) % 3))] += area;
+    }
+    Springs& springs = *model.springs;
+    for (Eigen::Index s = 0; s < n_edges; ++s) {
+      const int a = springs.E(0, s), b = springs.E(1, s);
+      springs.stiffness(s) +=
+          skin.stiffness * areas.at(std::minmax(a, b)) / (X.col(a) - X.col(b)).squaredNorm();
+    }
+  }
+  if (skin.bending > 0) model.bending = make_bending(X, F, skin.bending);
+}
+
 double elastic_energy(const MassSpringModel& model, const State& state) {
   double sum = 0;
   if (model.springs) sum += energy(*model.springs, state.rest_length, state.x);
-  if (model.tet_springs) sum += energy(*model.tet_springs, state.x);
+  if (model.tet_springs) sum += energy(*model.tet_springs, state.x, state.patch_scale);
+  if (model.bending) sum += energy(*model.bending, state.x);
+  if (model.local_volume) sum += energy(*model.local_volume, state.x);
   return sum;
 }
 
+namespace {
+
+void add_elastic_forces(const MassSpringModel& model, const State& state, Eigen::Matrix3Xd& f) {
+  if (model.springs) add_forces(*model.springs, state.rest_length, state.x, f);
+  if (model.tet_springs) add_forces(*model.tet_springs, state.x, f, state.patch_scale);
+  if (model.bending) add_forces(*model.bending, state.x, f);
+  if (model.local_volume) add_forces(*model.local_volume, state.x, f);
+}
+
+}  // namespace
+
 Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state) {
   Eigen::Matrix3Xd f = Eigen::Matrix3Xd::Zero(3, state.x.cols());
-  if (model.springs) add_forces(*model.springs, state.rest_length, state.x, f);
-  if (model.tet_springs) add_forces(*model.tet_springs, state.x, f);
+  add_elastic_forces(model, state, f);
   return f;
 }
 
+double potential(const MassSpringModel& model, const Forces& forces, const State& state, double load_factor) {
+  double sum =
+      elastic_energy(model, state) - load_factor * forces.load.cwiseProduct(state.x - model.network.X).sum();
+  for (const FollowerPressure& follower : forces.followers)
+    sum += load_factor * follower.pressure * volume(state.x, follower.F);
+  if (forces.volume_pressure)
+    sum += volume_energy(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
+  return sum;
+}
+
+void undamped_forces(const MassSpringModel& model, const Forces& forces, const State& state,
+                     Eigen::Matrix3Xd& f, double load_factor) {
+  f = load_factor * forces.load;
+  add_elastic_forces(model, state, f);
+  for (const FollowerPressure& follower : forces.followers) {
+    Eigen::Matrix3Xd gradient;
+    volume_and_gradient(follower.F, state.x, gradient);
+    f -= load_factor * follower.pressure * gradient;
+  }
+  if (forces.volume_pressure)
+    add_volume_forces(*forces.volume_pressure, state.target_volume, model.network.F, state.x, f);
+}
+
+std::optional<Eigen::Matrix3Xd> volume_stiffness_root(const MassSpringModel& model, const Forces& forces,
+                                                      const State& state) {
+  if (!forces.volume_pressure) return {};
+  return volume_stiffness_root(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
+}
+
 BlockMatrix stiffness_pattern(const MassSpringModel& model) {
-  Eigen::Matrix2Xi pairs = model.tet_springs ? pairs_of(*model.tet_springs) : Eigen::Matrix2Xi(2, 0);
-  if (model.springs) {
-    pairs.conservativeResize(2, pairs.cols() + model.springs->E.cols());
-    pairs.rightCols(model.springs->E.cols()) = model.springs->E;
+  std::vector<Eigen::Matrix2Xi> parts;
+  if (model.springs) parts.push_back(model.springs->E);
+  if (model.tet_springs) parts.push_back(pairs_of(*model.tet_springs));
+  if (model.bending) parts.push_back(pairs_of(*model.bending));
+  if (model.local_volume) parts.push_back(pairs_of(*model.local_volume));
+  Eigen::Index n_pairs = 0;
+  for (const auto& part : parts) n_pairs += part.cols();
+  Eigen::Matrix2Xi pairs(2, n_pairs);
+  n_pairs = 0;
+  for (const auto& part : parts) {
+    pairs.middleCols(n_pairs, part.cols()) = part;
+    n_pairs += part.cols();
   }
   return make_block_matrix(static_cast<int>(model.network.X.cols()), pairs);
 }
@@ -93,11 +188,13 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model) {
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K, Curvature curvature) {
   if (model.springs)
     add_blocks(*model.springs, hessian(*model.springs, state.rest_length, state.x, 1, curvature), K);
-  if (model.tet_springs) add_hessian(*model.tet_springs, state.x, K, curvature);
+  if (model.tet_springs) add_hessian(*model.tet_springs, state.x, K, curvature, state.patch_scale);
+  if (model.bending) add_hessian(*model.bending, state.x, K);
+  if (model.local_volume) add_hessian(*model.local_volume, state.x, K);
 }
 
 bool is_springs_alone(const MassSpringModel& model) {
-  return model.springs && !model.tet_springs;
+  return model.springs && !model.tet_springs && !model.bending && !model.local_volume;
 }
 
 void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y) {

@@ -5,8 +5,10 @@
 #include <optional>
 #include <vector>
 
+#include "massspring/bending.h"
 #include "massspring/springs.h"
 #include "massspring/tet_springs.h"
+#include "massspring/volume_force.h"
 #include "meshing/mesh.h"
 #include "meshing/scene.h"
 
@@ -15,16 +17,23 @@ namespace testbed {
 struct MassSpringModel {
   SpringNetwork network;
   Material material;
-  Eigen::VectorXd mass;                   ///< kg per node
-  std::optional<Springs> springs;         ///< independent springs
-  std::optional<TetSprings> tet_springs;  ///< springs coupled within tetrahedra
+  Eigen::VectorXd mass;                     ///< kg per node
+  std::optional<Springs> springs;           ///< independent springs
+  std::optional<TetSprings> tet_springs;    ///< springs coupled within tetrahedra
+  std::optional<Bending> bending;           ///< of the skin
+  std::optional<LocalVolume> local_volume;  ///< of every tetrahedron
 };
+
+/// Gives the surface of a model at rest the skin of a scene: what its membrane adds to the springs along its
+/// edges, k = stiffness (A_1 + A_2)/|e|^2 [Van Gelder 1998], and bending.
+void add_skin(const Skin& skin, MassSpringModel& model);
 
 struct State {
   double t = 0;                 ///< s; static scenes: load factor
   Eigen::Matrix3Xd x;           ///< positions (m)
   Eigen::Matrix3Xd v;           ///< velocities (m/s)
   Eigen::VectorXd rest_length;  ///< m per spring
+  Eigen::VectorXd patch_scale;  ///< length of the rest shape of each patch of coupled springs; empty: ones
   double target_volume = 0;     ///< of the global volume force (m3)
 };
 
@@ -49,16 +58,25 @@ struct Constraint {
   Eigen::Vector3d displacement;  ///< at full load, along the directions taken away (m)
 };
 
-/// Everything that acts on the model in a scene.
-struct Forces {
-  Eigen::Matrix3Xd load;                  ///< gravity and surface loads at full strength (N), 3 x n
-  double mass_damping = 0;                ///< 1/s: force -mass_damping m v
-  std::optional<double> volume_pressure;  ///< P of the global volume force (Pa)
-  std::vector<Constraint> constraints;    ///< at most one per node
+/// Pressure p (Pa) on the deformed triangles of whole components of the surface: -p A n, the gradient of -p
+/// V.
+struct FollowerPressure {
+  double pressure;
+  Eigen::Matrix3Xi F;
 };
 
-/// Loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.
-/// @throws std::runtime_error when a support or load meets no node or triangle.
+/// Everything that acts on the model in a scene.
+struct Forces {
+  Eigen::Matrix3Xd load;                    ///< gravity and dead surface loads at full strength (N), 3 x n
+  std::vector<FollowerPressure> followers;  ///< at full strength
+  double mass_damping = 0;                  ///< 1/s: force -mass_damping m v
+  std::optional<double> volume_pressure;    ///< P of the global volume force (Pa)
+  std::vector<Constraint> constraints;      ///< at most one per node
+};
+
+/// Dead loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.
+/// @throws std::runtime_error when a support or load meets no node or triangle, or a follower pressure a part
+/// of a component of the surface.
 Forces forces_of(const Scene& scene, const MassSpringModel& model);
 
 /// Elastic energy (J).
@@ -66,6 +84,18 @@ double elastic_energy(const MassSpringModel& model, const State& state);
 
 /// Elastic forces (N), 3 x n.
 Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state);
+
+/// Energy (J): elastic, of volume, and of the loads at `load_factor` times full strength.
+double potential(const MassSpringModel& model, const Forces& forces, const State& state,
+                 double load_factor = 1);
+
+/// f = negative gradient of the potential (N).
+void undamped_forces(const MassSpringModel& model, const Forces& forces, const State& state,
+                     Eigen::Matrix3Xd& f, double load_factor = 1);
+
+/// The global volume force's part g g^T of the potential's Hessian, if there is one.
+std::optional<Eigen::Matrix3Xd> volume_stiffness_root(const MassSpringModel& model, const Forces& forces,
+                                                      const State& state);
 
 /// Zero matrix with the pattern of the model's stiffness.
 BlockMatrix stiffness_pattern(const MassSpringModel& model);

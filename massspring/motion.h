@@ -12,12 +12,6 @@ struct Motion {
   /// f(x, v) (N), the list of all that acts on the model.
   void forces_at(const State& state, Eigen::Matrix3Xd& f) const;
 
-  /// The same without damping: the negative gradient of potential.
-  void undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const;
-
-  /// Energy (J): elastic, volume and load.
-  double potential(const State& state) const;
-
   /// v_i <- S_i v_i + what is prescribed along the directions taken away [paper 3.2].
   void constrain(Eigen::Matrix3Xd& v) const;
 

@@ -140,14 +140,10 @@ void QuasiStaticSolver::project(Matrix3Xd& y) const {
 }
 
 Matrix3Xd QuasiStaticSolver::residual(const State& state, double load_factor) const {
-  Matrix3Xd r = elastic_forces(model_, state) + load_factor * forces_.load;
+  Matrix3Xd r;
+  undamped_forces(model_, forces_, state, r, load_factor);
   project(r);
   return r;
-}
-
-double QuasiStaticSolver::potential(const State& state, double load_factor) const {
-  return elastic_energy(model_, state) -
-         load_factor * forces_.load.cwiseProduct(state.x - model_.network.X).sum();
 }
 
 StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
@@ -168,8 +164,10 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     if (report.residual <= kTolerance) return report;
     if (report.newton_iterations == kMaxNewton) break;
 
+    const std::optional<Matrix3Xd> g = volume_stiffness_root(model_, forces_, state);
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
       multiply(K_, p, y);
+      if (g) y += g->cwiseProduct(p).sum() * *g;
       project(y);
     };
     const auto precondition = [&](const Matrix3Xd& v, Matrix3Xd& z) {
@@ -184,9 +182,9 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       report.linear_iterations += linear.iterations;
     };
     // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
-    if (model_.tet_springs && !model_.springs) {
+    if (model_.tet_springs && !model_.springs && !model_.bending && !model_.local_volume) {
       K_.set_zero();
-      add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact);
+      add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact, state.patch_scale);
       solve_linear(kPatience);
     }
     if (!linear.is_converged) {
@@ -200,15 +198,16 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     }
     ++report.newton_iterations;
 
-    const double slope = -r.cwiseProduct(dx).sum(), before = potential(state, load_factor);
+    const double slope = -r.cwiseProduct(dx).sum(), before = potential(model_, forces_, state, load_factor);
     const Matrix3Xd x = state.x;
     bool is_accepted = false;
     double step = 1;
     for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2) {
       state.x = x + step * dx;
       // Near equilibrium the energy is flat to rounding; there the balance of forces decides.
-      is_accepted = potential(state, load_factor) <= before + kSufficientDecrease * step * slope ||
-                    residual(state, load_factor).norm() < 0.5 * r.norm();
+      is_accepted =
+          potential(model_, forces_, state, load_factor) <= before + kSufficientDecrease * step * slope ||
+          residual(state, load_factor).norm() < 0.5 * r.norm();
     }
     if (!is_accepted) {
       state.x = x;

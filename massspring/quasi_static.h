@@ -34,7 +34,6 @@ class QuasiStaticSolver {
   void factorise(BlockMatrix P);
   Eigen::Matrix3Xd residual(const State& state, double load_factor) const;
   void project(Eigen::Matrix3Xd& y) const;
-  double potential(const State& state, double load_factor) const;
 
   const MassSpringModel& model_;
   const Forces& forces_;

@@ -55,6 +55,10 @@ Matrix3d deformation_gradient(const TetSprings& springs, int patch, const Matrix
   return F;
 }
 
+double scale_of(const Eigen::VectorXd& scale, int patch) {
+  return scale.size() > 0 ? scale[patch] : 1;
+}
+
 Matrix3d cofactor(const Matrix3d& F) {
   Matrix3d C;
   C << F.col(1).cross(F.col(2)), F.col(2).cross(F.col(0)), F.col(0).cross(F.col(1));
@@ -130,6 +134,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   struct Entry {
     int patch, node;
     Vector3d b;
+    double weight;
   };
   std::vector<Entry> entries;
   entries.reserve(4 * patches.size());
@@ -140,7 +145,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
     const TetGradients gradients = barycentric_gradients(X, T.col(t));
     for (int p : patches.col(t)) {
       volume[p] += share;
-      for (int k = 0; k < 4; ++k) entries.push_back({p, T(k, t), share * gradients.col(k)});
+      for (int k = 0; k < 4; ++k) entries.push_back({p, T(k, t), share * gradients.col(k), share / 4});
     }
   }
   std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
@@ -148,19 +153,25 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   });
 
   const std::size_t n_entries = springs.node.size();
-  springs.b.conservativeResize(3, static_cast<Eigen::Index>(n_entries + entries.size()));
+  const auto resize = [&](std::size_t n) {
+    springs.b.conservativeResize(3, static_cast<Eigen::Index>(n));
+    springs.weight.conservativeResize(static_cast<Eigen::Index>(n));
+  };
+  resize(n_entries + entries.size());
   for (std::size_t e = 0; e < entries.size(); ++e) {
-    const auto& [patch, node, b] = entries[e];
+    const auto& [patch, node, b, weight] = entries[e];
     const bool is_new_patch = e == 0 || patch != entries[e - 1].patch;
     if (e > 0 && is_new_patch) springs.first.push_back(static_cast<int>(springs.node.size()));
     if (is_new_patch || node != entries[e - 1].node) {
-      springs.b.col(static_cast<Eigen::Index>(springs.node.size())).setZero();
       springs.node.push_back(node);
+      springs.b.col(static_cast<Eigen::Index>(springs.node.size()) - 1).setZero();
+      springs.weight[static_cast<Eigen::Index>(springs.node.size()) - 1] = 0;
     }
     springs.b.col(static_cast<Eigen::Index>(springs.node.size()) - 1) += b / volume[patch];
+    springs.weight[static_cast<Eigen::Index>(springs.node.size()) - 1] += weight / volume[patch];
   }
   springs.first.push_back(static_cast<int>(springs.node.size()));
-  springs.b.conservativeResize(3, static_cast<Eigen::Index>(springs.node.size()));
+  resize(springs.node.size());
   springs.volume.conservativeResize(n_before + n_new);
   springs.volume.tail(n_new) = volume;
   springs.lambda.conservativeResize(n_before + n_new);
@@ -192,22 +203,25 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
   return springs;
 }
 
-double energy(const TetSprings& springs, const Matrix3Xd& x) {
+double energy(const TetSprings& springs, const Matrix3Xd& x, const Eigen::VectorXd& scale) {
   double sum = 0;
   for (int p = 0; p < springs.n_patches(); ++p) {
-    const Matrix3d F = deformation_gradient(springs, p, x);
-    sum += springs.volume[p] * (springs.mu / 2 * (F.squaredNorm() - 3) +
-                                volume_law(F.determinant(), springs.lambda[p], springs.mu).g);
+    const double s = scale_of(scale, p);
+    const Matrix3d F = deformation_gradient(springs, p, x) / s;
+    sum += s * s * s * springs.volume[p] *
+           (springs.mu / 2 * (F.squaredNorm() - 3) +
+            volume_law(F.determinant(), springs.lambda[p], springs.mu).g);
   }
   return sum;
 }
 
-void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f) {
+void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, const Eigen::VectorXd& scale) {
   for (int p = 0; p < springs.n_patches(); ++p) {
-    const Matrix3d F = deformation_gradient(springs, p, x), C = cofactor(F);
+    const double s = scale_of(scale, p);
+    const Matrix3d F = deformation_gradient(springs, p, x) / s, C = cofactor(F);
     const double J = F.col(0).dot(C.col(0));
     const Matrix3d VP =
-        springs.volume[p] * (springs.mu * F + volume_law(J, springs.lambda[p], springs.mu).dg * C);
+        s * s * springs.volume[p] * (springs.mu * F + volume_law(J, springs.lambda[p], springs.mu).dg * C);
     for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
       f.col(springs.node[e]) -= VP * springs.b.col(e);
   }
@@ -234,10 +248,13 @@ void add_product(const TetSprings& springs, const TetStiffness& stiffness, const
   }
 }
 
-void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature) {
+void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
+                 const Eigen::VectorXd& scale) {
   for (int p = 0; p < springs.n_patches(); ++p) {
-    const Matrix9d VH = springs.volume[p] * stiffness(deformation_gradient(springs, p, x), springs.lambda[p],
-                                                      springs.mu, curvature);
+    const double s = scale_of(scale, p);
+    const Matrix9d VH =
+        s * springs.volume[p] *
+        stiffness(deformation_gradient(springs, p, x) / s, springs.lambda[p], springs.mu, curvature);
     for (int e = springs.first[p]; e < springs.first[p + 1]; ++e) {
       const Eigen::Matrix<double, 9, 3> column = VH * spread(springs.b.col(e));
       for (int r = springs.first[p]; r < springs.first[p + 1]; ++r) {

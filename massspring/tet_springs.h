@@ -32,6 +32,7 @@ struct TetSprings {
   std::vector<int> first;  ///< n_patches + 1
   std::vector<int> node;   ///< node of each entry
   Eigen::Matrix3Xd b;      ///< b_j of each entry (1/m)
+  Eigen::VectorXd weight;  ///< of each entry's node in the patch's centre of mass
   Eigen::VectorXd volume;  ///< V of each patch (m3)
   Eigen::VectorXd lambda;  ///< first Lame constant of each patch (Pa)
   double mu = 0;           ///< shear modulus (Pa)
@@ -53,16 +54,18 @@ inline constexpr Blend edge_averaged{0, 0.8, 0.2};
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
                           const Blend& blend);
 
-/// Elastic energy (J) at positions x (3 x n, m).
+/// Elastic energy (J) at positions x (3 x n, m), the rest shape of patch p shrunk by scale(p): its energy is
+/// scale^3 V psi(F / scale). An empty scale stands for ones.
 ///   psi(F) = mu/2 (|F|^2 - 3) + g(J), J = det F,
 ///   g(J) = lambda/4 (J^2 - 1) - (mu + lambda/2) ln J for J >= J_0 = 0.1, its second-order expansion about
 ///   J_0 below.
 /// Polyconvex [Ciarlet & Geymonat 1982], so it never softens to collapse; linear elasticity at small strain;
 /// finite and turned back towards J > 0 where a patch is crushed or inverted.
-double energy(const TetSprings& springs, const Eigen::Matrix3Xd& x);
+double energy(const TetSprings& springs, const Eigen::Matrix3Xd& x, const Eigen::VectorXd& scale = {});
 
 /// Adds the negative gradient of energy (N) to f.
-void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
+void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f,
+                const Eigen::VectorXd& scale = {});
 
 /// Projected second derivative of psi (Pa) per patch, over the columns of F.
 struct TetStiffness {
@@ -77,7 +80,7 @@ void add_product(const TetSprings& springs, const TetStiffness& stiffness, const
 /// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K's pattern must
 /// hold pairs_of(springs).
 void add_hessian(const TetSprings& springs, const Eigen::Matrix3Xd& x, BlockMatrix& K,
-                 Curvature curvature = Curvature::Projected);
+                 Curvature curvature = Curvature::Projected, const Eigen::VectorXd& scale = {});
 
 /// Pairs of nodes that share a patch, 2 x m, i < j, ascending, each once.
 Eigen::Matrix2Xi pairs_of(const TetSprings& springs);

@@ -6,9 +6,7 @@
 #include "meshing/surface.h"
 
 namespace testbed {
-namespace {
 
-/// V (m3) and dV/dx, 3 x n: a third of the area vector A n of each triangle to each vertex.
 double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient) {
   gradient.setZero(3, x.cols());
   const Eigen::Vector3d origin = x.col(0);
@@ -21,8 +19,6 @@ double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
   }
   return V;
 }
-
-}  // namespace
 
 double volume_energy(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x) {
   const double excess = volume(x, F) - target;
@@ -41,6 +37,61 @@ Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Mat
   Eigen::Matrix3Xd g;
   volume_and_gradient(F, x, g);
   return std::sqrt(P / target) * g;
+}
+
+namespace {
+
+struct TetVolume {
+  double volume;
+  Eigen::Matrix<double, 3, 4> gradient;
+};
+
+TetVolume tet_volume(const Eigen::Vector4i& t, const Eigen::Matrix3Xd& x) {
+  const Eigen::Vector3d a = x.col(t[1]) - x.col(t[0]), b = x.col(t[2]) - x.col(t[0]),
+                        c = x.col(t[3]) - x.col(t[0]);
+  TetVolume tet;
+  tet.gradient.rightCols<3>() << b.cross(c) / 6, c.cross(a) / 6, a.cross(b) / 6;
+  tet.gradient.col(0) = -tet.gradient.rightCols<3>().rowwise().sum();
+  tet.volume = a.dot(tet.gradient.col(1));
+  return tet;
+}
+
+}  // namespace
+
+double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x) {
+  double sum = 0;
+  for (Eigen::Index t = 0; t < local.T.cols(); ++t) {
+    const double excess = tet_volume(local.T.col(t), x).volume - local.rest_volume[t];
+    sum += local.kappa / 2 * excess * excess / local.rest_volume[t];
+  }
+  return sum;
+}
+
+void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) {
+  for (Eigen::Index t = 0; t < local.T.cols(); ++t) {
+    const TetVolume tet = tet_volume(local.T.col(t), x);
+    const double pressure = local.kappa * (1 - tet.volume / local.rest_volume[t]);
+    for (int k = 0; k < 4; ++k) f.col(local.T(k, t)) += pressure * tet.gradient.col(k);
+  }
+}
+
+void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K) {
+  for (Eigen::Index t = 0; t < local.T.cols(); ++t) {
+    const auto gradient = tet_volume(local.T.col(t), x).gradient;
+    for (int k = 0; k < 4; ++k)
+      for (int l = 0; l < 4; ++l)
+        K.block[K.find(local.T(k, t), local.T(l, t))] +=
+            local.kappa / local.rest_volume[t] * gradient.col(k) * gradient.col(l).transpose();
+  }
+}
+
+Eigen::Matrix2Xi pairs_of(const LocalVolume& local) {
+  Eigen::Matrix2Xi pairs(2, 6 * local.T.cols());
+  Eigen::Index p = 0;
+  for (const auto& t : local.T.colwise())
+    for (int k = 0; k < 4; ++k)
+      for (int l = 0; l < k; ++l) pairs.col(p++) << t[k], t[l];
+  return pairs;
 }
 
 }  // namespace testbed

@@ -1,9 +1,14 @@
-// Global volume force: the body as a bag of a target volume [paper 3.3, Hirota et al. 1999].
+// Volume forces: the body as a bag of a target volume [paper 3.3, Hirota et al. 1999], and every tetrahedron
+// as one [Bourguignon & Cani 2000].
 #pragma once
 
-#include <Eigen/Core>
+#include "massspring/block_matrix.h"
 
 namespace testbed {
+
+/// Volume V (m3) enclosed by the triangles F at positions x, and dV/dx, 3 x n: a third of the area vector A n
+/// of each triangle to each vertex.
+double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient);
 
 /// Energy (J) 1/2 P (V - V_1)^2 / V_1 of the volume V enclosed by the triangles F at positions x (m), with
 /// pressure coefficient P (Pa) and target volume V_1 (m3).
@@ -17,5 +22,24 @@ void add_volume_forces(double P, double target, const Eigen::Matrix3Xi& F, const
 /// is left out, P (V - V_1)/V_1 d2V/dx2, has eigenvalues of both signs and vanishes at the target.
 Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Matrix3Xi& F,
                                        const Eigen::Matrix3Xd& x);
+
+/// Penalty on the volume of tetrahedra that fill the body once.
+struct LocalVolume {
+  double kappa;  ///< Pa
+  Eigen::Matrix4Xi T;
+  Eigen::VectorXd rest_volume;  ///< V_T0 (m3)
+};
+
+/// Energy (J) sum_T 1/2 kappa (V_T - V_T0)^2 / V_T0.
+double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x);
+
+/// f -= gradient of the energy (N).
+void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
+
+/// K += sum_T kappa/V_T0 (dV_T/dx)(dV_T/dx)^T (N/m): the Hessian at rest, positive semidefinite everywhere.
+void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+
+/// Pairs of nodes that share a tetrahedron, 2 x m.
+Eigen::Matrix2Xi pairs_of(const LocalVolume& local);
 
 }  // namespace testbed

@@ -3,57 +3,122 @@
 #include <cmath>
 
 #include "massspring/collapse.h"
+#include "tests/massspring/box_tets.h"
 
 namespace testbed {
 namespace {
 
 constexpr double kRounding = 1e-14;
 
-/// The unit tetrahedron's six edges; its bounding box measures 1 m a side, so that distances are the
-/// normalised ones.
-SpringNetwork tetrahedron() {
-  SpringNetwork network;
+/// The unit tetrahedron; its bounding box measures 1 m a side, so that distances are the normalised ones.
+MassSpringModel tetrahedron() {
+  MassSpringModel model;
+  SpringNetwork& network = model.network;
   network.X.resize(3, 4);
   network.X << 0, 1, 0, 0,  //
       0, 0, 1, 0,           //
       0, 0, 0, 1;
+  network.F.resize(3, 4);
+  network.F << 0, 0, 0, 1,  //
+      2, 1, 3, 2,           //
+      1, 3, 2, 3;
   network.E.resize(2, 6);
   network.E << 0, 0, 0, 1, 1, 2,  //
       1, 2, 3, 2, 3, 3;
+  network.T = Eigen::Vector4i(0, 1, 2, 3);
   network.n_surface = 4;
-  return network;
+  model.mass = Eigen::VectorXd::Ones(4);
+  model.springs = Springs{network.E, Eigen::VectorXd::Ones(6)};
+  model.tet_springs = couple_springs(network.X, network.T, {1, 1}, edge_coupled);
+  return model;
 }
 
-TEST(Collapse, FallsOffWithTheDistanceFromPivotToSegment) {
-  const SpringNetwork network = tetrahedron();
+const Eigen::Vector3d kPivot(0.5, 0, -1);
+
+TEST(Collapse, FallsOffWithTheDistanceFromPivotToSegmentAndToThePatchesCentre) {
+  const MassSpringModel model = tetrahedron();
+  const auto& [X, F, E, T, n_surface] = model.network;
   // From (0.5, 0, -1): 1 to the edge along x, whose middle is nearest; sqrt(1.25) to the one along y, whose
   // end is.
-  const Eigen::VectorXd w = fall_off({0.5, 0, -1}, network.E, network.X, 1);
+  const Eigen::VectorXd w = fall_off(kPivot, E, X, 1);
   EXPECT_NEAR(w(0), 0.5, kRounding);
   EXPECT_NEAR(w(1), 1 / (1 + std::sqrt(1.25)), kRounding);
-  EXPECT_NEAR(fall_off({0.5, 0, -1}, network.E, network.X, 2)(0), 1 / 1.5, kRounding)
-      << "not in the box's units";
+  EXPECT_NEAR(fall_off(kPivot, E, X, 2)(0), 1 / 1.5, kRounding) << "not in the box's units";
+  const double to_centre = (Eigen::Vector3d::Constant(0.25) - kPivot).norm();
+  EXPECT_NEAR(fall_off(kPivot, *model.tet_springs, X, 1)(0), 1 / (1 + to_centre), kRounding);
 }
 
 TEST(Collapse, StaticRestLengthsShrinkLinearlyFromThePivotsStart) {
-  const SpringNetwork network = tetrahedron();
-  const Collapse collapse{0.4, {{{0.5, 0, -1}, 0.5}}};
-  const Eigen::VectorXd rest = Eigen::VectorXd::Constant(6, 2);
-  EXPECT_EQ(collapsed(collapse, network, rest, 0.5), rest);
-  EXPECT_NEAR(collapsed(collapse, network, rest, 0.75)(0), 2 * (1 - 0.4 * 0.5 * 0.5), kRounding);
-  EXPECT_NEAR(collapsed(collapse, network, rest, 1)(0), 2 * (1 - 0.4 * 0.5), kRounding);
+  const MassSpringModel model = tetrahedron();
+  const Collapse options{0.4, false, 0.05, {{kPivot, {}, 0.5, {}}}};
+  State state = initial_state(model);
+  const auto length_at = [&](double load_factor) {
+    collapse_to(options, model, load_factor, state);
+    return state.rest_length(0);
+  };
+  EXPECT_EQ(length_at(0.5), 1);
+  EXPECT_NEAR(length_at(0.75), 1 - 0.4 * 0.5 * 0.5, kRounding);
+  EXPECT_NEAR(length_at(1), 1 - 0.4 * 0.5, kRounding);
+  const double w = fall_off(kPivot, *model.tet_springs, model.network.X, 1)(0);
+  EXPECT_NEAR(state.patch_scale(0), 1 - 0.4 * w, kRounding);
 }
 
-TEST(Collapse, DependsOnTheTimeAndNotOnTheStep) {
-  const SpringNetwork network = tetrahedron();
-  const Collapse options{0.4, {{{0.5, 0, -1}, 0}}};
-  State once, often;
-  once.x = often.x = network.X;
-  once.rest_length = often.rest_length = Eigen::VectorXd::Ones(6);
-  collapse(options, network, once, 1);
+TEST(Collapse, DependsOnTheTimeAndNotOnTheStepUnlessAskedTo) {
+  const MassSpringModel model = tetrahedron();
+  Collapse options{0.4, false, 0.05, {{kPivot, {}, 0, {}}}};
+  State once = initial_state(model), often = once;
+  collapse(options, model, 1, once);
   EXPECT_NEAR(once.rest_length(0), 1 - 0.4 * 0.5, kRounding);
-  for (int k = 0; k < 10; ++k) collapse(options, network, often, 0.1);
+  for (int k = 0; k < 10; ++k) collapse(options, model, 0.1, often);
   EXPECT_LT((once.rest_length - often.rest_length).norm(), kRounding);
+  EXPECT_LT((once.patch_scale - often.patch_scale).norm(), kRounding);
+
+  options.is_per_step = true;
+  State per_step = initial_state(model);
+  for (int k = 0; k < 3; ++k) collapse(options, model, 1e-3, per_step);
+  EXPECT_NEAR(per_step.rest_length(0), 0.8 * 0.8 * 0.8, kRounding);
+}
+
+TEST(Collapse, FollowsItsPivotWithinItsTimeAndStopsAtTheLeastLength) {
+  const MassSpringModel model = tetrahedron();
+  Collapse options{0.4, true, 0.5, {{kPivot, {{0, 0, 0, 0}, {2, 0, 0, 2}}, 0.5, 1.5}}};
+  State state = initial_state(model);
+  collapse(options, model, 1, state);
+  EXPECT_EQ(state.rest_length(0), 1) << "before its start";
+  state.t = 1;  // the pivot is now on the edge
+  collapse(options, model, 1, state);
+  EXPECT_NEAR(state.rest_length(0), 1 - 0.4, kRounding);
+  collapse(options, model, 1, state);
+  EXPECT_EQ(state.rest_length(0), 0.5) << "below the least length";
+  State ended = initial_state(model);
+  ended.t = 1.5;
+  collapse(options, model, 1, ended);
+  EXPECT_EQ(ended.rest_length(0), 1);
+}
+
+TEST(Collapse, UniformShrinkageOfCoupledSpringsIsFreeOfForces) {
+  const TetMesh mesh = box_tets(2, 2, 2, 0.5, 0.15);
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, {2, 1}, node_averaged);
+  const Eigen::VectorXd scale = Eigen::VectorXd::Constant(springs.n_patches(), 0.7);
+  Eigen::Matrix3Xd f = Eigen::Matrix3Xd::Zero(3, mesh.X.cols());
+  add_forces(springs, 0.7 * mesh.X, f, scale);
+  EXPECT_LT(f.norm(), 1e-13);
+  add_forces(springs, mesh.X, f, scale);
+  EXPECT_GT(f.norm(), 0.1);
+}
+
+TEST(Relaxation, ShortensBentEdgesMostAndFlatOnesNot) {
+  MassSpringModel model = tetrahedron();
+  model.bending = make_bending(model.network.X, model.network.F, 1);
+  State state = initial_state(model);
+  relax_surface(0.5, model, 1, state);
+  EXPECT_EQ(state.rest_length, initial_state(model).rest_length) << "an unbent surface has nothing to relax";
+
+  state.x.col(3) *= 1.5;
+  const Eigen::VectorXd f = mean_bending_forces(*model.bending, state.x);
+  ASSERT_GT(f.maxCoeff(), 0);
+  relax_surface(0.5, model, 1, state);
+  EXPECT_NEAR(state.rest_length(2), 1 - 0.5 * (f(0) + f(3)) / (2 * f.maxCoeff()), kRounding);
 }
 
 }  // namespace

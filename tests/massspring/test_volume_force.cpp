@@ -2,8 +2,10 @@
 
 #include <Eigen/Geometry>
 
+#include "massspring/tet_springs.h"
 #include "massspring/volume_force.h"
 #include "meshing/surface.h"
+#include "tests/massspring/box_tets.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed {
@@ -60,6 +62,45 @@ TEST_F(VolumeForce, KeepsLinearAndAngularMomentum) {
   for (int i = 0; i < 5; ++i) torque += x.col(i).cross(f.col(i));
   EXPECT_LT(f.rowwise().sum().norm(), rounding * f.norm());
   EXPECT_LT(torque.norm(), rounding * f.norm());
+}
+
+class LocalVolumeForce : public testing::Test {
+ protected:
+  const TetMesh mesh = box_tets(2, 1, 1, 0.5, 0.1);
+  LocalVolume local{30, mesh.T, Eigen::VectorXd(mesh.T.cols())};
+  const Matrix3Xd x = 1.1 * mesh.X + random_points(static_cast<int>(mesh.X.cols()), 0.05, 5);
+  LocalVolumeForce() {
+    for (int t = 0; t < mesh.T.cols(); ++t) local.rest_volume[t] = rest_volume(mesh.X, mesh.T.col(t));
+  }
+  Matrix3Xd forces(const Matrix3Xd& at) const {
+    Matrix3Xd f = Matrix3Xd::Zero(3, at.cols());
+    add_forces(local, at, f);
+    return f;
+  }
+};
+
+TEST_F(LocalVolumeForce, IsMinusEnergyGradient) {
+  const Matrix3Xd f = forces(x);
+  ASSERT_GT(f.norm(), 0.1);
+  for (int k = 0; k < x.size(); ++k) {
+    Matrix3Xd up = x, down = x;
+    up(k) += difference_step;
+    down(k) -= difference_step;
+    EXPECT_NEAR(f(k), -(energy(local, up) - energy(local, down)) / (2 * difference_step),
+                difference_tolerance * f.norm());
+  }
+}
+
+TEST_F(LocalVolumeForce, HessianIsMinusForceGradientAtRest) {
+  BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(local));
+  add_hessian(local, mesh.X, K);
+  const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 6);
+  Matrix3Xd Kp;
+  multiply(K, p, Kp);
+  ASSERT_GT(Kp.norm(), 0.1);
+  const Matrix3Xd difference =
+      (forces(mesh.X - difference_step * p) - forces(mesh.X + difference_step * p)) / (2 * difference_step);
+  EXPECT_LT((Kp - difference).norm(), difference_tolerance * Kp.norm());
 }
 
 }  // namespace

@@ -1,0 +1,36 @@
+// The surface resists bending across its edges [Grinspun et al. 2003, paper 3.3].
+#pragma once
+
+#include "massspring/block_matrix.h"
+
+namespace testbed {
+
+/// Edge (x_0, x_1) between the triangles (x_0, x_1, x_2) and (x_1, x_0, x_3), oriented outward.
+struct Bending {
+  Eigen::Matrix4Xi hinges;     ///< x_0 ... x_3
+  Eigen::VectorXd rest_angle;  ///< theta_0 between the triangles' normals, positive where convex
+  Eigen::VectorXd stiffness;   ///< k_b |e|^2 / (A_1 + A_2) of each hinge at rest (J)
+};
+
+/// Every edge of a closed surface F at rest positions X (m), with bending stiffness k_b (J).
+Bending make_bending(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b);
+
+/// Energy (J) 1/2 stiffness (theta - theta_0)^2 of all hinges at positions x (3 x n, m), the difference in
+/// (-pi, pi]. A triangle without area has no angle and adds nothing.
+double energy(const Bending& bending, const Eigen::Matrix3Xd& x);
+
+/// f -= gradient of the energy (N).
+void add_forces(const Bending& bending, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
+
+/// K += stiffness grad theta grad theta^T (N/m): the Hessian at rest, positive semidefinite everywhere. K's
+/// pattern must hold pairs_of(bending).
+void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+
+/// Pairs of nodes that share a hinge, 2 x m.
+Eigen::Matrix2Xi pairs_of(const Bending& bending);
+
+/// Mean magnitude (N) of the bending forces of the edges at each of n nodes, 0 where there are none: f_bend
+/// of [paper eq. 9]. An edge's force is that on its end.
+Eigen::VectorXd mean_bending_forces(const Bending& bending, const Eigen::Matrix3Xd& x);
+
+}  // namespace testbed
