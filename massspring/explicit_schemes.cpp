@@ -50,7 +50,7 @@ class Rk4 : public Scheme {
     Matrix3Xd a;
     motion_.forces_at(state, a);
     a = (a * motion_.model.mass.cwiseInverse().asDiagonal()).eval();
-    filter(motion_.forces.constraints, a);
+    filter(motion_.constraints, a);
     return a;
   }
 

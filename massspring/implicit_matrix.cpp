@@ -13,12 +13,16 @@ ImplicitMatrix::ImplicitMatrix(const Motion& motion) : motion_(motion) {
 
 void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
                          Curvature curvature) {
-  const auto& [model, forces, end] = motion_;
+  const MassSpringModel& model = motion_.model;
   mass_ = factors.mass * model.mass;
   if (model.springs && model.springs->damping > 0)
     damping_ = damping_matrix(*model.springs, damped_at, factors.damping);
-  g_ = volume_stiffness_root(model, forces, at);
+  g_ = volume_stiffness_root(model, motion_.forces, at);
   if (g_) *g_ *= std::sqrt(factors.stiffness);
+  if (motion_.barrier) {
+    contact_.assign(mass_.size(), Matrix3d::Zero());
+    motion_.barrier->add_hessian(at.x, contact_);
+  }
   if (!K_) {
     springs_ = hessian(*model.springs, at.rest_length, at.x, factors.stiffness, curvature);
     return;
@@ -38,8 +42,9 @@ void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
     add_product(*motion_.model.springs, *springs_, p, y);
     if (damping_) add_product(*motion_.model.springs, *damping_, p, y);
   }
+  for (size_t i = 0; i < contact_.size(); ++i) y.col(i) += contact_[i] * p.col(i);
   if (g_) y += g_->cwiseProduct(p).sum() * *g_;
-  filter(motion_.forces.constraints, y);
+  filter(motion_.constraints, y);
 }
 
 void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
@@ -52,7 +57,8 @@ void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
     add_diagonal(*motion_.model.springs, *springs_, blocks);
     if (damping_) add_diagonal(*motion_.model.springs, *damping_, blocks);
   }
-  for (const Constraint& c : motion_.forces.constraints) {
+  for (size_t i = 0; i < contact_.size(); ++i) blocks[i] += contact_[i];
+  for (const Constraint& c : motion_.constraints) {
     Matrix3d& block = blocks[c.node];
     block = c.S * block * c.S + block.trace() * (Matrix3d::Identity() - c.S);
   }
@@ -68,7 +74,8 @@ const BlockMatrix& ImplicitMatrix::matrix() {
     add_blocks(*motion_.model.springs, *springs_, *A_);
     if (damping_) add_blocks(*motion_.model.springs, *damping_, *A_);
   }
-  filter(motion_.forces.constraints, *A_);
+  for (size_t i = 0; i < contact_.size(); ++i) A_->block[A_->diagonal[i]] += contact_[i];
+  filter(motion_.constraints, *A_);
   return *A_;
 }
 

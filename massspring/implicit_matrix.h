@@ -35,7 +35,8 @@ class ImplicitMatrix {
   Eigen::VectorXd mass_;  ///< times its factor
   std::optional<SpringBlocks> springs_, damping_;
   std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
-  std::optional<Eigen::Matrix3Xd> g_;  ///< of the rank-one part g g^T
+  std::vector<Eigen::Matrix3d> contact_;  ///< diagonal blocks of the barrier; empty: none
+  std::optional<Eigen::Matrix3Xd> g_;     ///< of the rank-one part g g^T
   std::optional<BlockMatrix> A_;
 };
 

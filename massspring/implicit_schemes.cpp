@@ -74,7 +74,7 @@ class TrBdf2 : public StagedScheme {
     const double gamma = 2 - std::sqrt(2.0), a = gamma * h / 2, old = 1 / (gamma * (2 - gamma));
     Matrix3Xd f;
     motion_.forces_at(state, f);
-    filter(motion_.forces.constraints, f);
+    filter(motion_.constraints, f);
     State middle = state;
     const StepReport first =
         stage_.solve(state, a, state.x + a * state.v,

@@ -17,6 +17,7 @@ double ImplicitStage::objective(const State& trial, const Matrix3Xd& start_x, do
   const MassSpringModel& model = motion_.model;
   double sum =
       (trial.v - w).colwise().squaredNorm().dot(model.mass) / 2 + potential(model, motion_.forces, trial);
+  if (motion_.barrier) sum += motion_.barrier->energy(trial.x);
   if (motion_.forces.mass_damping > 0)
     sum += a * motion_.forces.mass_damping / 2 * trial.v.colwise().squaredNorm().dot(model.mass);
   if (model.springs && model.springs->damping > 0)
@@ -28,11 +29,12 @@ void ImplicitStage::negative_gradient(const State& trial, const Matrix3Xd& start
                                       const Matrix3Xd& w, Matrix3Xd& r) const {
   const MassSpringModel& model = motion_.model;
   undamped_forces(model, motion_.forces, trial, r);
+  if (motion_.barrier) motion_.barrier->add_forces(trial.x, r);
   if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, start_x, trial.v, r);
   const double c = motion_.forces.mass_damping;
   for (Eigen::Index i = 0; i < r.cols(); ++i)
     r.col(i) -= model.mass(i) * ((trial.v.col(i) - w.col(i)) / a + c * trial.v.col(i));
-  filter(motion_.forces.constraints, r);
+  filter(motion_.constraints, r);
 }
 
 StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y, const Matrix3Xd& w,
@@ -42,11 +44,13 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
   constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
   constexpr int kMaxNewton = 200, kMaxHalvings = 40;
-  const auto& [model, forces, end] = motion_;
+  const MassSpringModel& model = motion_.model;
+  const Forces& forces = motion_.forces;
 
   State trial = start;
   motion_.constrain(trial.v);
   trial.x = y + a * trial.v;
+  if (motion_.barrier && motion_.barrier->keep_out(start.x, trial.x)) trial.v = (trial.x - y) / a;
   StepReport report;
   Matrix3Xd r, dx;
   negative_gradient(trial, start.x, a, w, r);
@@ -76,7 +80,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     const State before = trial;
     const double value = objective(before, start.x, a, w), slope = -r.cwiseProduct(dx).sum(), norm = r.norm();
     bool is_accepted = false;
-    double step = 1;
+    double step = motion_.barrier ? motion_.barrier->largest_step(before.x, dx) : 1;
     for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2) {
       trial.x = before.x + step * dx;
       trial.v = before.v + step / a * dx;

@@ -45,15 +45,42 @@ bool is_explicit(Integrator integrator) {
 TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator,
                          double end, const IntegratorOptions& options)
     : motion_(model, forces, end),
+      integrator_(integrator),
+      end_(end),
+      supports_(motion_.constraints),
       largest_extent_(1e6 *
                       (model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
-      scheme_(make_scheme(integrator, motion_, options)) {}
+      scheme_(make_scheme(integrator, motion_, options)) {
+  if (forces.bodies.empty() || is_explicit(integrator) || integrator == Integrator::ImplicitEuler) return;
+  if (integrator == Integrator::Midpoint)
+    throw std::runtime_error("time.integrator = midpoint with obstacles, expected another one");
+  motion_.barrier.emplace(model, forces);
+}
 
 StepReport TimeStepper::step(State& state, double h) {
+  const std::vector<RigidBody>& bodies = motion_.forces.bodies;
+  const bool is_linearised = integrator_ == Integrator::ImplicitEuler;
+  if (motion_.barrier) motion_.barrier->begin_step(state.t, h, state.x);
+  if (is_linearised && !bodies.empty()) {
+    motion_.constraints = supports_;
+    touches_.hold(bodies, state, h, motion_.constraints, motion_.friction);
+    v_before_ = state.v;
+  }
   motion_.constrain(state.v);
   StepReport report = scheme_->advance(state, h, x_, v_);
+  if (is_linearised && !bodies.empty()) {
+    State after = state;
+    after.x = x_;
+    after.v = v_;
+    Matrix3Xd f;
+    motion_.forces_at(after, f);
+    f = (v_ - v_before_) * (motion_.model.mass / h).asDiagonal() - f;
+    touches_.settle(bodies, state, h, f, x_, v_);
+  } else if (is_explicit(integrator_)) {
+    push_out(bodies, state, h, x_, v_);
+  }
   const Matrix3Xd& X = motion_.model.network.X;
-  prescribe(motion_.forces.constraints, X, (state.t + h) / motion_.end, x_);
+  prescribe(supports_, X, (state.t + h) / end_, x_);
   const double extent = (x_ - X).norm();  // one pass; not finite where any position is not
   if (!(extent < largest_extent_) || !std::isfinite(v_.squaredNorm())) report.status = Status::Diverged;
   if (report.status == Status::Diverged) return report;

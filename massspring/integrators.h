@@ -40,6 +40,7 @@ bool is_explicit(Integrator integrator);
 class TimeStepper {
  public:
   /// @param end  time at which prescribed displacements are complete (s)
+  /// @throws std::runtime_error for midpoint with obstacles: it ends a step beyond where it solves
   TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator, double end,
               const IntegratorOptions& options = {});
 
@@ -51,9 +52,13 @@ class TimeStepper {
 
  private:
   Motion motion_;
+  Integrator integrator_;
+  double end_;
+  std::vector<Constraint> supports_;
+  Touches touches_;
   double largest_extent_;  ///< m
   std::unique_ptr<Scheme> scheme_;
-  Eigen::Matrix3Xd x_, v_;
+  Eigen::Matrix3Xd x_, v_, v_before_;
 };
 
 /// Largest stable step (s) of the symplectic Euler method for small motions about `state`, by the largest

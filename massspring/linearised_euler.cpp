@@ -15,16 +15,17 @@ class LinearisedEuler : public Scheme {
       : motion_(motion), tolerance_(tolerance), A_(motion) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
-    const auto& [model, forces, end] = motion_;
-    A_.set(state, state.x, {1 + h * forces.mass_damping, h * h, h}, Curvature::Projected);
-    undamped_forces(model, forces, state, b_);
+    const MassSpringModel& model = motion_.model;
+    A_.set(state, state.x, {1 + h * motion_.forces.mass_damping, h * h, h}, Curvature::Projected);
+    undamped_forces(model, motion_.forces, state, b_);
+    if (motion_.friction.size() > 0) b_ += motion_.friction;
     A_.multiply(state.v, Av_);
     b_ = h * b_ + state.v * model.mass.asDiagonal();
-    filter(forces.constraints, b_);
+    filter(motion_.constraints, b_);
     b_ -= Av_;
 
     if (dv_.cols() != b_.cols()) dv_ = Matrix3Xd::Zero(3, b_.cols());
-    filter(forces.constraints, dv_);
+    filter(motion_.constraints, dv_);
     const SolveReport linear = solver_.solve(A_.system(), b_, dv_, tolerance_);  // from the last step's dv
     v = state.v + dv_;
     x = state.x + h * v;

@@ -90,6 +90,7 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
     }
   }
   for (const auto& [node, constraint] : of_node) forces.constraints.push_back(constraint);
+  for (const Obstacle& obstacle : scene.obstacles) forces.bodies.emplace_back(obstacle);
   return forces;
 }
 

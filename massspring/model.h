@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "massspring/bending.h"
+#include "massspring/rigid_body.h"
 #include "massspring/springs.h"
 #include "massspring/tet_springs.h"
 #include "massspring/volume_force.h"
@@ -55,7 +56,8 @@ State initial_state(const MassSpringModel& model);
 struct Constraint {
   int node;
   Eigen::Matrix3d S;
-  Eigen::Vector3d displacement;  ///< at full load, along the directions taken away (m)
+  Eigen::Vector3d displacement;       ///< at full load, along the directions taken away (m)
+  Eigen::Vector3d velocity{0, 0, 0};  ///< in a step, along the directions taken away (m/s)
 };
 
 /// Pressure p (Pa) on the deformed triangles of whole components of the surface: -p A n, the gradient of -p
@@ -72,6 +74,7 @@ struct Forces {
   double mass_damping = 0;                  ///< 1/s: force -mass_damping m v
   std::optional<double> volume_pressure;    ///< P of the global volume force (Pa)
   std::vector<Constraint> constraints;      ///< at most one per node
+  std::vector<RigidBody> bodies;            ///< obstacles
 };
 
 /// Dead loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.

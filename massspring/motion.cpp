@@ -3,17 +3,19 @@
 namespace testbed {
 
 Motion::Motion(const MassSpringModel& model, const Forces& forces, double end)
-    : model(model), forces(forces), end(end) {}
+    : model(model), forces(forces), constraints(forces.constraints) {
+  for (Constraint& c : constraints) c.velocity = (Eigen::Matrix3d::Identity() - c.S) * c.displacement / end;
+}
 
 void Motion::forces_at(const State& state, Eigen::Matrix3Xd& f) const {
   undamped_forces(model, forces, state, f);
   if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, state.x, state.v, f);
+  if (friction.size() > 0) f += friction;
   if (forces.mass_damping > 0) f -= state.v * (forces.mass_damping * model.mass).asDiagonal();
 }
 
 void Motion::constrain(Eigen::Matrix3Xd& v) const {
-  for (const Constraint& c : forces.constraints)
-    v.col(c.node) = c.S * v.col(c.node) + (Eigen::Matrix3d::Identity() - c.S) * c.displacement / end;
+  for (const Constraint& c : constraints) v.col(c.node) = c.S * v.col(c.node) + c.velocity;
 }
 
 }  // namespace testbed

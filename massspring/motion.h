@@ -1,7 +1,7 @@
 // The equation of motion that every integrator steps: M dv/dt = f(x, v), dx/dt = v.
 #pragma once
 
-#include "massspring/model.h"
+#include "massspring/contact.h"
 
 namespace testbed {
 
@@ -17,7 +17,9 @@ struct Motion {
 
   const MassSpringModel& model;
   const Forces& forces;
-  double end;
+  std::vector<Constraint> constraints;  ///< in this step: supports, and contacts that hold nodes
+  Eigen::Matrix3Xd friction;            ///< of contacts that nodes slide along in this step (N); empty: none
+  std::optional<Barrier> barrier;       ///< around obstacles, for schemes that minimise
 };
 
 }  // namespace testbed

@@ -1,0 +1,257 @@
+#include "massspring/contact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace testbed {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+Vector3d velocity_of(const RigidBody& body, double t, double h) {
+  return (body.translation(t + h) - body.translation(t)) / h;
+}
+
+/// Sets a node that goes from x0 to x with velocity v onto the body if it would end within or beyond it.
+bool push_out_of(const RigidBody& body, const Vector3d& x0, double t, double h, Vector3d& x, Vector3d& v) {
+  const Vector3d shift = body.translation(t + h) - body.translation(t);
+  const double reach = (x - x0 - shift).norm();
+  RigidBody::Gap gap = body.gap(x, t + h);
+  if (gap.distance >= reach) return false;  // a node that came from outside cannot have gone through
+  const RigidBody::Gap first = body.gap(x0, t);
+  if (gap.distance >= 0 || gap.normal.dot(first.normal) < 0) {
+    constexpr double kNear = 1e-6;  // of the way
+    const auto touch = body.first_touch(x0, x, t, h, kNear * reach);
+    if (touch)
+      x = *touch;
+    else if (gap.distance >= 0)
+      return false;
+    gap = body.gap(x, t + h);
+  }
+  const Vector3d relative = v - shift / h;
+  const double into = -gap.normal.dot(relative);
+  Vector3d dv = Vector3d::Zero();
+  if (into > 0) {
+    const Vector3d along = relative + into * gap.normal;
+    const double speed = along.norm(), taken = std::min(speed, body.friction * into);
+    dv = into * gap.normal;
+    if (taken > 0) {
+      dv -= taken / speed * along;
+      x -= h * taken / speed * along;
+      gap = body.gap(x, t + h);
+    }
+  }
+  if (gap.distance < 0) x -= gap.distance * gap.normal;
+  v += dv;
+  return true;
+}
+
+}  // namespace
+
+void push_out(const std::vector<RigidBody>& bodies, const State& before, double h, Matrix3Xd& x,
+              Matrix3Xd& v) {
+  for (const RigidBody& body : bodies)
+    for (Eigen::Index i = 0; i < x.cols(); ++i) {
+      Vector3d xi = x.col(i), vi = v.col(i);
+      if (!push_out_of(body, before.x.col(i), before.t, h, xi, vi)) continue;
+      x.col(i) = xi;
+      v.col(i) = vi;
+    }
+}
+
+void Touches::hold(const std::vector<RigidBody>& bodies, const State& state, double h,
+                   std::vector<Constraint>& constraints, Matrix3Xd& friction) const {
+  friction.setZero(3, state.x.cols());
+  std::vector<Constraint*> of_node(state.x.cols(), nullptr);
+  constraints.reserve(constraints.size() + touches_.size());
+  for (Constraint& c : constraints) of_node[c.node] = &c;
+  for (const Touch& touch : touches_) {
+    const RigidBody& body = bodies[touch.body];
+    const RigidBody::Gap gap = body.gap(state.x.col(touch.node), state.t);
+    const Vector3d u = velocity_of(body, state.t, h) - gap.distance / h * gap.normal;
+    Constraint*& c = of_node[touch.node];
+    if (!c)
+      c = &constraints.emplace_back(
+          Constraint{touch.node, Eigen::Matrix3d::Identity(), Vector3d::Zero(), Vector3d::Zero()});
+    // Along the directions that are still free, so that a support keeps its own.
+    const Vector3d free_normal = c->S * gap.normal;
+    if (touch.is_stuck) {
+      c->velocity += c->S * u;
+      c->S.setZero();
+    } else if (const double size = free_normal.norm(); size > 1e-6) {
+      const Vector3d n = free_normal / size;
+      c->velocity += gap.normal.dot(u - c->velocity) / size * n;
+      c->S -= n * n.transpose();
+      friction.col(touch.node) += touch.friction;
+    }
+  }
+}
+
+void Touches::settle(const std::vector<RigidBody>& bodies, const State& before, double h, const Matrix3Xd& r,
+                     Matrix3Xd& x, Matrix3Xd& v) {
+  std::vector<Touch> kept;
+  std::vector<char> is_touching(x.cols(), false);
+  for (Touch touch : touches_) {
+    const RigidBody& body = bodies[touch.body];
+    const Vector3d n = body.gap(x.col(touch.node), before.t + h).normal;
+    const double pressing = n.dot(r.col(touch.node));
+    if (!(pressing > 0)) continue;
+    const double limit = body.friction * pressing;
+    Vector3d along = v.col(touch.node) - velocity_of(body, before.t, h);
+    along -= n.dot(along) * n;
+    if (touch.is_stuck) {
+      const Vector3d holding = r.col(touch.node) - pressing * n;
+      if (holding.norm() > limit) {
+        touch.is_stuck = false;
+        touch.friction = limit * holding.normalized();
+      }
+    } else if (limit > 0) {
+      if (along.dot(touch.friction) > 0 || along.isZero(0))
+        touch.is_stuck = true;  // friction would turn it back
+      else
+        touch.friction = -limit * along.normalized();
+    }
+    is_touching[touch.node] = true;
+    kept.push_back(touch);
+  }
+  for (size_t b = 0; b < bodies.size(); ++b)
+    for (Eigen::Index i = 0; i < x.cols(); ++i) {
+      Vector3d xi = x.col(i), vi = v.col(i);
+      if (!push_out_of(bodies[b], before.x.col(i), before.t, h, xi, vi)) continue;
+      x.col(i) = xi;
+      v.col(i) = vi;
+      if (is_touching[i]) continue;
+      is_touching[i] = true;
+      kept.push_back({static_cast<int>(i), static_cast<int>(b), false, Vector3d::Zero()});
+    }
+  std::sort(kept.begin(), kept.end(), [](const Touch& a, const Touch& b) { return a.node < b.node; });
+  touches_ = std::move(kept);
+}
+
+namespace {
+
+struct BarrierValue {
+  double b, db, ddb;
+};
+
+BarrierValue barrier_at(double d, double range) {
+  const double e = d - range, q = std::log(d / range);
+  return {-e * e * q, -2 * e * q - e * e / d, -2 * q - 4 * e / d + e * e / (d * d)};
+}
+
+constexpr double kClosest = 1e-3;    // of the range: where steps end that would go in
+constexpr double kStillSpeed = 0.1;  // ranges per second that are no motion
+
+}  // namespace
+
+Barrier::Barrier(const MassSpringModel& model, const Forces& forces) : bodies_(forces.bodies) {
+  const auto& [X, F, E, T, n_surface] = model.network;
+  constexpr double kRange = 1e-3;
+  range_ = kRange * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
+  double length = 0;
+  for (const auto& edge : E.colwise()) length += (X.col(edge(0)) - X.col(edge(1))).norm() / E.cols();
+  kappa_ = model.material.E * length;
+  std::vector<char> is_held(X.cols(), false);
+  for (const Constraint& c : forces.constraints) is_held[c.node] = true;
+  for (int i = 0; i < X.cols(); ++i)
+    if (!is_held[i]) nodes_.push_back(i);
+}
+
+template <class Visit>
+void Barrier::for_each_near(const Matrix3Xd& x, const Visit& visit) const {
+  for (size_t b = 0; b < bodies_.size(); ++b)
+    for (const int i : nodes_)
+      if (const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t_); gap.distance < range_)
+        visit(static_cast<int>(b), i, gap);
+}
+
+void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
+  held_.clear();
+  slip_ = kStillSpeed * range_ * h;
+  for (size_t b = 0; b < bodies_.size(); ++b) {
+    if (bodies_[b].friction == 0) continue;
+    const Vector3d shift = bodies_[b].translation(t + h) - bodies_[b].translation(t);
+    for (const int i : nodes_) {
+      const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t);
+      if (gap.distance <= 0 || gap.distance >= range_) continue;
+      const double force = -kappa_ * barrier_at(gap.distance, range_).db;
+      held_.push_back({i, static_cast<int>(b), gap.normal, x.col(i) + shift, bodies_[b].friction * force});
+    }
+  }
+  t_ = t + h;
+}
+
+bool Barrier::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
+  bool is_moved = false;
+  for (const RigidBody& body : bodies_)
+    for (const int i : nodes_) {
+      Vector3d yi = y.col(i);
+      if (const auto touch = body.first_touch(x.col(i), yi, t_, 0, kClosest * range_)) yi = *touch;
+      if (const RigidBody::Gap gap = body.gap(yi, t_); gap.distance < kClosest * range_)
+        yi += (kClosest * range_ - gap.distance) * gap.normal;
+      is_moved |= yi != y.col(i);
+      y.col(i) = yi;
+    }
+  return is_moved;
+}
+
+double Barrier::largest_step(const Matrix3Xd& x, const Matrix3Xd& dx) const {
+  constexpr double kKept = 0.1;  // of the gap along the way
+  double part = 1;
+  for (const RigidBody& body : bodies_)
+    for (const int i : nodes_) {
+      const Vector3d xi = x.col(i);
+      const double gap = body.gap(xi, t_).distance, length = dx.col(i).norm();
+      if (gap > part * length) continue;
+      if (const auto touch = body.first_touch(xi, xi + part * dx.col(i), t_, 0, kKept * gap))
+        part = std::min(part, (*touch - xi).norm() / length);
+    }
+  return part;
+}
+
+double Barrier::energy(const Matrix3Xd& x) const {
+  double sum = 0;
+  for_each_near(x, [&](int, int, const RigidBody::Gap& gap) {
+    sum += gap.distance > 0 ? kappa_ * barrier_at(gap.distance, range_).b
+                            : std::numeric_limits<double>::infinity();
+  });
+  for (const Held& held : held_) {
+    Vector3d slid = x.col(held.node) - held.start;
+    slid -= held.normal.dot(slid) * held.normal;
+    const double s = slid.norm(), q = s / slip_;
+    sum += held.limit * (s < slip_ ? slip_ * q * q * (1 - q / 3) + slip_ / 3 : s);
+  }
+  return sum;
+}
+
+void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
+  for_each_near(x, [&](int, int i, const RigidBody::Gap& gap) {
+    f.col(i) -= kappa_ * barrier_at(gap.distance, range_).db * gap.normal;
+  });
+  for (const Held& held : held_) {
+    Vector3d slid = x.col(held.node) - held.start;
+    slid -= held.normal.dot(slid) * held.normal;
+    const double s = slid.norm(), q = s / slip_;
+    f.col(held.node) -= held.limit * (s < slip_ ? (2 - q) / slip_ : 1 / s) * slid;
+  }
+}
+
+void Barrier::add_hessian(const Matrix3Xd& x, std::vector<Eigen::Matrix3d>& diagonal) const {
+  for_each_near(x, [&](int, int i, const RigidBody::Gap& gap) {
+    diagonal[i] += kappa_ * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
+  });
+  for (const Held& held : held_) {
+    Vector3d slid = x.col(held.node) - held.start;
+    slid -= held.normal.dot(slid) * held.normal;
+    const double s = slid.norm(), q = s / slip_;
+    const double across = s < slip_ ? (2 - q) / slip_ : 1 / s, along = s < slip_ ? 2 * (1 - q) / slip_ : 0;
+    const Vector3d d = s > 0 ? Vector3d(slid / s) : Vector3d::Zero();
+    diagonal[held.node] +=
+        held.limit * (across * (Eigen::Matrix3d::Identity() - held.normal * held.normal.transpose()) +
+                      (along - across) * d * d.transpose());
+  }
+}
+
+}  // namespace testbed

@@ -1,0 +1,233 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "massspring/calibrate.h"
+#include "massspring/integrators.h"
+#include "meshing/shapes.h"
+#include "meshing/surface_io.h"
+#include "tests/massspring/box_tets.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+Obstacle floor_with(double friction) {
+  Obstacle obstacle;
+  obstacle.shape = HalfSpace{{0, 0, 0}, {0, 2, 0}};
+  obstacle.friction = friction;
+  return obstacle;
+}
+
+// A soft cube of 1 m, its underside at y = 0.
+struct Cube {
+  MassSpringModel model;
+  Forces forces;
+  State state;
+
+  Cube(const Vector3d& gravity, const std::vector<Obstacle>& obstacles, double lift, double E = 1e5) {
+    const TetMesh mesh = box_tets(2, 2, 2, 0.5);
+    SpringNetwork network;
+    network.X = mesh.X;
+    network.F = mesh.F;
+    network.T = mesh.T;
+    network.n_surface = static_cast<int>(mesh.X.cols());
+    model = calibrate(network, {E, 0.25, 1000, 0}, find_calibration("node_averaged"));
+    model.network.E = pairs_of(*model.tet_springs);
+    forces.load = gravity * model.mass.transpose();
+    for (const Obstacle& obstacle : obstacles) forces.bodies.emplace_back(obstacle);
+    state = initial_state(model);
+    state.x.row(1).array() += lift;
+  }
+
+  double energy() const {
+    return potential(model, forces, state) + state.v.colwise().squaredNorm().dot(model.mass) / 2;
+  }
+};
+
+class ContactOf : public testing::TestWithParam<Integrator> {
+ protected:
+  double step() const { return GetParam() == Integrator::SymplecticEuler ? 1e-3 : 5e-3; }
+};
+INSTANTIATE_TEST_SUITE_P(, ContactOf,
+                         testing::Values(Integrator::SymplecticEuler, Integrator::ImplicitEuler,
+                                         Integrator::MinimisingEuler),
+                         [](const auto& info) {
+                           return info.param == Integrator::SymplecticEuler ? "projected"
+                                  : info.param == Integrator::ImplicitEuler ? "constrained"
+                                                                            : "barrier";
+                         });
+
+TEST_P(ContactOf, ADroppedCubeComesToRestOnTheFloorGainsNoEnergyAndNeverEndsAStepInside) {
+  Cube cube({0, -9.81, 0}, {floor_with(0.3)}, 0.2);
+  cube.forces.mass_damping = 5;
+  TimeStepper stepper(cube.model, cube.forces, GetParam(), 4);
+  double energy = cube.energy();
+  const double scale = 9.81 * cube.model.mass.sum() * 0.2;  // of the fall
+  bool has_touched = false;
+  while (cube.state.t < 4) {
+    ASSERT_EQ(stepper.step(cube.state, step()).status, Status::Ok);
+    const double lowest = cube.state.x.row(1).minCoeff();
+    EXPECT_GE(lowest, -1e-12) << cube.state.t;
+    has_touched |= lowest < 2e-3;
+    EXPECT_LE(cube.energy(), energy + 1e-3 * scale) << cube.state.t;
+    // The explicit scheme's energy swings while the body does: it is held to that of the fall.
+    if (GetParam() != Integrator::SymplecticEuler) energy = std::min(energy, cube.energy());
+  }
+  EXPECT_TRUE(has_touched);
+  EXPECT_LT(cube.state.v.norm(), 2e-2);
+  // 9.81 m/s2 of 1000 kg/m3 on E = 1e5 Pa shorten the column by 5 % at its top.
+  EXPECT_NEAR(cube.state.x.row(1).maxCoeff(), 0.95, 0.02);
+}
+
+TEST_P(ContactOf, OnAnInclineItStopsJustAboveTheAngleOfFrictionAndSpeedsUpJustBelow) {
+  const double g = 9.81, angle = std::atan(0.5), start = 0.3;
+  for (const double friction : {0.55, 0.45}) {
+    Cube cube({g * std::sin(angle), -g * std::cos(angle), 0}, {floor_with(friction)}, 1e-3, 1e7);
+    cube.state.v.row(0).setConstant(start);
+    const double c = cube.forces.mass_damping = 5;  // stills the cube's own swings
+    TimeStepper stepper(cube.model, cube.forces, GetParam(), 1);
+    const auto centre = [&] { return cube.state.x.row(0).dot(cube.model.mass) / cube.model.mass.sum(); };
+    const auto run_until = [&](double t) {
+      while (cube.state.t < t) ASSERT_EQ(stepper.step(cube.state, step() / 5).status, Status::Ok);
+    };
+    const double from = centre(), a = g * (std::sin(angle) - friction * std::cos(angle));
+    run_until(1);
+    const double first = centre() - from;
+    run_until(2);
+    const double second = centre() - from - first;
+    const auto way = [&](double t) { return a / c * t + (start / c - a / (c * c)) * (1 - std::exp(-c * t)); };
+    if (friction > 0.5) {
+      const double stop = std::log(1 - c * start / a) / c;  // v = a/c + (start - a/c) e^-ct
+      EXPECT_NEAR(first, way(stop), 0.3 * way(stop));       // a rigid cube's: this one swings while it stops
+      EXPECT_LT(std::abs(second), 0.01 * way(stop));
+    } else {
+      EXPECT_NEAR(first, way(1), 0.1 * way(1));
+      EXPECT_NEAR(second, way(2) - way(1), 0.1 * (way(2) - way(1)));
+    }
+  }
+}
+
+TEST_P(ContactOf, AThinPlateIsNotMissedByAFastBody) {
+  Obstacle plate;
+  plate.shape = Box{{-5, -1.001, -5}, {5, -1, 5}};
+  Cube cube({0, 0, 0}, {plate}, 0);
+  cube.state.v.row(1).setConstant(-900);  // 4.5 m in a step of 5 ms
+  TimeStepper stepper(cube.model, cube.forces, GetParam(), 1);
+  stepper.step(cube.state, 5e-3);
+  EXPECT_GE(cube.state.x.row(1).minCoeff(), -1 - 1e-9);
+}
+
+TEST_P(ContactOf, AMovingObstaclePushesTheBodyAlong) {
+  Obstacle piston = floor_with(0);
+  piston.motion = {{0, 0, 0, 0}, {1, 0, 1, 0}};
+  Cube cube({0, 0, 0}, {piston}, 1e-2);
+  cube.forces.mass_damping = 1;
+  TimeStepper stepper(cube.model, cube.forces, GetParam(), 1);
+  while (cube.state.t < 1) {
+    ASSERT_EQ(stepper.step(cube.state, step()).status, Status::Ok);
+    EXPECT_GE(cube.state.x.row(1).minCoeff(), cube.state.t - 1e-9);
+  }
+  EXPECT_GT(cube.state.x.row(1).minCoeff(), 0.9);
+}
+
+TEST(RigidBody, GapsAreTheDistancesToDenseSamplesOfTheSurfaces) {
+  // A ball's gap is known; a capsule and a box are checked by distances to many points of their surfaces.
+  Obstacle box, capsule;
+  box.shape = Box{{-1, -0.5, -0.25}, {1, 0.5, 0.25}};
+  capsule.shape = Capsule{{-1, 0, 0}, {1, 0, 0}, 0.4};
+  constexpr int kSide = 160;
+  Matrix3Xd on_box(3, 6 * (kSide + 1) * (kSide + 1)), on_capsule(3, (kSide + 1) * (kSide + 1));
+  int n = 0, m = 0;
+  for (int i = 0; i <= kSide; ++i)
+    for (int j = 0; j <= kSide; ++j) {
+      const double a = 2.0 * i / kSide - 1, b = 2.0 * j / kSide - 1;
+      for (int k = 0; k < 3; ++k)
+        for (const double side : {-1.0, 1.0}) {
+          Vector3d p;
+          p(k) = side;
+          p((k + 1) % 3) = a;
+          p((k + 2) % 3) = b;
+          on_box.col(n++) = p.cwiseProduct(Vector3d(1, 0.5, 0.25));
+        }
+      // A line of the capsule's profile, by arc length, turned about the axis.
+      const double quarter = 0.2 * M_PI, s = (a + 1) / 2 * (2 + 2 * quarter), phi = M_PI * b;
+      const double turn = s < quarter ? (quarter - s) / 0.4 : s > quarter + 2 ? (s - quarter - 2) / 0.4 : 0;
+      const double along = s < quarter       ? -1 - 0.4 * std::sin(turn)
+                           : s > quarter + 2 ? 1 + 0.4 * std::sin(turn)
+                                             : s - quarter - 1;
+      const double radius = 0.4 * std::cos(turn);
+      on_capsule.col(m++) << along, radius * std::cos(phi), radius * std::sin(phi);
+    }
+  Random random(3);
+  const RigidBody bodies[] = {RigidBody(box), RigidBody(capsule)};
+  const Matrix3Xd* samples[] = {&on_box, &on_capsule};
+  for (int trial = 0; trial < 200; ++trial) {
+    Vector3d x;
+    for (double& c : x) c = 3 * random.uniform() - 1.5;
+    for (int b = 0; b < 2; ++b) {
+      const double nearest = (samples[b]->colwise() - x).colwise().norm().minCoeff();
+      const RigidBody::Gap gap = bodies[b].gap(x, 0);
+      EXPECT_NEAR(std::abs(gap.distance), nearest, 2e-2);
+      EXPECT_NEAR(bodies[b].gap(x + 1e-6 * gap.normal, 0).distance, gap.distance + 1e-6, 1e-9);
+    }
+  }
+}
+
+TEST(RigidBody, AMeshIsTheSolidThatItBounds) {
+  const SurfaceMesh ball = make_shape("ball", 642);
+  const std::string file = testing::TempDir() + "contact_ball.off";
+  write_surface(file, ball);
+  Obstacle mesh;
+  mesh.shape = ClosedMesh{file};
+  mesh.motion = {{0, 1, 2, 3}};
+  const RigidBody body(mesh);
+  const double radius = ball.X.col(0).norm(), faceting = 0.01 * radius;
+  Random random(5);
+  for (int trial = 0; trial < 100; ++trial) {
+    Vector3d x;
+    for (double& c : x) c = radius * (3 * random.uniform() - 1.5);
+    const RigidBody::Gap gap = body.gap(x + Vector3d(1, 2, 3), 0);
+    EXPECT_NEAR(gap.distance, x.norm() - radius, faceting);
+    EXPECT_GT(gap.normal.dot(x), 0.9 * x.norm());
+  }
+}
+
+TEST(Barrier, ForceIsMinusEnergyGradientAndHessianItsDerivativeOnAPlane) {
+  Cube cube({0, 0, 0}, {floor_with(0.4)}, 0);
+  Barrier barrier(cube.model, cube.forces);
+  const double range = 1e-3 * std::sqrt(3.0), step = 1e-9;
+  Matrix3Xd x = cube.state.x;
+  x.row(1).array() += 0.5 * range;
+  barrier.begin_step(0, 1e-2, x);  // friction is smooth up to 1.7e-6 m
+  x.row(0).array() += 1e-6;        // within the smoothed part of friction
+  x.row(1).array() += 0.1 * range;
+  const auto forces = [&](const Matrix3Xd& at) {
+    Matrix3Xd f = Matrix3Xd::Zero(3, at.cols());
+    barrier.add_forces(at, f);
+    return f;
+  };
+  const Matrix3Xd f = forces(x);
+  ASSERT_GT(f.row(1).norm(), 1);
+  ASSERT_GT(f.row(0).norm(), 1);
+  std::vector<Eigen::Matrix3d> K(x.cols(), Eigen::Matrix3d::Zero());
+  barrier.add_hessian(x, K);
+  for (int i = 0; i < x.cols(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      Matrix3Xd up = x, down = x;
+      up(c, i) += step;
+      down(c, i) -= step;
+      EXPECT_NEAR(f(c, i), -(barrier.energy(up) - barrier.energy(down)) / (2 * step), 1e-4 * f.norm());
+      if (c == 1) {
+        EXPECT_NEAR(K[i](1, 1), (forces(down)(1, i) - forces(up)(1, i)) / (2 * step), 1e-4 * K[i].norm());
+      }
+    }
+  }
+  x(1, 0) = -range;
+  EXPECT_TRUE(std::isinf(barrier.energy(x)));
+}
+
+}  // namespace
+}  // namespace testbed
