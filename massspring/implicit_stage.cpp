@@ -44,7 +44,6 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
   constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
   constexpr int kMaxNewton = 200, kMaxHalvings = 40;
-  const MassSpringModel& model = motion_.model;
   const Forces& forces = motion_.forces;
 
   State trial = start;
