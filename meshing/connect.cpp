@@ -1,6 +1,9 @@
 #include "meshing/connect.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
+#include <sstream>
 #include <stdexcept>
 
 #include "meshing/delaunay.h"
@@ -48,6 +51,20 @@ void drop_outside(const SurfaceTree& tree, const Eigen::Matrix3Xd& X, int n_surf
               links.end());
 }
 
+/// How far a node's links leave the plane nearest to them (root mean square).
+double degrees_from_plane(const Eigen::Matrix3Xd& X, const Pairs& links, int node) {
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  int n = 0;
+  for (const auto& [i, j] : links) {
+    if (i != node && j != node) continue;
+    const Eigen::Vector3d d = (X.col(j) - X.col(i)).normalized();
+    spread += d * d.transpose();
+    ++n;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread, Eigen::EigenvaluesOnly);
+  return std::asin(std::sqrt(std::max(solver.eigenvalues()[0], 0.) / n)) * 180 / 3.14159265358979323846;
+}
+
 SpringNetwork complete_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
                            const ConnectOptions& options, PcpReport* report) {
   if (options.neighbours < 1)
@@ -68,10 +85,15 @@ SpringNetwork complete_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& i
   std::sort(links.begin(), links.end());
   links.erase(std::unique(links.begin(), links.end()), links.end());
   const std::vector<int> loose = make_rigid(surface, tree, pcp.X, links);
-  if (!loose.empty())
-    throw std::runtime_error("completed PCP: " + std::to_string(loose.size()) +
-                             " nodes cannot be tied by links inside the solid, first node " +
-                             std::to_string(loose[0]));
+  if (!loose.empty()) {
+    std::ostringstream what;
+    what << "completed PCP: no link inside the solid holds " << loose.size() << " nodes; the first, node "
+         << loose[0] << " at (" << pcp.X.col(loose[0]).transpose() << "), has its links within "
+         << degrees_from_plane(pcp.X, links, loose[0])
+         << " degrees of a plane: the surface folds onto itself there, and the vertex must be moved or "
+            "removed";
+    throw std::runtime_error(what.str());
+  }
   return assemble(surface, std::move(pcp.X), std::move(links));
 }
 

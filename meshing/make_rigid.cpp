@@ -47,6 +47,19 @@ class RigidPart {
       if (!is_tied_[i] && n_ties_[i] > 0) frontier_.push_back(static_cast<int>(i));
   }
 
+  /// Links nodes of the finished part until six springs hold each in independent directions, as far as the
+  /// body allows.
+  void strengthen() {
+    enough_ = least_bracing;
+    least_ties_ = 6;
+    for (int i = 0; i < X_.cols(); ++i) {
+      spread_[i].setZero();
+      n_ties_[i] = 0;
+      for (int other : neighbours_[i]) add_direction(i, other);
+      brace(i);
+    }
+  }
+
   /// Ties one more node beside the part by new links; false where none can be.
   bool extend() {
     while (!frontier_.empty()) {
@@ -67,6 +80,8 @@ class RigidPart {
     return solver.eigenvalues()[0];
   }
 
+  bool is_held(int node) const { return n_ties_[node] >= least_ties_ && bracing(node) >= enough_; }
+
   void add_direction(int node, int to) {
     const Eigen::Vector3d d = (X_.col(to) - X_.col(node)).normalized();
     spread_[node] += d * d.transpose();
@@ -83,7 +98,7 @@ class RigidPart {
       if (is_tied_[other]) continue;
       add_direction(other, node);
       if (n_ties_[other] == 1) frontier_.push_back(other);
-      if (n_ties_[other] >= 3 && bracing(other) >= enough_) ready_.push_back(other);
+      if (is_held(other)) ready_.push_back(other);
     }
   }
 
@@ -97,8 +112,8 @@ class RigidPart {
 
   /// Links a node to the nearest tied ones until these springs span space.
   bool brace(int node) {
-    constexpr int fewest = 32, most = 512;
-    if (bracing(node) >= enough_) return true;
+    constexpr int fewest = 32, most = 2048;
+    if (is_held(node)) return true;
     for (int k = fewest; k <= most; k *= 2)
       for (int other : nodes_.nearest(X_.col(node), k)) {
         const auto& known = neighbours_[node];
@@ -109,7 +124,7 @@ class RigidPart {
         neighbours_[node].push_back(other);
         neighbours_[other].push_back(node);
         add_direction(node, other);
-        if (bracing(node) >= enough_) return true;
+        if (is_held(node)) return true;
       }
     return false;
   }
@@ -118,6 +133,7 @@ class RigidPart {
   const SurfaceTree& surface_tree_;
   int n_surface_;
   double enough_ = least_bracing;
+  int least_ties_ = 3;
   std::vector<std::pair<int, int>>& springs_;
   std::vector<std::vector<int>> neighbours_;
   std::vector<bool> is_tied_;
@@ -145,6 +161,7 @@ std::vector<int> make_rigid(const SurfaceMesh& surface, const SurfaceTree& tree,
     while (part.extend()) {
     }
   }
+  part.strengthen();
   std::vector<int> loose;
   for (int i = 0; i < X.cols(); ++i)
     if (!part.is_tied(i)) loose.push_back(i);

@@ -96,6 +96,31 @@ TEST(Connect, CompletedPcpIsRigidWherePcpIsNot) {
   }
 }
 
+TEST(Connect, CompletedPcpLeavesNoNodeWeak) {
+  for (const char* shape : {"ball", "bar", "torus", "handle"})
+    EXPECT_TRUE(weak_nodes(network_of(make_shape(shape, 300), Connectivity::CompletedPcp, 60)).empty())
+        << shape;
+}
+
+TEST(Connect, CompletedPcpRefusesAVertexThatNoLinkInsideHolds) {
+  SurfaceMesh flat{Eigen::Matrix3Xd(3, 4), Eigen::Matrix3Xi(3, 4)};
+  flat.X << 0, 1, 0, 0.3,  //
+      0, 0, 1, 0.3,        //
+      0, 0, 0, 1e-6;
+  flat.F << 0, 0, 1, 0,  //
+      2, 1, 2, 3,        //
+      1, 3, 3, 2;
+  ConnectOptions options;
+  options.connectivity = Connectivity::CompletedPcp;
+  try {
+    connect(flat, Eigen::Matrix3Xd(3, 0), options);
+    FAIL() << "held across a sheet of no thickness";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("the first, node 3 at ("), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("degrees of a plane"), std::string::npos) << error.what();
+  }
+}
+
 TEST(Connect, CompletedPcpTiesSeveralSolidsEachForItself) {
   const SurfaceMesh ball = make_shape("ball", 42);
   const SurfaceMesh all = join(join(ball, inside_out(scaled(ball, 0.5))), shifted(ball, {2.3, 0, 0}));

@@ -127,10 +127,12 @@ TEST(LinkPcp, MeetsTheArithmeticOfTable1) {
   struct Row {
     const char* shape;
     int n_surface, multiplicity, springs_inside;
-    double
-        tolerance;  // 3 %; our torus, whose proportions need not be the paper's, ends its last stage sooner
+    double tolerance;  // 3 %, but for the torus
   };
-  // total springs less 3/2 of the faces of a closed surface with these vertices [paper table 1]
+  // How many white nodes the last stage dequeues before the last black node is reached depends on the nodes'
+  // order: in a torus of any proportions 320 to 390 of some 440 over seeds, 47 if the inner nodes are
+  // shuffled; the paper's has 430. So its count lies between ours and that of a last stage that all white
+  // nodes finish. total springs less 3/2 of the faces of a closed surface with these vertices [paper table 1]
   for (const Row& row : {Row{"ball", 162, 5, 3055, 0.03}, Row{"torus", 924, 5, 6770, 0.09},
                          Row{"handle", 932, 3, 4047, 0.03}, Row{"head", 3897, 3, 13123, 0.03}}) {
     const Network network = network_of(row.shape, row.n_surface, {row.multiplicity, PcpReading::StageWise});
@@ -143,5 +145,8 @@ TEST(LinkPcp, MeetsTheArithmeticOfTable1) {
         << row.shape << ": " << inside << " springs, " << white << " white nodes";
     EXPECT_LE(inside, row.multiplicity * white) << row.shape;
     EXPECT_GT(inside, row.multiplicity * white - 2 * row.multiplicity) << row.shape;
+    const Network whole =
+        network_of(row.shape, row.n_surface, {row.multiplicity, PcpReading::WholeLastStage});
+    EXPECT_GT(whole.springs.E.cols() - whole.n_edges, 0.97 * row.springs_inside) << row.shape;
   }
 }
