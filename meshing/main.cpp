@@ -115,7 +115,8 @@ void print_network(const SpringNetwork& network, const SurfaceMesh& surface) {
   if (network.X.cols() <= most_nodes)
     std::printf("floppy modes %d\n", count_floppy_modes(network));
   else
-    std::printf("floppy modes not counted above %d nodes\n", most_nodes);
+    std::printf("floppy modes not counted above %d nodes (completed_pcp has none by construction)\n",
+                most_nodes);
 }
 
 void print_quality(const TetMesh& mesh) {
