@@ -31,6 +31,8 @@ DIR/points into one folder; then the same command without --part writes the tabl
 
 _STUDY_EXAMPLES = """studies:
   work-precision   error against seconds: every spring model and finite elements, over resolutions or time steps
+  scaling          seconds, memory and non-zeros from a thousand nodes to a million
+  cost             instructions of a time step, the scene's parts switched on one at a time
 
 examples:
   ./testbed study work-precision

@@ -35,6 +35,7 @@ class Point:
     scene: Path
     overrides: tuple[str, ...] = ()  #: KEY=VALUE, as --set takes them
     options: tuple[str, ...] = ()  #: further words of the command line
+    prefix: tuple[str, ...] = ()  #: a command that runs the program, such as valgrind
     repetition: int = 0  #: of a timed run; only the first keeps its frames
 
 
@@ -46,7 +47,6 @@ class Outcome:
     message: str
     wall: float  #: s, of the whole process
     cpu: float  #: s
-    memory: float  #: byte, largest resident set
     load: float  #: load average of the machine as the run began
     folder: Path = Path()
     record: dict[str, Any] = field(default_factory=dict)  #: run.json
@@ -78,6 +78,7 @@ class Store:
             {key: value for key, value in settings.items() if key.split(".")[0] not in ignored},
             point.program,
             point.options,
+            point.prefix,
             point.repetition,
             [_hash_of_file(self.programs / name) for name in (point.program, *_MESHERS)],
             [os.environ.get(name, "") for name in _THREADS],
@@ -124,7 +125,14 @@ class Store:
 
     def _execute(self, point: Point, folder: Path) -> Outcome:
         # The solver dies with this process, so that a killed study leaves nobody working.
-        command = ["setpriv", "--pdeathsig", "KILL", str(self.programs / point.program), str(point.scene)]
+        command = [
+            "setpriv",
+            "--pdeathsig",
+            "KILL",
+            *point.prefix,
+            str(self.programs / point.program),
+            str(point.scene),
+        ]
         command += ["--out", str(folder), "--quiet", *point.options]
         for override in point.overrides:
             command += ["--set", override]
@@ -148,15 +156,15 @@ class Store:
         spent = {
             "wall": wall,
             "cpu": usage.ru_utime + usage.ru_stime,
-            "memory": usage.ru_maxrss * 1024.0,
             "load": load,
         }
         if has_ended_late.is_set():
             return Outcome("time limit", f"stopped after {self.time_limit:g} s", **spent)
         text = (folder / "messages.txt").read_text(errors="replace").strip()
         if process.returncode != 0:
-            last = text.splitlines()[-1] if text else f"exit status {process.returncode}"
-            return Outcome("failed", last.removeprefix("error: "), **spent)
+            lines = text.splitlines() or [f"exit status {process.returncode}"]
+            errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
+            return Outcome("failed", (errors or lines)[-1], **spent)
         status = json.loads((folder / "run.json").read_text())["status"]
         return Outcome(status, "", **spent)
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from . import work_precision
+from . import cost, scaling, work_precision
 from .experiment import PROGRAMS, ROOT, write_text
 from .points import Store, say
 from .report import Table, html_table, image_figure, page, svg_figure, text_table
@@ -138,7 +138,45 @@ def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
     return Result("Work and precision", " ".join(findings), sections, protocol)
 
 
-_STUDIES = {"work-precision": study_work_precision}
+def study_scaling(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Seconds, memory and non-zeros over the number of nodes."""
+    sizes, repetitions = ([300.0, 1000.0], 2) if arguments.quick else ([1e3, 1e4, 1e5, 1e6], 3)
+    with alone(arguments.quiet):
+        measured = scaling.measure(
+            SCENES / "bar_sag.toml", Store(folder / "points", _LARGE), sizes, repetitions, arguments.quiet
+        )
+    figures: dict[str, tuple[str | Path, str]] = {
+        "scaling_seconds": (
+            scaling.plot_seconds(measured),
+            "Seconds of every stage on one thread, median; slopes in brackets.",
+        ),
+        "scaling_memory": (scaling.plot_memory(measured), "Largest resident memory of the whole run."),
+        "scaling_lemma_1": (scaling.plot_lemma(measured), "Lemma 1: non-zero blocks of the springs' matrix."),
+    }
+    section = Section("Every stage", [], figures, {"scaling": scaling.table(measured)})
+    record = next((run.record for size in measured for run in size.outcomes), {})
+    protocol = environment(record, arguments) | {"how it is measured": scaling.__doc__ or ""}
+    return Result("Scaling", scaling.finding(measured), [section], protocol)
+
+
+def study_cost(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Instructions of a step, part by part."""
+    store = Store(folder / "points")
+    costs = cost.measure(folder, store, arguments.quiet)
+    figures: dict[str, tuple[str | Path, str]] = {}
+    if cost.shares(costs):
+        figures = {"cost": (cost.plot(costs), "What each part adds to a step, counted instructions.")}
+    section = Section("Part by part", [], figures, {"cost": cost.table(costs)})
+    scene = (folder / "cost.toml").read_text()
+    protocol = environment({}, arguments) | {
+        "how it is measured": cost.__doc__ or "",
+        "cost.toml: springs alone": scene,
+    }
+    return Result("What each part costs", cost.finding(costs), [section], protocol)
+
+
+_LARGE = 1800  # s, for one run of a large body
+_STUDIES = {"work-precision": study_work_precision, "scaling": study_scaling, "cost": study_cost}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -50,8 +50,8 @@ class Effort:
     reference_tetrahedra: int  #: a linear static reference is refined while it has fewer; others get a sixth
 
 
-FULL = Effort((0.25, 0.5, 1, 2, 4), 5, 400_000)
-QUICK = Effort((0.25, 0.5), 2, 60_000)
+FULL = Effort((0.0625, 0.125, 0.25, 0.5, 1, 2, 4), 5, 400_000)
+QUICK = Effort((0.125, 0.25), 2, 60_000)
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,11 @@ class Measurement:
             )
             for run in self.outcomes
         ]
+
+    @property
+    def memory(self) -> float:
+        """Byte, largest of all repetitions."""
+        return max(run.record.get("peak_memory", 0) for run in self.outcomes)
 
     @property
     def whole(self) -> float:
@@ -177,9 +182,9 @@ class SceneStudy:
         )
 
     def point(self, m: Measurement, repetition: int) -> Point:
-        return Point(
-            m.method.program, self.file, (*self.rung(m.factor), *m.method.overrides), repetition=repetition
-        )
+        options = ("--no-diagnostics",) if m.method.program == "massspring" else ()
+        overrides = (*self.rung(m.factor), *m.method.overrides)
+        return Point(m.method.program, self.file, overrides, options, repetition=repetition)
 
     def run(self, is_quiet: bool) -> None:
         """Times every method, then measures their errors."""
@@ -446,7 +451,7 @@ def table(study: SceneStudy) -> Table:
             [
                 label_of(m.method.name), at, str(m.outcomes[0].record["n_nodes"]), percent(m.error),
                 percent(m.reference_error), *(f"{median(m.seconds(*s)):.3g}" for s in (_SETUP, ("solve",), ())),
-                f"{min(seconds):.3g} to {max(seconds):.3g}", f"{max(run.memory for run in m.outcomes) / 1e6:.0f}", m.message,
+                f"{min(seconds):.3g} to {max(seconds):.3g}", f"{m.memory / 1e6:.0f}", m.message,
             ]
         )  # fmt: skip
     return head, rows

@@ -195,6 +195,7 @@ void run(const Arguments& arguments) {
   timer.start("mesh");
   progress.stage("reference: mesh");
   const SurfaceMesh surface = load_surface(scene.surface);
+  timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
   const std::string hash =
       hash_of(input_hash(scene, surface, {"network", "comparison"}) + ' ' +
               std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies));
@@ -202,6 +203,7 @@ void run(const Arguments& arguments) {
   std::filesystem::create_directories(out);
   write_file(out / "scene.toml", to_toml(scene));
   if (!arguments.is_forced && is_up_to_date(out, hash)) return;
+  timer.start("mesh");
   TetOptions options;
   options.interior_size = scene.reference.interior_size;
   const TetMesh mesh = tetrahedralize(surface, options);

@@ -104,12 +104,14 @@ void run(const Arguments& arguments) {
   timer.start("mesh");
   progress.stage("mass-spring: mesh");
   const SurfaceMesh surface = load_surface(scene.surface);
+  timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
   const std::string hash = input_hash(scene, surface, {"reference", "comparison"}) +
                            (arguments.is_undiagnosed ? " undiagnosed" : "");
   const std::filesystem::path out = arguments.out;
   std::filesystem::create_directories(out);
   write_file(out / "scene.toml", to_toml(scene));
   if (!arguments.is_forced && is_up_to_date(out, hash)) return;
+  timer.start("mesh");
   const SpringNetwork nodes = build_network(surface, scene.network, calibration.needs_tetrahedra);
 
   timer.start("setup");

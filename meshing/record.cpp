@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <cstdio>
 #include <ctime>
+#include <fstream>
 #include <regex>
 #include <sstream>
 #include <stdexcept>
 #include <thread>
+#include <vector>
 
 #include "meshing/files.h"
 
@@ -72,12 +74,25 @@ void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
   rows_ += line + "\n";
 }
 
-void Recorder::finish(const nlohmann::ordered_json& record) {
+namespace {
+
+/// Largest resident memory of this process so far (byte); unlike getrusage's, not that of who started it.
+double peak_memory() {
+  std::istringstream status(fs::exists("/proc/self/status") ? read_file("/proc/self/status") : "");
+  for (std::string line; std::getline(status, line);)
+    if (line.rfind("VmHWM:", 0) == 0) return 1024 * std::stod(line.substr(6));
+  return 0;
+}
+
+}  // namespace
+
+void Recorder::finish(nlohmann::ordered_json record) {
   if (!columns_.empty()) {
     std::string header;
     for (const std::string& column : columns_) header += (header.empty() ? "" : ",") + column;
     write_file(folder_ / "curves.csv", header + "\n" + rows_);
   }
+  record["peak_memory"] = peak_memory();
   write_file(folder_ / "run.json", record.dump(2) + "\n");
 }
 
@@ -132,17 +147,41 @@ nlohmann::ordered_json environment_record(const std::string& program, std::optio
   return record;
 }
 
-std::string hash_of(const std::string& bytes) {
-  // FNV-1a [Fowler, Noll & Vo].
+namespace {
+
+/// FNV-1a [Fowler, Noll & Vo], continued over more bytes.
+struct Fnv1a {
   std::uint64_t hash = 0xcbf29ce484222325u;
-  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  char text[17];
-  std::snprintf(text, sizeof text, "%016lx", hash);
-  return text;
+  void add(const char* bytes, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i) hash = (hash ^ static_cast<unsigned char>(bytes[i])) * 0x100000001b3u;
+  }
+  std::string digits() const {
+    char text[17];
+    std::snprintf(text, sizeof text, "%016lx", hash);
+    return text;
+  }
+};
+
+/// Piece by piece: a program of 80 MB read whole would be most of what a small run takes of memory.
+std::string hash_of_file(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::vector<char> piece(1 << 16);
+  Fnv1a fnv;
+  while (in.read(piece.data(), static_cast<std::streamsize>(piece.size())) || in.gcount() > 0)
+    fnv.add(piece.data(), static_cast<std::size_t>(in.gcount()));
+  return fnv.digits();
+}
+
+}  // namespace
+
+std::string hash_of(const std::string& bytes) {
+  Fnv1a fnv;
+  fnv.add(bytes.data(), bytes.size());
+  return fnv.digits();
 }
 
 std::string program_hash() {
-  static const std::string hash = hash_of(read_file("/proc/self/exe"));
+  static const std::string hash = hash_of_file("/proc/self/exe");
   return hash;
 }
 

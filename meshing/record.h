@@ -55,8 +55,8 @@ class Recorder {
   /// @throws std::runtime_error when a value is not finite.
   void add_row(const std::vector<std::pair<std::string, double>>& row);
 
-  /// Writes curves.csv if it has rows and, last of all, run.json.
-  void finish(const nlohmann::ordered_json& record);
+  /// Writes curves.csv if it has rows and, last of all, run.json, with the largest memory of the run (byte).
+  void finish(nlohmann::ordered_json record);
 
  private:
   std::filesystem::path folder_;
