@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "meshing/surface.h"
+
 namespace testbed {
 
 using Eigen::Matrix3d;
@@ -14,11 +16,23 @@ ImplicitMatrix::ImplicitMatrix(const Motion& motion) : motion_(motion) {
 void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
                          Curvature curvature) {
   const MassSpringModel& model = motion_.model;
+  const Forces& forces = motion_.forces;
   mass_ = factors.mass * model.mass;
   if (model.springs && model.springs->damping > 0)
     damping_ = damping_matrix(*model.springs, damped_at, factors.damping);
   g_ = volume_stiffness_root(model, motion_.forces, at);
   if (g_) *g_ *= std::sqrt(factors.stiffness);
+  volume_curvature_.clear();
+  if (curvature == Curvature::Exact) {
+    if (forces.volume_pressure) {
+      const double pressure =
+          *forces.volume_pressure * (1 - volume(at.x, model.network.F) / at.target_volume);
+      volume_curvature_.emplace_back(-factors.stiffness * pressure, &model.network.F);
+    }
+    for (const FollowerPressure& f : forces.followers)
+      volume_curvature_.emplace_back(factors.stiffness * f.pressure, &f.F);
+    x_ = at.x;
+  }
   if (motion_.barrier) {
     contact_.assign(mass_.size(), Matrix3d::Zero());
     motion_.barrier->add_hessian(at.x, contact_);
@@ -44,6 +58,7 @@ void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
   }
   for (size_t i = 0; i < contact_.size(); ++i) y.col(i) += contact_[i] * p.col(i);
   if (g_) y += g_->cwiseProduct(p).sum() * *g_;
+  for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, p, y);
   filter(motion_.constraints, y);
 }
 

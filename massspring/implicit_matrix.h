@@ -37,6 +37,10 @@ class ImplicitMatrix {
   std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
   std::vector<Eigen::Matrix3d> contact_;  ///< diagonal blocks of the barrier; empty: none
   std::optional<Eigen::Matrix3Xd> g_;     ///< of the rank-one part g g^T
+  /// What g g^T leaves out of the volume forces' Hessian, sum of factor d2V/dx2 over surfaces F; only exact
+  /// curvature has it.
+  std::vector<std::pair<double, const Eigen::Matrix3Xi*>> volume_curvature_;
+  Eigen::Matrix3Xd x_;  ///< positions that it is taken at
   std::optional<BlockMatrix> A_;
 };
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "meshing/surface.h"
+
 namespace testbed {
 
 using Eigen::Matrix3Xd;
@@ -9,8 +11,9 @@ using Eigen::Matrix3Xd;
 ImplicitStage::ImplicitStage(const Motion& motion)
     : motion_(motion),
       A_(motion),
-      size_((motion.model.network.X.rowwise().maxCoeff() - motion.model.network.X.rowwise().minCoeff())
-                .norm()) {}
+      size_(
+          (motion.model.network.X.rowwise().maxCoeff() - motion.model.network.X.rowwise().minCoeff()).norm()),
+      energy_scale_(motion.model.material.E * volume(motion.model.network.X, motion.model.network.F)) {}
 
 double ImplicitStage::objective(const State& trial, const Matrix3Xd& start_x, double a,
                                 const Matrix3Xd& w) const {
@@ -43,7 +46,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       1e-9;  // of the body's size: where Newton's last step is this small, its error is far less
   constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
   constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
-  constexpr int kMaxNewton = 200, kMaxHalvings = 40;
+  constexpr int kMaxNewton = 2000, kMaxHalvings = 40;
   const Forces& forces = motion_.forces;
 
   State trial = start;
@@ -66,11 +69,13 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     }
     SolveReport linear;
     // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
+    bool is_exact = false;
     for (Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
       A_.set(trial, start.x, {(1 / a + forces.mass_damping) / a, 1, 1 / a}, curvature);
       dx = Matrix3Xd::Zero(3, r.cols());
       linear = solver_.solve(A_.system(), r, dx, std::clamp(r.norm() / first, kTightest, kLoosest));
       report.linear_iterations += linear.iterations;
+      is_exact = curvature == Curvature::Exact;
       if (linear.is_converged) break;
     }
     report.residual = linear.residual;
@@ -78,16 +83,34 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
 
     const State before = trial;
     const double value = objective(before, start.x, a, w), slope = -r.cwiseProduct(dx).sum(), norm = r.norm();
-    bool is_accepted = false;
-    double step = motion_.barrier ? motion_.barrier->largest_step(before.x, dx) : 1;
-    for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2) {
+    const auto move = [&](double step) {
       trial.x = before.x + step * dx;
       trial.v = before.v + step / a * dx;
+      return objective(trial, start.x, a, w);
+    };
+    const auto has_smaller_gradient = [&] {
       negative_gradient(trial, start.x, a, w, r);
-      // Near the minimum the sum is flat to rounding; there its gradient decides.
-      is_accepted = objective(trial, start.x, a, w) <= value + kSufficientDecrease * step * slope ||
-                    (-slope < kRounding * std::abs(value) && r.norm() < norm);
+      return r.norm() < norm;
+    };
+    // Near the minimum the sum is flat to the rounding of its terms; there its gradient decides.
+    const bool is_flat = -slope < kRounding * (std::abs(value) + energy_scale_);
+    bool is_accepted = false;
+    double step = motion_.barrier ? motion_.barrier->largest_step(before.x, dx) : 1, moved = 0;
+    for (int halving = 0; halving < kMaxHalvings; ++halving, step /= 2) {
+      moved = move(step);
+      is_accepted =
+          moved <= value + kSufficientDecrease * step * slope || (is_flat && has_smaller_gradient());
+      if (is_accepted) break;
     }
+    if (is_accepted && step == 1 && !is_exact && !is_flat &&
+        !motion_.barrier) {  // stiffer than a body that buckles
+      for (double further = move(2); further < moved; further = move(2 * step)) {
+        step *= 2;
+        moved = further;
+      }
+      move(step);
+    }
+    negative_gradient(trial, start.x, a, w, r);
     const bool is_last = dx.colwise().norm().maxCoeff() <= kStepTolerance * size_;
     if (!is_accepted) {
       trial = before;

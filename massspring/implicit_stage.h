@@ -29,7 +29,8 @@ class ImplicitStage {
   const Motion& motion_;
   ImplicitMatrix A_;
   LinearSolver solver_;
-  double size_;  ///< diagonal of the body's box at rest (m)
+  double size_;          ///< diagonal of the body's box at rest (m)
+  double energy_scale_;  ///< E times volume (J)
 };
 
 }  // namespace testbed

@@ -39,6 +39,16 @@ Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Mat
   return std::sqrt(P / target) * g;
 }
 
+void add_volume_curvature(double factor, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
+                          const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) {
+  for (const auto& t : F.colwise()) {
+    const Eigen::Vector3d e = x.col(t(1)) - x.col(t(0)), f = x.col(t(2)) - x.col(t(0));
+    const Eigen::Vector3d de = p.col(t(1)) - p.col(t(0)), df = p.col(t(2)) - p.col(t(0));
+    const Eigen::Vector3d change = factor / 6 * (de.cross(f) + e.cross(df));
+    for (int i : t) y.col(i) += change;
+  }
+}
+
 namespace {
 
 struct TetVolume {

@@ -42,4 +42,8 @@ void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatri
 /// Pairs of nodes that share a tetrahedron, 2 x m.
 Eigen::Matrix2Xi pairs_of(const LocalVolume& local);
 
+/// y += factor d2V/dx2 p, 3 x n; V the volume enclosed by F at positions x.
+void add_volume_curvature(double factor, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
+                          const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
+
 }  // namespace testbed

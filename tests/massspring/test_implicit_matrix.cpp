@@ -40,6 +40,7 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
   model.springs->damping = 3;
   Forces forces = some_constraints(model);
   forces.volume_pressure = 70;
+  forces.followers.push_back({40, model.network.F});
   const Motion motion(model, forces, 1);
   State state =
       initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
@@ -53,7 +54,7 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
   for (int side : {0, 1}) {
     State moved = state;
     moved.x += (side ? step : -step) * p;
-    motion.undamped_forces_at(moved, f[0][side]);
+    undamped_forces(model, forces, moved, f[0][side]);
     moved = state;
     moved.v += (side ? step : -step) * p;
     motion.forces_at(moved, f[1][side]);

@@ -185,9 +185,7 @@ TEST(Integrators, MinimisingEulerNeverBlowsUpNorGainsEnergyFromAnyStart) {
       TimeStepper stepper(model, forces, Integrator::MinimisingEuler, 1);
       for (int i = 0; i < 20; ++i) {
         const double before = energy_of(model, state);
-        // Newton's method may run out of iterations on a flattened body, whose rest it would have to buckle
-        // to.
-        EXPECT_NE(stepper.step(state, h).status, Status::Diverged) << stiffness << ' ' << h;
+        EXPECT_EQ(stepper.step(state, h).status, Status::Ok) << stiffness << ' ' << h;
         EXPECT_LE(energy_of(model, state), before * (1 + newton_tolerance)) << stiffness << ' ' << h;
       }
     }

@@ -1,0 +1,145 @@
+// One cell of the stability map: a small body, badly deformed and let go.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "massspring/calibrate.h"
+#include "massspring/integrators.h"
+#include "meshing/network.h"
+#include "meshing/shapes.h"
+#include "meshing/surface.h"
+#include "tests/massspring/box_tets.h"
+
+namespace testbed {
+
+/// What is tried: a spring model, its law, whether the global volume force acts (P = E), and an integrator.
+struct Method {
+  std::string name, calibration;
+  SpringLaw law;
+  bool has_volume_force;
+  Integrator integrator;
+  bool is_papers;
+};
+
+inline const std::vector<Method>& methods() {
+  static const std::vector<Method> all{
+      {"explicit_euler", "uniform", SpringLaw::Hooke, true, Integrator::ExplicitEuler, true},
+      {"symplectic_euler", "uniform", SpringLaw::Hooke, true, Integrator::SymplecticEuler, true},
+      {"implicit_euler", "uniform", SpringLaw::Hooke, true, Integrator::ImplicitEuler, true},
+      {"minimising_definite_springs", "uniform", SpringLaw::Definite, true, Integrator::MinimisingEuler,
+       false},
+      {"minimising_edge_coupled", "edge_coupled", SpringLaw::Hooke, false, Integrator::MinimisingEuler,
+       false},
+      {"minimising_node_averaged", "node_averaged", SpringLaw::Hooke, false, Integrator::MinimisingEuler,
+       false}};
+  return all;
+}
+
+struct Start {
+  std::string name;
+  std::function<Eigen::Matrix3Xd(const Eigen::Matrix3Xd& X, Random&)> deform;  ///< X centred, of size 1 m
+};
+
+inline Eigen::Matrix3Xd noise(Eigen::Index n, double amplitude, Random& random) {
+  Eigen::Matrix3Xd x(3, n);
+  for (double& c : x.reshaped()) c = amplitude * (2 * random.uniform() - 1);
+  return x;
+}
+
+inline const std::vector<Start>& starts() {
+  using Eigen::Matrix3Xd;
+  const auto scaled = [](double x, double y, double z, double amplitude) {
+    return [=](const Matrix3Xd& X, Random& random) -> Matrix3Xd {
+      return Eigen::Vector3d(x, y, z).asDiagonal() * X + noise(X.cols(), amplitude, random);
+    };
+  };
+  constexpr double kJitter = 1e-3;  // m: no start is so symmetric that it balances on an edge
+  static const std::vector<Start> all{
+      {"rest", scaled(1, 1, 1, kJitter)},
+      {"squashed", scaled(1, 1, 0.5, kJitter)},
+      {"crushed", scaled(0.05, 0.05, 0.05, 0.02)},
+      {"mirrored", scaled(-1, 1, 1, kJitter)},
+      {"flattened", scaled(1, 1, 0, kJitter)},
+      {"random", [](const Matrix3Xd& X, Random& random) { return noise(X.cols(), 0.5, random); }}};
+  return all;
+}
+
+/// A ball of PCP springs, 102 nodes, or a jittered cube of tetrahedra, 125 nodes; 1 m, centred.
+inline MassSpringModel make_body(const Method& method, double E) {
+  Material material;
+  material.E = E;
+  const Calibration& calibration = find_calibration(method.calibration);
+  SpringNetwork network;
+  if (calibration.needs_tetrahedra) {
+    const TetMesh mesh = box_tets(4, 4, 4, 0.25, 0.1);
+    network = {mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface};
+  } else {
+    SampleOptions sampling;
+    sampling.k = 60;
+    sampling.phi = sampling.psi = 0.1;
+    SurfaceMesh surface = make_shape("ball", 42);
+    surface.X *= 0.5;
+    network = link_pcp(surface, sample_interior(surface, sampling), {});
+  }
+  network.X.colwise() -= network.X.rowwise().mean().eval();
+  MassSpringModel model = calibrate(network, material, calibration);
+  if (model.springs) model.springs->law = method.law;
+  return model;
+}
+
+struct Outcome {
+  std::string name;  ///< ok, short (inverted still, but ended early), not_converged, inverted, energy_gained,
+                     ///< diverged
+  double t = 0;      ///< where it ended (s)
+  double energy_ratio = 0;  ///< largest energy over the first
+};
+
+/// Lets the body go for ten crossings of a wave and at least ten steps, though at most 2000 explicit or 100
+/// implicit ones.
+inline Outcome run_cell(const Method& method, const Start& start, double E, double h) {
+  const MassSpringModel model = make_body(method, E);
+  Forces forces;
+  forces.load = Eigen::Matrix3Xd::Zero(3, model.network.X.cols());
+  if (method.has_volume_force) forces.volume_pressure = E;
+  State state = initial_state(model);
+  Random random(7);
+  state.x = start.deform(model.network.X, random);
+
+  const auto energy = [&] {
+    return potential(model, forces, state) + state.v.colwise().squaredNorm().dot(model.mass) / 2;
+  };
+  const auto is_inverted = [&] {
+    if (model.tet_springs) {
+      for (const auto& tet : model.network.T.colwise())
+        if (rest_volume(state.x, tet) <= 0) return true;
+      return false;
+    }
+    return volume(state.x, model.network.F) <= 0;
+  };
+  const double end = 10 * std::sqrt(model.material.rho / E);
+  const int max_steps = is_explicit(method.integrator) ? 2000 : 100;
+  constexpr double kGain = 1.01;
+  TimeStepper stepper(model, forces, method.integrator, 1);
+  const double first = energy();
+  Outcome outcome{"ok", 0, 1};
+  Status worst = Status::Ok;
+  for (int n = 0; n < max_steps && (n < 10 || state.t < end) && worst != Status::Diverged; ++n) {
+    worst = std::max(worst, stepper.step(state, h).status);
+    outcome.energy_ratio = std::max(outcome.energy_ratio, energy() / first);
+  }
+  outcome.t = state.t;
+  if (worst == Status::Diverged)
+    outcome.name = "diverged";
+  else if (outcome.energy_ratio > kGain)
+    outcome.name = "energy_gained";
+  else if (worst == Status::NotConverged)
+    outcome.name = "not_converged";
+  else if (is_inverted())
+    outcome.name = state.t < end ? "short" : "inverted";
+  return outcome;
+}
+
+}  // namespace testbed

@@ -1,0 +1,18 @@
+// The stability map: every start, stiffness, step and method; a row per cell on stdout (CSV).
+#include <cstdio>
+
+#include "tests/stability/stability.h"
+
+int main() {
+  using namespace testbed;
+  std::puts("method,is_papers,start,E,h,outcome,t,energy_ratio");
+  for (const Method& method : methods())
+    for (const Start& start : starts())
+      for (double E : {1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9})
+        for (double h : {1e-4, 1e-3, 1e-2, 1e-1, 1.}) {
+          const Outcome outcome = run_cell(method, start, E, h);
+          std::printf("%s,%d,%s,%g,%g,%s,%.9g,%.9g\n", method.name.c_str(), method.is_papers,
+                      start.name.c_str(), E, h, outcome.name.c_str(), outcome.t, outcome.energy_ratio);
+          std::fflush(stdout);
+        }
+}

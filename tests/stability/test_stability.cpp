@@ -1,0 +1,46 @@
+#include <gtest/gtest.h>
+
+#include "tests/stability/stability.h"
+
+namespace testbed {
+namespace {
+
+const Method& find_method(const std::string& name) {
+  for (const Method& method : methods())
+    if (method.name == name) return method;
+  throw std::logic_error(name);
+}
+
+const Start& find_start(const std::string& name) {
+  for (const Start& start : starts())
+    if (start.name == name) return start;
+  throw std::logic_error(name);
+}
+
+class Stability : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Ours, Stability,
+                         testing::Values("minimising_definite_springs", "minimising_edge_coupled",
+                                         "minimising_node_averaged"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST_P(Stability, FromEveryStartStepsConvergeAndGainNoEnergy) {
+  for (const Start& start : starts())
+    for (const double h : {1e-3, 1e-1}) {
+      constexpr double E = 1e5, rounding = 1e-9;
+      const Outcome outcome = run_cell(find_method(GetParam()), start, E, h);
+      EXPECT_TRUE(outcome.name == "ok" || outcome.name == "short") << start.name << ' ' << h << ' ' << outcome.name;
+      EXPECT_LE(outcome.energy_ratio, 1 + rounding) << start.name << ' ' << h;
+      EXPECT_GT(outcome.t, 0);
+    }
+}
+
+TEST(StabilityMap, TellsStableFromUnstableAndGainedEnergy) {
+  // The body's stability limit is 4.4e-3 s.
+  EXPECT_EQ(run_cell(find_method("symplectic_euler"), find_start("rest"), 1e4, 1e-3).name, "ok");
+  EXPECT_EQ(run_cell(find_method("symplectic_euler"), find_start("rest"), 1e4, 1e-1).name, "diverged");
+  EXPECT_EQ(run_cell(find_method("explicit_euler"), find_start("rest"), 1e4, 1e-3).name, "energy_gained");
+  EXPECT_EQ(run_cell(find_method("explicit_euler"), find_start("mirrored"), 1e9, 1e-1).name, "diverged");
+}
+
+}  // namespace
+}  // namespace testbed
