@@ -1,10 +1,12 @@
-// The stability map: every start, stiffness, step and method; a row per cell on stdout (CSV).
+// The stability map: every start, stiffness, step and method; a row per cell on stdout (CSV). Fails where a
+// cell of ours diverges or gains energy.
 #include <cstdio>
 
 #include "tests/stability/stability.h"
 
 int main() {
   using namespace testbed;
+  bool is_ok = true;
   std::puts("method,is_papers,start,E,h,outcome,t,energy_ratio");
   for (const Method& method : methods())
     for (const Start& start : starts())
@@ -14,5 +16,8 @@ int main() {
           std::printf("%s,%d,%s,%g,%g,%s,%.9g,%.9g\n", method.name.c_str(), method.is_papers,
                       start.name.c_str(), E, h, outcome.name.c_str(), outcome.t, outcome.energy_ratio);
           std::fflush(stdout);
+          if (!method.is_papers && (outcome.name == "diverged" || outcome.name == "energy_gained"))
+            is_ok = false;
         }
+  return is_ok ? 0 : 1;
 }
