@@ -88,31 +88,25 @@ void ElasticSolid::Implementation::find_load() {
   }
 }
 
-/// Tangent at `at`, whose columns are the nodes, and (if asked) out-of-balance forces load - dW/du.
-void ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatrix& into, DealVector* residual,
-                                                    const Matrix3Xd& at, double load_factor) {
-  if (into.pattern.empty()) into.allocate(on);
-  into.matrix = 0;
+/// Tangent at `at`, whose columns are the nodes. Returns the out-of-balance forces load - dW/du, less those
+/// of prescribed values.
+Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatrix& into,
+                                                               const Matrix3Xd& at, double load_factor) {
+  into.reset(on);
+  Eigen::VectorXd force(into.prescribed.size());
+  for (int i = 0; i < force.size(); ++i) force(i) = load_factor * load(on.flat_of[i]);
   const auto points = quadrature(static_cast<int>(on.element.degree));
   dealii::FEValues<3> values(
       mapping, on.scalar_element, points,
       dealii::update_gradients | dealii::update_JxW_values | dealii::update_quadrature_points);
   const LameConstants lame(material);
-  const unsigned n_dofs = on.element.n_dofs_per_cell();
   const int n = static_cast<int>(on.scalar_element.n_dofs_per_cell());
-  std::vector<unsigned> dofs(n_dofs), place(n_dofs);  // place: 3 scalar function + component
-  for (unsigned i = 0; i < n_dofs; ++i) {
-    const auto [c, a] = on.element.system_to_component_index(i);
-    place[i] = 3 * a + c;
-  }
-  dealii::FullMatrix<double> cell_matrix(n_dofs, n_dofs);
-  DealVector cell_residual(n_dofs);
   Eigen::Matrix<double, 3 * kMaxNodes, 3 * kMaxNodes> K;
   Eigen::Matrix<double, 3, kMaxNodes> f, g, u_cell;
   for (const auto& cell : on.dofs.active_cell_iterators()) {
     values.reinit(static_cast<dealii::Triangulation<3>::active_cell_iterator>(cell));
-    cell->get_dof_indices(dofs);
-    for (unsigned i = 0; i < n_dofs; ++i) u_cell.data()[place[i]] = at.data()[on.flat_of[dofs[i]]];
+    const std::vector<int> ranks = on.ranks(cell);
+    for (int a = 0; a < n; ++a) u_cell.col(a) = at.col(on.flat_of[3 * ranks[a]] / 3);
     K.setZero();
     f.setZero();
     for (unsigned q = 0; q < points.size(); ++q) {
@@ -131,19 +125,11 @@ void ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatri
               g(0, a) * by_b.topRows<3>() + g(1, a) * by_b.middleRows<3>(3) + g(2, a) * by_b.bottomRows<3>();
       }
     }
-    for (unsigned i = 0; i < n_dofs; ++i) {
-      cell_residual(i) = f.data()[place[i]];
-      for (unsigned j = 0; j < n_dofs; ++j)
-        cell_matrix(i, j) = place[i] / 3 <= place[j] / 3 ? K(place[i], place[j]) : K(place[j], place[i]);
-    }
-    if (residual)
-      into.constraints.distribute_local_to_global(cell_matrix, cell_residual, dofs, into.matrix, *residual);
-    else
-      into.constraints.distribute_local_to_global(cell_matrix, dofs, into.matrix);
+    into.add_cell(ranks, K, f, force);
   }
-  if (residual)
-    for (unsigned i = 0; i < on.dof_of.size(); ++i)
-      if (!into.constraints.is_constrained(i)) (*residual)(i) += load_factor * load(on.flat_of[i]);
+  for (int i = 0; i < force.size(); ++i)
+    if (into.is_held[i]) force(i) = 0;
+  return force;
 }
 
 /// Makes u orthogonal to the free rigid motions in L2 over the volume, whatever the mesh.
@@ -172,8 +158,8 @@ void ElasticSolid::Implementation::remove_rigid_motion(Matrix3Xd& displacement) 
   displacement.reshaped() -= fields.leftCols(m) * products.leftCols(m).ldlt().solve(products.col(m));
 }
 
-void ElasticSolid::Implementation::measure(const Matrix3Xd& at, double load_factor,
-                                           ElasticReport& report) const {
+void ElasticSolid::Implementation::measure(const Matrix3Xd& at, double load_factor, ElasticReport& report,
+                                           bool with_strain) const {
   const auto points = quadrature(degree);
   dealii::FEValues<3> values(
       mapping, space.scalar_element, points,
@@ -193,29 +179,26 @@ void ElasticSolid::Implementation::measure(const Matrix3Xd& at, double load_fact
       }
       const double s = loads.shrinkage ? loads.shrinkage(eigen(values.quadrature_point(q)), load_factor) : 0;
       report.elastic_energy += values.JxW(q) * respond(law, lame, F, s, false).energy;
-      report.max_strain = std::max(report.max_strain, largest_strain(law, F));
+      if (with_strain) report.max_strain = std::max(report.max_strain, largest_strain(law, F));
     }
   }
 }
 
-/// A matrix of a space with its rows and columns at 3 i + c.
-static Eigen::SparseMatrix<double> by_nodes(const Space& space, const dealii::SparseMatrix<double>& A) {
-  std::vector<Eigen::Triplet<double>> entries;
-  entries.reserve(A.n_nonzero_elements());
-  for (unsigned i = 0; i < A.m(); ++i)
-    for (auto entry = A.begin(i); entry != A.end(i); ++entry)
-      if (entry->value() != 0)
-        entries.emplace_back(space.flat_of[i], space.flat_of[entry->column()], entry->value());
-  Eigen::SparseMatrix<double> result(A.m(), A.n());
+Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
+  const Space& space = self_->space;
+  SystemMatrix K(space);
+  self_->assemble_tangent(space, K, Matrix3Xd::Zero(3, X().cols()), 0);
+  std::vector<Eigen::Triplet<double>> entries;  // at 3 node + component
+  entries.reserve(2 * K.lower.nonZeros());
+  for (int i = 0; i < K.lower.rows(); ++i)
+    for (SystemMatrix::Rows::InnerIterator entry(K.lower, i); entry; ++entry) {
+      const int row = space.flat_of[i], column = space.flat_of[entry.col()];
+      entries.emplace_back(row, column, entry.value());
+      if (row != column) entries.emplace_back(column, row, entry.value());
+    }
+  Eigen::SparseMatrix<double> result(n_dofs(), n_dofs());
   result.setFromTriplets(entries.begin(), entries.end());
   return result;
-}
-
-Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
-  SystemMatrix free;
-  free.constraints.close();
-  self_->assemble_tangent(self_->space, free, nullptr, Matrix3Xd::Zero(3, X().cols()), 0);
-  return by_nodes(self_->space, free.matrix);
 }
 
 Eigen::SparseMatrix<double> ElasticSolid::mass() const {

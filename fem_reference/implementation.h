@@ -18,7 +18,10 @@ struct ElasticSolid::Implementation {
         nodes(mesh, degree),
         space(triangulate(mesh, triangulation), degree, nodes),
         u(Eigen::Matrix3Xd::Zero(3, nodes.X.cols())) {
-    if (degree == 2) coarse_space.emplace(triangulation, 1, nodes);
+    if (degree == 2) {
+      coarse_space.emplace(triangulation, 1, nodes);
+      coarse.emplace(*coarse_space);
+    }
     solver.emplace(nodes, space, coarse_space ? &*coarse_space : nullptr);
   }
 
@@ -30,7 +33,8 @@ struct ElasticSolid::Implementation {
   Space space;
   std::optional<Space> coarse_space;  // of degree 1
   std::optional<TwoLevelSolver> solver;
-  SystemMatrix fine, coarse;
+  SystemMatrix fine{space};
+  std::optional<SystemMatrix> coarse;  // of degree 1
 
   Material material;
   ElasticLaw law = ElasticLaw::SmallStrain;
@@ -47,10 +51,11 @@ struct ElasticSolid::Implementation {
   void check_balance() const;
   void hold(double increment);
   void find_load();
-  void assemble_tangent(const Space& on, SystemMatrix& into, DealVector* residual, const Eigen::Matrix3Xd& at,
-                        double load_factor);
+  Eigen::VectorXd assemble_tangent(const Space& on, SystemMatrix& into, const Eigen::Matrix3Xd& at,
+                                   double load_factor);
   void remove_rigid_motion(Eigen::Matrix3Xd& displacement) const;
-  void measure(const Eigen::Matrix3Xd& at, double load_factor, ElasticReport& report) const;
+  void measure(const Eigen::Matrix3Xd& at, double load_factor, ElasticReport& report,
+               bool with_strain = true) const;
   double potential(const Eigen::Matrix3Xd& at, double load_factor) const;
   /// Exact for the stiffness of degree p at small strain and no eigenstrain that varies.
   dealii::Quadrature<3> quadrature(int p) const;

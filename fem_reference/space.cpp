@@ -1,9 +1,7 @@
 #include "fem_reference/space.h"
 
-#include <deal.II/dofs/dof_tools.h>
-#include <deal.II/lac/dynamic_sparsity_pattern.h>
-
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <stdexcept>
 
 namespace testbed {
@@ -74,13 +72,69 @@ Space::Space(const dealii::Triangulation<3>& triangulation, int degree, const No
       }
   }
   for (unsigned k = 0; k < dof_of.size(); ++k) flat_of[dof_of[k]] = static_cast<int>(k);
+  for (unsigned k = 0; k < dof_of.size(); k += 3)
+    if (dof_of[k] % 3 != 0 || dof_of[k + 1] != dof_of[k] + 1 || dof_of[k + 2] != dof_of[k] + 2)
+      throw std::logic_error("deal.II: degrees of freedom of a node are expected side by side");
 }
 
-void SystemMatrix::allocate(const Space& space) {
-  dealii::DynamicSparsityPattern dynamic(space.dofs.n_dofs());
-  dealii::DoFTools::make_sparsity_pattern(space.dofs, dynamic, constraints);
-  pattern.copy_from(dynamic);
-  matrix.reinit(pattern);
+std::vector<int> Space::ranks(const Cell& cell) const {
+  std::vector<unsigned> local(element.n_dofs_per_cell());
+  cell->get_dof_indices(local);
+  std::vector<int> ranks(local.size() / 3);
+  for (unsigned i = 0; i < local.size(); ++i) {
+    const auto [component, function] = element.system_to_component_index(i);
+    if (component == 0) ranks[function] = static_cast<int>(local[i] / 3);
+  }
+  return ranks;
+}
+
+SystemMatrix::SystemMatrix(const Space& space)
+    : is_held(space.dofs.n_dofs(), false),
+      prescribed(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(space.dofs.n_dofs()))) {}
+
+void SystemMatrix::reset(const Space& space) {
+  if (lower.rows() > 0) {
+    lower.coeffs().setZero();
+    return;
+  }
+  // Columns of the blocks in each row of blocks, first with repetitions.
+  const int n_nodes = static_cast<int>(space.dofs.n_dofs() / 3);
+  std::vector<std::vector<int>> columns(n_nodes);
+  for (const auto& cell : space.dofs.active_cell_iterators()) {
+    const std::vector<int> ranks = space.ranks(cell);
+    for (int row : ranks)
+      for (int column : ranks)
+        if (column <= row) columns[row].push_back(column);
+  }
+  Eigen::Index n_blocks = 0;
+  for (std::vector<int>& row : columns) {
+    std::sort(row.begin(), row.end());
+    row.erase(std::unique(row.begin(), row.end()), row.end());
+    row.shrink_to_fit();
+    n_blocks += static_cast<Eigen::Index>(row.size());
+  }
+  lower.resize(3 * n_nodes, 3 * n_nodes);
+  lower.resizeNonZeros(9 * n_blocks - 3 * n_nodes);
+  int* start = lower.outerIndexPtr();
+  int* column = lower.innerIndexPtr();
+  for (int node = 0; node < n_nodes; ++node)
+    for (int c = 0; c < 3; ++c) {
+      *start++ = static_cast<int>(column - lower.innerIndexPtr());
+      for (int other : columns[node])
+        for (int d = 0; d < (other == node ? c + 1 : 3); ++d) *column++ = 3 * other + d;
+    }
+  *start = static_cast<int>(column - lower.innerIndexPtr());
+  lower.coeffs().setZero();
+}
+
+void SystemMatrix::add_block(int row, int column, const Eigen::Matrix3d& block) {
+  const int* starts = lower.outerIndexPtr() + 3 * row;
+  const int* columns = lower.innerIndexPtr();
+  const auto offset =
+      std::lower_bound(columns + starts[0], columns + starts[1], 3 * column) - columns - starts[0];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < (row == column ? i + 1 : 3); ++j)
+      lower.valuePtr()[starts[i] + offset + j] += block(i, j);
 }
 
 }  // namespace testbed

@@ -1,128 +1,194 @@
 #include "fem_reference/two_level.h"
 
-#include <deal.II/lac/solver_cg.h>
-
 #include <Eigen/CholmodSupport>
-#include <algorithm>
+#include <Eigen/IterativeLinearSolvers>
+#include <functional>
+#include <optional>
 #include <vector>
 
+#include "fem_reference/amg.h"
+#include "fem_reference/rigid.h"
+
 namespace testbed {
-
-struct TwoLevelSolver::Factor {
-  Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> cholesky;
-};
-
 namespace {
 
-/// Anything that maps a vector to a vector, as deal.II's solver wants it.
-template <class Apply>
+using Eigen::VectorXd;
+using Rows = SystemMatrix::Rows;
+
+constexpr int kLargestCholesky = 30000;  // unknowns of degree 1; multigrid is faster beyond
+constexpr int kLargestDirect = 100000;   // unknowns of degree 2 whose factor takes seconds and a gigabyte
+constexpr int kPatience = 120;  // iterations worth a direct factor: four times those on good tetrahedra
+constexpr int kMaxIterations = 2000;
+constexpr double kShift = 1e-8;  // of the diagonal, where rigid motions are free
+
+VectorXd without(const Eigen::MatrixXd& columns, const VectorXd& v) {
+  return columns.cols() == 0 ? v : v - columns * (columns.transpose() * v).eval();
+}
+
+Rows shifted(Rows lower, bool is_singular) {
+  if (is_singular)
+    for (int i = 0; i < lower.rows(); ++i) lower.valuePtr()[lower.outerIndexPtr()[i + 1] - 1] *= 1 + kShift;
+  return lower;
+}
+
+/// Sparse Cholesky, its symbolic part kept.
+class Cholesky {
+ public:
+  bool factorise(const Rows& lower) {
+    const Eigen::SparseMatrix<double> upper = lower.transpose();
+    if (!is_analysed_) {
+      factor_.cholmod().print = 0;
+      factor_.analyzePattern(upper);
+      is_analysed_ = true;
+    }
+    factor_.factorize(upper);
+    return factor_.info() == Eigen::Success;
+  }
+  VectorXd solve(const VectorXd& b) const { return factor_.solve(b); }
+
+ private:
+  Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>, Eigen::Upper> factor_;
+  bool is_analysed_ = false;
+};
+
+/// A function as Eigen's solver wants its preconditioner.
 struct Preconditioner {
-  const Apply& apply;
-  void vmult(DealVector& z, const DealVector& r) const { apply(z, r); }
+  std::function<VectorXd(const VectorXd&)> apply;
+  template <class Matrix>
+  Preconditioner& compute(const Matrix&) {
+    return *this;
+  }
+  VectorXd solve(const VectorXd& r) const { return apply(r); }
+  static Eigen::ComputationInfo info() { return Eigen::Success; }
 };
 
 }  // namespace
 
-TwoLevelSolver::TwoLevelSolver(const Nodes& nodes, const Space& fine_space, const Space* coarse_space)
-    : nodes_(nodes), fine_(fine_space), coarse_(coarse_space), factor_(std::make_unique<Factor>()) {
-  factor_->cholesky.cholmod().print = 0;
-}
+struct TwoLevelSolver::Levels {
+  const Nodes& nodes;
+  const Space& fine_space;
+  const Space* coarse_space;
+  Cholesky cholesky;  // of degree 1
+  std::unique_ptr<AlgebraicMultigrid> multigrid;
+  std::optional<Cholesky> direct;  // of degree 2
+  bool is_ready = false;
+  int n_iterations = 0;  // of the first solve with the present factor
 
-TwoLevelSolver::~TwoLevelSolver() = default;
-
-bool TwoLevelSolver::factorise(const SystemMatrix& degree_1, bool is_singular) {
-  constexpr double kShift = 1e-8;  // of the largest diagonal entry
-  const dealii::SparseMatrix<double>& A = degree_1.matrix;
-  double shift = 0;
-  if (is_singular)
-    for (unsigned i = 0; i < A.m(); ++i) shift = std::max(shift, kShift * A.diag_element(i));
-  Eigen::SparseMatrix<double> lower(A.m(), A.n());  // column i holds row i right of the diagonal
-  lower.reserve(static_cast<Eigen::Index>(A.n_nonzero_elements() / 2 + A.m()));
-  std::vector<std::pair<int, double>> column;
-  for (unsigned i = 0; i < A.m(); ++i) {
-    column.clear();
-    for (auto entry = A.begin(i); entry != A.end(i); ++entry)
-      if (entry->column() >= i) column.emplace_back(entry->column(), entry->value());
-    std::sort(column.begin(), column.end());  // deal.II puts the diagonal first
-    lower.startVec(i);
-    for (const auto& [row, value] : column)
-      lower.insertBack(row, i) = value + (row == static_cast<int>(i) ? shift : 0);
+  bool factorise(const SystemMatrix& fine, const SystemMatrix& degree_1, bool is_singular) {
+    is_ready = false;
+    if (direct) return is_ready = direct->factorise(shifted(fine.lower, is_singular));
+    const Rows matrix = shifted(degree_1.lower, is_singular);
+    if (matrix.rows() <= kLargestCholesky) return is_ready = cholesky.factorise(matrix);
+    const Space& space = coarse_space ? *coarse_space : fine_space;
+    const Eigen::MatrixXd by_node = rigid_motions(nodes.X.leftCols(nodes.n_vertices));
+    Eigen::MatrixXd motions(by_node.rows(), 6);
+    for (int k = 0; k < motions.rows(); ++k) motions.row(space.dof_of[k]) = by_node.row(k);
+    multigrid.reset();
+    multigrid = std::make_unique<AlgebraicMultigrid>(matrix, std::move(motions));
+    return is_ready = true;
   }
-  lower.finalize();
-  factor_->cholesky.compute(lower);
-  return factor_->cholesky.info() == Eigen::Success;
-}
 
-void TwoLevelSolver::apply(const SystemMatrix& fine, DealVector& z, const DealVector& r) const {
-  const auto& A = fine.matrix;
-  if (!coarse_) {
-    Eigen::Map<Eigen::VectorXd>(z.begin(), z.size()) =
-        factor_->cholesky.solve(Eigen::Map<const Eigen::VectorXd>(r.begin(), r.size()));
-    return;
+  VectorXd solve_degree_1(const VectorXd& r) const {
+    return multigrid ? multigrid->apply(r) : cholesky.solve(r);
   }
-  // z = SOR r; z += P A_1^-1 P^T (r - A z); z += SOR^T (r - A z): symmetric and positive definite.
-  const std::vector<unsigned>&dof = fine_.dof_of, &coarse_dof = coarse_->dof_of;
-  const int n = 3 * nodes_.n_vertices;
-  DealVector d(r.size());
-  Eigen::VectorXd c(n);
-  z = r;
-  A.SOR(z, 1.0);
-  A.residual(d, z, r);
-  for (int k = 0; k < n; ++k) c(coarse_dof[k]) = d(dof[k]);
-  for (int e = 0; e < nodes_.edges.cols(); ++e)
-    for (int k = 0; k < 3; ++k) {
-      const double half = d(dof[n + 3 * e + k]) / 2;
-      c(coarse_dof[3 * nodes_.edges(0, e) + k]) += half;
-      c(coarse_dof[3 * nodes_.edges(1, e) + k]) += half;
-    }
-  const auto is_held = [&](unsigned i) { return fine.constraints.is_constrained(i); };
-  for (int k = 0; k < n; ++k)
-    if (is_held(dof[k])) c(coarse_dof[k]) = 0;
-  c = factor_->cholesky.solve(c).eval();
-  for (int k = 0; k < n; ++k) z(dof[k]) += c(coarse_dof[k]);
-  for (int e = 0; e < nodes_.edges.cols(); ++e)
-    for (int k = 0; k < 3; ++k)
-      if (const unsigned i = dof[n + 3 * e + k]; !is_held(i))
-        z(i) += (c(coarse_dof[3 * nodes_.edges(0, e) + k]) + c(coarse_dof[3 * nodes_.edges(1, e) + k])) / 2;
-  A.residual(d, z, r);
-  A.TSOR(d, 1.0);
-  z += d;
-}
 
-LinearReport TwoLevelSolver::solve(const SystemMatrix& fine, const Eigen::MatrixXd& rigid,
-                                   const DealVector& b, DealVector& x, double tolerance) const {
-  LinearReport report;
-  DealVector right = b;
-  project_out(rigid, right);
-  x = 0;
-  const double norm = right.l2_norm();
-  if (norm == 0) {
-    report.is_converged = true;
+  VectorXd apply(const SystemMatrix& fine, const VectorXd& r) const {
+    if (direct) return direct->solve(r);
+    return coarse_space ? cycle(fine, r) : solve_degree_1(r);
+  }
+
+  /// z = (D + L)^-1 r; z += P A_1^-1 P^T (r - A z); z += (D + L)^-T (r - A z): symmetric and positive
+  /// definite.
+  VectorXd cycle(const SystemMatrix& fine, const VectorXd& r) const {
+    const std::vector<unsigned>&dof = fine_space.dof_of, &coarse_dof = coarse_space->dof_of;
+    const Rows& A = fine.lower;
+    const int n = 3 * nodes.n_vertices;
+    VectorXd z = A.triangularView<Eigen::Lower>().solve(r);
+    VectorXd d = -(A.transpose() * z);  // r - A z = -L^T z
+    for (int i = 0; i < z.size(); ++i) d(i) += A.valuePtr()[A.outerIndexPtr()[i + 1] - 1] * z(i);
+    VectorXd c(n);
+    for (int k = 0; k < n; ++k) c(coarse_dof[k]) = d(dof[k]);
+    for (int e = 0; e < nodes.edges.cols(); ++e)
+      for (int k = 0; k < 3; ++k) {
+        const double half = d(dof[n + 3 * e + k]) / 2;
+        c(coarse_dof[3 * nodes.edges(0, e) + k]) += half;
+        c(coarse_dof[3 * nodes.edges(1, e) + k]) += half;
+      }
+    for (int k = 0; k < n; ++k)
+      if (fine.is_held[dof[k]]) c(coarse_dof[k]) = 0;
+    c = solve_degree_1(c);
+    for (int k = 0; k < n; ++k)
+      if (!fine.is_held[dof[k]]) z(dof[k]) += c(coarse_dof[k]);
+    for (int e = 0; e < nodes.edges.cols(); ++e)
+      for (int k = 0; k < 3; ++k)
+        if (const unsigned i = dof[n + 3 * e + k]; !fine.is_held[i])
+          z(i) += (c(coarse_dof[3 * nodes.edges(0, e) + k]) + c(coarse_dof[3 * nodes.edges(1, e) + k])) / 2;
+    d = r;
+    d.noalias() -= A.selfadjointView<Eigen::Lower>() * z;
+    A.transpose().triangularView<Eigen::Upper>().solveInPlace(d);
+    return z + d;
+  }
+
+  LinearReport iterate(const SystemMatrix& fine, const Eigen::MatrixXd& rigid, const VectorXd& b,
+                       double tolerance, int max_iterations) const {
+    Eigen::ConjugateGradient<Rows, Eigen::Lower, Preconditioner> cg;
+    cg.preconditioner().apply = [&](const VectorXd& r) { return without(rigid, apply(fine, r)); };
+    cg.setTolerance(tolerance);
+    cg.setMaxIterations(max_iterations);
+    cg.compute(fine.lower);
+    LinearReport report;
+    report.x = without(rigid, cg.solve(b));
+    report.iterations = static_cast<int>(cg.iterations());
+    report.residual = cg.error();
+    report.is_converged = cg.info() == Eigen::Success;
     return report;
   }
-  const auto preconditioned = [&](DealVector& z, const DealVector& r) {
-    apply(fine, z, r);
-    project_out(rigid, z);
-  };
-  constexpr unsigned kMaxIterations = 2000;
-  dealii::SolverControl control(kMaxIterations, tolerance * norm);
-  try {
-    dealii::SolverCG<DealVector>(control).solve(fine.matrix, x, right,
-                                                Preconditioner<decltype(preconditioned)>{preconditioned});
-    report.is_converged = true;
-  } catch (const dealii::SolverControl::NoConvergence&) {
-    report.is_converged = false;
+
+  std::string name() const {
+    const std::string degree_1 = multigrid ? "algebraic multigrid" : "Cholesky";
+    if (direct || !coarse_space) return "CG, " + (direct ? "Cholesky" : degree_1);
+    return "CG, two levels (Gauss-Seidel, " + degree_1 + " on degree 1)";
   }
-  report.iterations = static_cast<int>(control.last_step());
-  report.residual = control.last_value() / norm;
-  project_out(rigid, x);
-  return report;
+};
+
+TwoLevelSolver::TwoLevelSolver(const Nodes& nodes, const Space& fine_space, const Space* coarse_space)
+    : levels_(new Levels{nodes, fine_space, coarse_space, {}, {}, {}}) {}
+TwoLevelSolver::~TwoLevelSolver() = default;
+
+void TwoLevelSolver::forget() {
+  levels_->is_ready = false;
 }
 
-void project_out(const Eigen::MatrixXd& columns, DealVector& v) {
-  if (columns.cols() == 0) return;
-  Eigen::Map<Eigen::VectorXd> flat(v.begin(), v.size());
-  flat -= columns * (columns.transpose() * flat).eval();
+LinearReport TwoLevelSolver::solve(const SystemMatrix& fine, const SystemMatrix& degree_1,
+                                   const Eigen::MatrixXd& rigid, const VectorXd& b, double tolerance) {
+  Levels& s = *levels_;
+  const VectorXd right = without(rigid, b);
+  LinearReport report;
+  const auto iterate = [&](int max_iterations) {
+    const int before = report.iterations;
+    report = s.iterate(fine, rigid, right, tolerance, max_iterations);
+    report.solver = s.name();
+    const int n = report.iterations;
+    report.iterations += before;
+    return n;
+  };
+  if (s.is_ready) {  // a factor of another matrix, as long as it serves
+    const int n = iterate(2 * s.n_iterations + 10);
+    if (report.is_converged) {
+      s.is_ready = n <= s.n_iterations + s.n_iterations / 2 + 5;
+      return report;
+    }
+  }
+  const bool is_singular = rigid.cols() > 0;
+  report.is_definite = s.factorise(fine, degree_1, is_singular);
+  if (!report.is_definite) return report;
+  const bool has_choice = s.coarse_space && !s.direct && fine.lower.rows() <= kLargestDirect;
+  s.n_iterations = iterate(has_choice ? kPatience : kMaxIterations);
+  if (report.is_converged || !has_choice) return report;
+  s.direct.emplace();
+  report.is_definite = s.factorise(fine, degree_1, is_singular);
+  if (report.is_definite) s.n_iterations = iterate(kMaxIterations);
+  return report;
 }
 
 }  // namespace testbed

@@ -3,44 +3,43 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <string>
 
 #include "fem_reference/space.h"
 
 namespace testbed {
 
 struct LinearReport {
+  Eigen::VectorXd x;
+  std::string solver;
   int iterations = 0;
   double residual = 0;  ///< relative to the right-hand side
   bool is_converged = false;
+  bool is_definite = true;  ///< false where a Cholesky factor does not exist
 };
 
-/// Solves fine.matrix x = b. Preconditioner: a sparse Cholesky factor of the degree-1 matrix; on degree 2 as
-/// the coarse correction of a V-cycle between a SOR sweep and its transpose.
+/// Conjugate gradients, preconditioned on degree 1 by a sparse Cholesky factor, of large systems by algebraic
+/// multigrid with rigid motions as near-null space; on degree 2 by two levels, Gauss-Seidel sweeps and a
+/// correction of degree 1 by the same. Where that is slow (slivers), by a Cholesky factor of the whole
+/// matrix. Factors are kept from one solve to the next while they serve.
 class TwoLevelSolver {
  public:
   /// @param coarse_space  null: the fine space is of degree 1 and has no other
   TwoLevelSolver(const Nodes& nodes, const Space& fine_space, const Space* coarse_space);
   ~TwoLevelSolver();
 
-  /// Factorises the degree-1 matrix, shifted a little where rigid motions are free.
-  /// @return false when it is not positive definite
-  bool factorise(const SystemMatrix& degree_1, bool is_singular);
+  /// Drops what was made of the matrices before.
+  void forget();
 
+  /// Solves fine x = b.
+  /// @param degree_1  the matrix of degree 1: `fine` itself on degree 1
   /// @param rigid  free rigid motions over the degrees of freedom, orthonormal columns; kept out of x
-  LinearReport solve(const SystemMatrix& fine, const Eigen::MatrixXd& rigid, const DealVector& b,
-                     DealVector& x, double tolerance) const;
+  LinearReport solve(const SystemMatrix& fine, const SystemMatrix& degree_1, const Eigen::MatrixXd& rigid,
+                     const Eigen::VectorXd& b, double tolerance);
 
  private:
-  void apply(const SystemMatrix& fine, DealVector& z, const DealVector& r) const;
-
-  const Nodes& nodes_;
-  const Space& fine_;
-  const Space* coarse_;
-  struct Factor;
-  std::unique_ptr<Factor> factor_;
+  struct Levels;
+  std::unique_ptr<Levels> levels_;
 };
-
-/// Takes the span of orthonormal columns out of v.
-void project_out(const Eigen::MatrixXd& columns, DealVector& v);
 
 }  // namespace testbed

@@ -140,6 +140,27 @@ TEST_P(RealMesh, BendsAndTwistsExactlyWithQuadraticElements) {
   }
 }
 
+TEST(ElasticSolid, SolvesLargeBodiesByMultigrid) {
+  const TetMesh mesh = box_tets(40, 17, 17, 0.25, 0.1);
+  const Field linear = [](const Vector3d& x) -> Vector3d {
+    return -(1 - 2 * kMaterial.nu) * 2 / kMaterial.E * x;
+  };
+  const ElasticLoads pressure =
+      tractions([](const Vector3d&) -> Matrix3d { return -2 * Matrix3d::Identity(); }, mesh);
+  ElasticSolid solid(mesh, 1);
+  ElasticReport report = solve(solid, pressure);
+  EXPECT_NE(report.solver.find("multigrid"), std::string::npos) << report.solver;
+  EXPECT_LT(report.linear_iterations, 60);
+  EXPECT_LT(error_to_rigid_motion(solid, linear), kSolverTolerance);
+
+  std::set<int> end;
+  for (int i = 0; i < mesh.X.cols(); ++i)
+    if (mesh.X(0, i) < 0.2) end.insert(i);
+  report = solve(solid, pressure, hold(solid, end, linear));
+  EXPECT_LT(report.linear_iterations, 60);
+  EXPECT_LT(largest_error(solid.X(), solid.displacement(), linear), kSolverTolerance);
+}
+
 TEST(ElasticSolid, LeavesNoRigidMotionInAFreeBody) {
   const TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.1);
   ElasticSolid solid(mesh, 2);

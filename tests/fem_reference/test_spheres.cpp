@@ -68,7 +68,9 @@ TEST(HollowBall, WidensAsLameSays) {
   for (int n : {162, 642}) {
     const SurfaceMesh outer = make_shape("ball", n, {4, 4, 4}), inner = make_shape("ball", n, {2, 2, 2});
     const SurfaceMesh surface = join(outer, inside_out(inner));
-    const TetMesh mesh = tetrahedralize(surface);
+    TetOptions options;  // as fine everywhere as on the inner surface: what is left is its faceting
+    options.interior_size = 3.8 / std::sqrt(n);
+    const TetMesh mesh = tetrahedralize(surface, options);
     ElasticLoads loads;
     const Matrix3Xd normals = area_vectors(mesh.X, mesh.F).colwise().normalized();
     loads.traction = [normals, first = static_cast<int>(outer.F.cols())](const Vector3d&, int f) -> Vector3d {
