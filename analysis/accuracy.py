@@ -27,7 +27,7 @@ _MESHES = _ROOT.parent / "shared" / "meshes"
 
 LINEAR_ELEMENTS = "edge_coupled"
 PATCH_LOADS = {"pressure", "uniaxial", "shear"}  # linear fields: linear elements are exact
-_COUPLED = ["edge_coupled", "node_averaged", "edge_averaged"]
+_COUPLED = ["edge_coupled", "node_averaged"]
 _FAST = ["uniform", "affine", "van_gelder", "lloyd", *_COUPLED]
 
 Row = dict[str, str]

@@ -41,7 +41,6 @@ _STYLES = {
     "moment": Style("#B8A200", ">"),
     "edge_coupled": Style("#56B4E9", "D"),
     "node_averaged": Style("#009E73", "P"),
-    "edge_averaged": Style("#882255", "*"),
     FEM_P1: Style("#777777", "d"),
 }
 _LABELS = {

@@ -31,7 +31,7 @@ from .runs import RunError, load_run
 from .style import FEM_P1, FEM_P2, label_of, style_of
 
 CALIBRATIONS = [
-    "uniform", "affine", "van_gelder", "lloyd", "moment", "edge_coupled", "node_averaged", "edge_averaged"
+    "uniform", "affine", "van_gelder", "lloyd", "moment", "edge_coupled", "node_averaged"
 ]  # fmt: skip
 _DYNAMIC = ["uniform", "edge_coupled", "node_averaged"]
 _INTEGRATORS = {"symplectic_euler": ":", "implicit_euler": "--", "midpoint": "-"}

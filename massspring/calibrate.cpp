@@ -33,8 +33,7 @@ const std::vector<Calibration>& calibrations() {
                                             {"lloyd", true, calibrate_lloyd},
                                             {"moment", true, calibrate_moment},
                                             {"edge_coupled", true, calibrate_coupled<edge_coupled>},
-                                            {"node_averaged", true, calibrate_coupled<node_averaged>},
-                                            {"edge_averaged", true, calibrate_coupled<edge_averaged>}};
+                                            {"node_averaged", true, calibrate_coupled<node_averaged>}};
   return all;
 }
 

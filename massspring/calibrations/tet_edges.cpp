@@ -52,7 +52,7 @@ void add_dilatation(MassSpringModel& model) {
     throw std::runtime_error(
         "material.nu = " + std::to_string(model.material.nu) +
         ": springs alone have 0.25 and volume terms only raise it; expected 0.25 to 0.499, "
-        "or one of the models edge_coupled, node_averaged, edge_averaged");
+        "or one of the models edge_coupled, node_averaged");
   if (lambda > mu * (1 + kRounding))
     model.tet_springs = couple_springs(model.network.X, model.network.T, {lambda - mu, 0}, {0, 0, 1});
 }

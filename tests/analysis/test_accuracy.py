@@ -16,11 +16,11 @@ def test_ratio_is_to_linear_elements_in_the_same_case() -> None:
     rows = [
         row("edge_coupled", "bending", 0.2),
         row("edge_coupled", "torsion", 0.1),
-        row("edge_averaged", "bending", 0.02),
-        row("edge_averaged", "torsion", 0.05),
-        row("edge_averaged", "uniaxial", 1e-12),
+        row("node_averaged", "bending", 0.02),
+        row("node_averaged", "torsion", 0.05),
+        row("node_averaged", "uniaxial", 1e-12),
     ]
-    (averaged,) = [s for s in summarise(rows) if s["model"] == "edge_averaged"]
+    (averaged,) = [s for s in summarise(rows) if s["model"] == "node_averaged"]
     assert averaged["median"] == pytest.approx(0.3)
     assert averaged["largest"] == pytest.approx(0.5)
     assert averaged["at_most_third"] == pytest.approx(0.5)

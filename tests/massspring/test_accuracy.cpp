@@ -7,8 +7,8 @@
 #include "massspring/calibrate.h"
 #include "massspring/exact_fields.h"
 #include "massspring/linear_statics.h"
+#include "meshing/build_network.h"
 #include "meshing/scene.h"
-#include "meshing/tetrahedralize.h"
 
 namespace testbed {
 namespace {
@@ -22,8 +22,9 @@ SpringNetwork network_of(const std::string& file) {
   SurfaceSource source;
   source.file = std::string(MESH_FOLDER) + "/" + file;
   source.normalise = true;
-  const TetMesh mesh = tetrahedralize(load_surface(source));
-  return {mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface};
+  NetworkOptions nodes;
+  nodes.sampling = "mesher";
+  return build_network(load_surface(source), nodes, true);
 }
 
 class RealMesh : public testing::TestWithParam<const char*> {
@@ -57,9 +58,8 @@ INSTANTIATE_TEST_SUITE_P(Accuracy, RealMesh,
 
 TEST_P(RealMesh, PatchTestsAreExact) {
   for (double nu : {0., 0.3, 0.49})
-    for (const char* model : {"node_averaged", "edge_averaged"})
-      for (double error : errors(model, nu, {"pressure", "uniaxial", "shear"}))
-        EXPECT_LT(error, patch_tolerance) << model << " nu " << nu;
+    for (double error : errors("node_averaged", nu, {"pressure", "uniaxial", "shear"}))
+      EXPECT_LT(error, patch_tolerance) << " nu " << nu;
 }
 
 TEST_P(RealMesh, AveragingBeatsLinearElementsAndDoesNotLock) {
@@ -67,8 +67,8 @@ TEST_P(RealMesh, AveragingBeatsLinearElementsAndDoesNotLock) {
                    largest_growth = 1.5;  // bars of the study: 0.6 and 1.5; coarse meshes here
   const std::vector<std::string> fields{"bending", "torsion", "cubic_harmonic"};
   const std::vector<double> p1 = errors("edge_coupled", 0.25, fields);
-  const std::vector<double> averaged = errors("edge_averaged", 0.25, fields);
-  const std::vector<double> stiff = errors("edge_averaged", 0.49, fields);
+  const std::vector<double> averaged = errors("node_averaged", 0.25, fields);
+  const std::vector<double> stiff = errors("node_averaged", 0.49, fields);
   for (std::size_t k = 0; k < fields.size(); ++k) {
     EXPECT_LT(averaged[k], largest_ratio * p1[k]) << fields[k];
     EXPECT_LT(stiff[k], largest_growth * averaged[k]) << fields[k];

@@ -123,8 +123,8 @@ TEST(Calibrate, DilatationTermRaisesTheBulkModulusOfSprings) {
 TEST(Calibrate, RefusesByNameWhatItCannotDo) {
   EXPECT_NE(refusal_of("van_gelder", 0.2).find("0.25"), std::string::npos);
   EXPECT_NE(refusal_of("moment", 0.2).find("0.25"), std::string::npos);
-  EXPECT_NE(refusal_of("edge_averaged", 0.4995).find("0.499"), std::string::npos);
-  EXPECT_NE(refusal_of("edge_averged", 0.3).find("did you mean edge_averaged?"), std::string::npos);
+  EXPECT_NE(refusal_of("node_averaged", 0.4995).find("0.499"), std::string::npos);
+  EXPECT_NE(refusal_of("node_averged", 0.3).find("did you mean node_averaged?"), std::string::npos);
   EXPECT_NE(refusal_of("nothing_like_it", 0.3).find("van_gelder"), std::string::npos);
 }
 

@@ -45,7 +45,7 @@ class EveryBlend : public testing::TestWithParam<NamedBlend> {
 INSTANTIATE_TEST_SUITE_P(TetSprings, EveryBlend,
                          testing::Values(NamedBlend{"EdgeCoupled", edge_coupled},
                                          NamedBlend{"NodeAveraged", node_averaged},
-                                         NamedBlend{"EdgeAveraged", edge_averaged}),
+                                         NamedBlend{"ThreeKinds", Blend{0.3, 0.3, 0.4}}),
                          [](const auto& info) { return info.param.name; });
 
 TEST_P(EveryBlend, ForceIsMinusEnergyGradientFromRestToInversion) {
