@@ -1,12 +1,12 @@
 """Stability: what becomes of a small body let go from six bad starts, by the paper's schemes and ours.
 
-Every start (rest, squashed to half, crushed to a twentieth with noise, mirrored, flattened, random in the box)
-meets every stiffness from 1 kPa to 1 GPa, every step from 0.1 ms to 1 s and every method. The paper's schemes
-step its own network (Hooke's springs, global volume force, a ball of 102 nodes); ours minimise the incremental
-potential, on the same network with springs that stay definite and on the coupled springs of a cube of 125 nodes.
-Nothing damps the motion but the scheme, no load does work: the energy must not grow. A run lasts ten crossings
-of a wave, or as far as 2000 explicit or 100 implicit steps reach. Inverted is a body with a tetrahedron turned
-inside out, or, without tetrahedra, one that encloses no volume.
+Every start (rest, squashed to half, crushed to a twentieth with noise, mirrored, flattened, random in the
+box) meets every stiffness from 1 kPa to 1 GPa, every step from 0.1 ms to 1 s and every method. The paper's
+schemes step its own network (Hooke's springs, global volume force, a ball of 102 nodes); ours minimise the
+incremental potential, on the same network with springs that stay definite and on the coupled springs of a
+cube of 125 nodes. Nothing damps the motion but the scheme, no load does work: the energy must not grow. A
+run lasts ten crossings of a wave, or as far as 2000 explicit or 100 implicit steps reach. Inverted is a
+body with a tetrahedron turned inside out, or, without tetrahedra, one that encloses no volume.
 """
 
 from __future__ import annotations

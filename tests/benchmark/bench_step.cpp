@@ -5,7 +5,12 @@
 // stability limit, and none at a fifth of that.
 #include <benchmark/benchmark.h>
 
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCore>
+#include <cmath>
+
 #include "massspring/calibrate.h"
+#include "massspring/implicit_matrix.h"
 #include "massspring/integrators.h"
 #include "meshing/network.h"
 #include "meshing/shapes.h"
@@ -71,6 +76,121 @@ void step(benchmark::State& bench, const Table1& row, double E, Integrator integ
   bench.counters["cg_iterations"] = linear_iterations / n_steps;
 }
 
+/// A ball whose surface is as finely divided as its inside with about n nodes.
+MassSpringModel make_ball(int n) {
+  const double spacing = std::cbrt(4.19 / n);
+  const SurfaceMesh surface = make_shape("ball", static_cast<int>(12.57 / (0.866 * spacing * spacing)));
+  SampleOptions sampling;
+  sampling.k = n;
+  sampling.phi = std::cbrt(0.5 * 4.19 / n) / 2;
+  sampling.psi = *sampling.phi / 2;
+  Material material;
+  material.E = kSoft;
+  return calibrate(link_pcp(surface, sample_interior(surface, sampling), {}), material,
+                   find_calibration("uniform"));
+}
+
+/// Time per step over the number of nodes, the same body and step for every size.
+void scale(benchmark::State& bench, int n, Integrator integrator) {
+  const MassSpringModel model = make_ball(n);
+  const Forces forces = make_forces(model);
+  State state = initial_state(model);
+  constexpr double kFrame = 1. / 60, kShort = 1e-5;
+  TimeStepper stepper(model, forces, integrator, 1, {1e-4});
+  double linear_iterations = 0;
+  for (auto _ : bench)
+    linear_iterations += stepper.step(state, is_explicit(integrator) ? kShort : kFrame).linear_iterations;
+  const auto n_nodes = static_cast<double>(model.network.X.cols());
+  const auto n_steps = static_cast<double>(bench.iterations());
+  bench.counters["nodes"] = n_nodes;
+  bench.counters["ns_per_node"] =
+      benchmark::Counter(n_steps * n_nodes * 1e-9, benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+  bench.counters["cg_iterations"] = linear_iterations / n_steps;
+}
+
+/// The kernels on the head, warm: springs' forces, and K p spring by spring and by blocks.
+void kernel(benchmark::State& bench, const std::string& name) {
+  const MassSpringModel model = make_model(kModels[3], kSoft);
+  State state = initial_state(model);
+  state.x *= 1.1;
+  const Springs& springs = *model.springs;
+  BlockMatrix K = stiffness_pattern(model);
+  add_stiffness(model, state, K);
+  const SpringBlocks B = hessian(springs, state.rest_length, state.x);
+  const Eigen::Matrix3Xd p = state.x;
+  Eigen::Matrix3Xd y = p;
+  const auto n_springs = static_cast<double>(springs.E.cols()), n_nodes = static_cast<double>(p.cols());
+  double bytes = 0;  // that a step must move: constant data once, node vectors once read and once written
+  for (auto _ : bench) {
+    if (name == "forces") {
+      add_forces(springs, state.rest_length, p, y);
+      bytes = n_springs * 24 + n_nodes * 72;
+    } else if (name == "springs_product") {
+      add_product(springs, B, p, y);
+      bytes = n_springs * 40 + n_nodes * 72;
+    } else {
+      multiply(K, p, y);
+      bytes = static_cast<double>(K.block.size()) * 76 + n_nodes * 48;
+    }
+    benchmark::DoNotOptimize(y.data());
+  }
+  const auto n = static_cast<double>(bench.iterations());
+  bench.counters["GB/s"] = benchmark::Counter(n * bytes * 1e-9, benchmark::Counter::kIsRate);
+  bench.counters["springs_per_s"] = benchmark::Counter(n * n_springs, benchmark::Counter::kIsRate);
+}
+
+/// a = b + s c over 3.6 MB, as much as the head's matrix: the bandwidth that the kernels could reach.
+void triad(benchmark::State& bench) {
+  constexpr int n = 150000;
+  Eigen::VectorXd a(n), b = Eigen::VectorXd::Random(n), c = Eigen::VectorXd::Random(n);
+  for (auto _ : bench) {
+    a = b + 1.1 * c;
+    benchmark::DoNotOptimize(a.data());
+  }
+  bench.counters["GB/s"] =
+      benchmark::Counter(static_cast<double>(bench.iterations()) * n * 24e-9, benchmark::Counter::kIsRate);
+}
+
+/// One implicit step's system of the head, from zero to 1e-6: our conjugate gradients spring by spring, and
+/// Eigen's on the matrix formed, preconditioned by its diagonal.
+void solve(benchmark::State& bench, double E, bool is_eigens) {
+  const MassSpringModel model = make_model(kModels[3], E);
+  Forces forces = make_forces(model);
+  forces.volume_pressure.reset();
+  const Motion motion(model, forces, 1);
+  const State state = initial_state(model);
+  constexpr double h = 1. / 60, kTolerance = 1e-6;
+  ImplicitMatrix A(motion);
+  A.set(state, state.x, {1, h * h, h}, Curvature::Projected);
+  Eigen::Matrix3Xd b = forces.load, x;
+  filter(forces.constraints, b);
+  const BlockMatrix blocks = A.system().matrix();
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int i = 0; i < blocks.rows(); ++i)
+    for (int k = blocks.row_start[i]; k < blocks.row_start[i + 1]; ++k)
+      for (int r = 0; r < 3; ++r)
+        for (int c = 0; c < 3; ++c)
+          entries.emplace_back(3 * i + r, 3 * blocks.column[k] + c, blocks.block[k](r, c));
+  Eigen::SparseMatrix<double, Eigen::RowMajor> matrix(b.size(), b.size());
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  double iterations = 0;
+  for (auto _ : bench) {
+    if (is_eigens) {
+      Eigen::ConjugateGradient<Eigen::SparseMatrix<double, Eigen::RowMajor>, Eigen::Lower | Eigen::Upper>
+          peer;
+      peer.setTolerance(kTolerance);
+      peer.compute(matrix);
+      benchmark::DoNotOptimize(peer.solve(b.reshaped()).eval().data());
+      iterations = static_cast<double>(peer.iterations());
+    } else {
+      LinearSolver solver;
+      x = Eigen::Matrix3Xd::Zero(3, b.cols());
+      iterations = solver.solve(A.system(), b, x, kTolerance).iterations;
+    }
+  }
+  bench.counters["cg_iterations"] = iterations;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -83,6 +203,20 @@ int main(int argc, char** argv) {
         const std::string label = std::string(row.shape) + "/" + name + (E == kSoft ? "/soft" : "/stiff");
         benchmark::RegisterBenchmark(label.c_str(), step, row, E, integrator);
       }
+  for (const char* name : {"forces", "springs_product", "block_product"})
+    benchmark::RegisterBenchmark((std::string("kernel/") + name).c_str(), kernel, name);
+  benchmark::RegisterBenchmark("kernel/triad", triad);
+  for (const double E : {kSoft, kStiff})
+    for (const bool is_eigens : {false, true})
+      benchmark::RegisterBenchmark(
+          (std::string("solve/") + (is_eigens ? "eigen" : "ours") + (E == kSoft ? "/soft" : "/stiff"))
+              .c_str(),
+          solve, E, is_eigens);
+  for (const auto& [integrator, name] : {std::pair(Integrator::SymplecticEuler, "symplectic_euler"),
+                                         std::pair(Integrator::ImplicitEuler, "implicit_euler")})
+    for (const int n : {1000, 10000, 100000, 1000000})
+      benchmark::RegisterBenchmark(("scale/" + std::string(name) + "/" + std::to_string(n)).c_str(), scale, n,
+                                   integrator);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();
