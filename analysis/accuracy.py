@@ -28,7 +28,7 @@ _MESHES = _ROOT.parent / "shared" / "meshes"
 LINEAR_ELEMENTS = "edge_coupled"
 PATCH_LOADS = {"pressure", "uniaxial", "shear"}  # linear fields: linear elements are exact
 _COUPLED = ["edge_coupled", "node_averaged"]
-_FAST = ["uniform", "affine", "van_gelder", "lloyd", *_COUPLED]
+_FAST = ["uniform", "affine", "van_gelder", "lloyd", *_COUPLED]  # the first two on completed PCP
 
 Row = dict[str, str]
 Case = tuple[str, str, str, str, str]
@@ -49,7 +49,7 @@ def batches(meshes: Path, quick: bool) -> list[dict[str, list[str]]]:
     study = [
         {"surface": levels, "nu": ["0.25", "0.49"], "model": _FAST},
         {"surface": ["ball:162"], "nu": ["0.25", "0.45"], "model": ["moment"]},
-        {"surface": ["ball:642", "bar:900", *small], "nu": all_nu, "seed": ["0", "1", "2"], "model": _FAST},
+        {"surface": ["ball:642", "bar:900", *small], "nu": all_nu, "seed": ["1", "2", "3"], "model": _FAST},
         {"surface": large, "nu": all_nu, "model": ["van_gelder", *_COUPLED]},
     ]
     return [batch for batch in study if batch["surface"]]
@@ -133,7 +133,7 @@ def convergence(rows: list[Row], shape: str, nu: str, load: str) -> dict[str, tu
     points: dict[str, list[tuple[float, float]]] = defaultdict(list)
     wanted = {f"{shape}:{n}" for n in _RESOLUTIONS[shape]}
     for r in rows:
-        if (r["surface"] in wanted and (r["nu"], r["load"], r["seed"], r["spacing"]) == (nu, load, "0", "0")
+        if (r["surface"] in wanted and (r["nu"], r["load"], r["seed"]) == (nu, load, "1")
                 and r["status"] == "ok"):  # fmt: skip
             points[r["model"]].append((float(r["n_nodes"]), float(r["error_l2"])))
     return {model: tuple(map(list, zip(*sorted(p)))) for model, p in points.items()}  # type: ignore[misc]

@@ -1,0 +1,45 @@
+// Coupled springs against deal.II: at small strain they are linear elements.
+#include <gtest/gtest.h>
+
+#include "fem_reference/elasticity.h"
+#include "massspring/tet_springs.h"
+#include "tests/massspring/box_tets.h"
+
+namespace testbed {
+namespace {
+
+/// The springs' stiffness at rest, components 3 node + c.
+Eigen::MatrixXd stiffness_of(const TetMesh& mesh, const Material& material, const Blend& blend) {
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, lame_of(material), blend);
+  const TetStiffness at_rest = stiffness_at(springs, mesh.X);
+  const Eigen::Index n = mesh.X.size();
+  Eigen::MatrixXd K(n, n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    Eigen::Matrix3Xd unit = Eigen::Matrix3Xd::Zero(3, n / 3), column = unit;
+    unit(k) = 1;
+    add_product(springs, at_rest, unit, column);
+    K.col(k) = column.reshaped();
+  }
+  return K;
+}
+
+class EdgeCoupled : public testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Nu, EdgeCoupled, testing::Values(0., 0.25, 0.3, 0.45, 0.499));
+
+TEST_P(EdgeCoupled, HasTheStiffnessOfLinearElements) {
+  constexpr double rounding = 1e-10;  // of the largest entry
+  const TetMesh mesh = box_tets(3, 2, 2, 0.4, 0.25);
+  const Material material{1e5, GetParam(), 1000, 0};
+  ElasticSolid solid(mesh, 1);
+  solid.assemble(material, ElasticLaw::SmallStrain, {}, {});
+  const Eigen::MatrixXd expected = solid.stiffness();
+  const double largest = expected.cwiseAbs().maxCoeff();
+  ASSERT_GT(largest, 1e4);
+  EXPECT_LT((stiffness_of(mesh, material, edge_coupled) - expected).cwiseAbs().maxCoeff(),
+            rounding * largest);
+  EXPECT_GT((stiffness_of(mesh, material, node_averaged) - expected).cwiseAbs().maxCoeff(), 0.01 * largest)
+      << "averaged strain is another model";
+}
+
+}  // namespace
+}  // namespace testbed
