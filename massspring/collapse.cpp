@@ -11,16 +11,18 @@ double box_scale(const SpringNetwork& network) {
   return (surface.rowwise().maxCoeff() - surface.rowwise().minCoeff()).minCoeff();
 }
 
-/// Multiplies lengths by shrink(w) around a pivot, down to `least` of those at rest.
+/// Multiplies lengths by shrink(w) around a pivot, down to the least.
 template <class Shrink>
-void shrink_around(const Eigen::Vector3d& pivot, const MassSpringModel& model, const Eigen::Matrix3Xd& x,
-                   const State& rest, double least, const Shrink& shrink, State& state) {
+void shrink_around(const Eigen::Vector3d& pivot, const Collapse& collapse, const MassSpringModel& model,
+                   const Eigen::Matrix3Xd& x, const State& rest, const Shrink& shrink, State& state) {
+  const double least = collapse.least;
   const double scale = box_scale(model.network);
   if (model.springs) {
-    const Eigen::Index n = model.springs->E.cols();
-    const Eigen::ArrayXd w = fall_off(pivot, model.springs->E, x, scale);
-    state.rest_length.head(n) =
-        (state.rest_length.head(n).array() * shrink(w)).max(least * rest.rest_length.head(n).array());
+    const Eigen::Index n_kept = collapse.surface ? 0 : model.network.F.cols() * 3 / 2;
+    const Eigen::Index n = model.springs->E.cols() - n_kept;
+    const Eigen::ArrayXd w = fall_off(pivot, model.springs->E.rightCols(n), x, scale);
+    state.rest_length.segment(n_kept, n) = (state.rest_length.segment(n_kept, n).array() * shrink(w))
+                                               .max(least * rest.rest_length.segment(n_kept, n).array());
   }
   if (model.tet_springs) {
     const Eigen::ArrayXd w = fall_off(pivot, *model.tet_springs, x, scale);
@@ -67,7 +69,7 @@ void collapse_to(const Collapse& collapse, const MassSpringModel& model, double 
     if (load_factor <= pivot.start) continue;
     const double s = (load_factor - pivot.start) / (1 - pivot.start);
     shrink_around(
-        at_time(pivot, load_factor), model, model.network.X, rest, collapse.least,
+        at_time(pivot, load_factor), collapse, model, model.network.X, rest,
         [&](const Eigen::ArrayXd& w) -> Eigen::ArrayXd { return 1 - collapse.coefficient * s * w; }, state);
   }
 }
@@ -78,7 +80,7 @@ void collapse(const Collapse& collapse, const MassSpringModel& model, double h, 
     if (state.t < pivot.start || (pivot.end && state.t >= *pivot.end)) continue;
     const double exponent = collapse.is_per_step ? 1 : h;
     shrink_around(
-        at_time(pivot, state.t), model, state.x, rest, collapse.least,
+        at_time(pivot, state.t), collapse, model, state.x, rest,
         [&](const Eigen::ArrayXd& w) -> Eigen::ArrayXd {
           return (1 - collapse.coefficient * w).pow(exponent);
         },

@@ -19,7 +19,8 @@ Eigen::VectorXd fall_off(const Eigen::Vector3d& pivot, const TetSprings& springs
 void collapse_to(const Collapse& collapse, const MassSpringModel& model, double load_factor, State& state);
 
 /// Collapses rest lengths, and the rest shapes of patches, by every pivot at work at state.t, for h seconds:
-/// r <- r (1 - R w)^h, so that the result does not hang on the step, or per step r <- r (1 - R w).
+/// r <- r (1 - R w)^h, so that the result does not hang on the step, or per step r <- r (1 - R w). Springs
+/// along the surface come first among the model's.
 void collapse(const Collapse& collapse, const MassSpringModel& model, double h, State& state);
 
 /// Relaxes the springs along the surface's edges, which come first, for h seconds:

@@ -14,7 +14,8 @@ Vector3d velocity_of(const RigidBody& body, double t, double h) {
   return (body.translation(t + h) - body.translation(t)) / h;
 }
 
-/// Sets a node that goes from x0 to x with velocity v onto the body if it would end within or beyond it.
+/// Sets a node that goes from x0 to x with velocity v onto the body if it would end within or beyond it. Returns
+/// whether it had to.
 bool push_out_of(const RigidBody& body, const Vector3d& x0, double t, double h, Vector3d& x, Vector3d& v) {
   const Vector3d shift = body.translation(t + h) - body.translation(t);
   const double reach = (x - x0 - shift).norm();
@@ -24,10 +25,11 @@ bool push_out_of(const RigidBody& body, const Vector3d& x0, double t, double h, 
   if (gap.distance >= 0 || gap.normal.dot(first.normal) < 0) {
     constexpr double kNear = 1e-6;  // of the way
     const auto touch = body.first_touch(x0, x, t, h, kNear * reach);
-    if (touch)
-      x = *touch;
-    else if (gap.distance >= 0)
-      return false;
+    if (!touch && gap.distance >= 0) return false;
+    if (touch) {  // what is left of the way goes along the surface
+      const Vector3d n = body.gap(*touch, t + h).normal, rest = x - *touch;
+      x = *touch + rest - std::min(0.0, n.dot(rest)) * n;
+    }
     gap = body.gap(x, t + h);
   }
   const Vector3d relative = v - shift / h;

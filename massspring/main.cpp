@@ -246,8 +246,9 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--out", arguments.out, "output folder")->capture_default_str();
   app.add_flag("--quiet", arguments.is_quiet, "no progress on stderr");
-  app.add_flag("--no-diagnostics", arguments.is_undiagnosed,
-               "do not measure the model against exact fields, which takes longer than the run of a large one");
+  app.add_flag(
+      "--no-diagnostics", arguments.is_undiagnosed,
+      "do not measure the model against exact fields, which takes longer than the run of a large one");
   app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
   CLI11_PARSE(app, argc, argv);
   try {

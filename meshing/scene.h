@@ -107,7 +107,8 @@ struct Pivot {
 struct Collapse {
   double coefficient = 0.1;  ///< depletion R in [0, 1), per second, per step or, static, at full load
   bool is_per_step = false;  ///< as the paper has it: the result depends on the step
-  double least = 0.05;       ///< fraction of its first rest length below which no spring collapses
+  bool surface = true;  ///< springs along the surface collapse too; else it wrinkles, or relaxes by eq. 9
+  double least = 0.05;  ///< fraction of its first rest length below which no spring collapses
   std::vector<Pivot> pivots;
 };
 

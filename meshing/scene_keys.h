@@ -133,6 +133,7 @@ template <class V>
 void describe(V& v, Collapse& c) {
   v("coefficient", c.coefficient, kFraction, "depletion R of rest lengths in a second; static: at full load");
   v("per_step", c.is_per_step, "deplete by R in a step, whatever its length");
+  v("surface", c.surface, "springs along the surface collapse too; else it wrinkles or relaxes");
   v("least", c.least, kUpToOne, "fraction of its rest length to which a spring collapses at most");
   v.list("pivots", c.pivots);
 }

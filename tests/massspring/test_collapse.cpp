@@ -4,6 +4,7 @@
 
 #include "massspring/collapse.h"
 #include "tests/massspring/box_tets.h"
+#include "tests/massspring/small_network.h"
 
 namespace testbed {
 namespace {
@@ -50,7 +51,7 @@ TEST(Collapse, FallsOffWithTheDistanceFromPivotToSegmentAndToThePatchesCentre) {
 
 TEST(Collapse, StaticRestLengthsShrinkLinearlyFromThePivotsStart) {
   const MassSpringModel model = tetrahedron();
-  const Collapse options{0.4, false, 0.05, {{kPivot, {}, 0.5, {}}}};
+  const Collapse options{0.4, false, true, 0.05, {{kPivot, {}, 0.5, {}}}};
   State state = initial_state(model);
   const auto length_at = [&](double load_factor) {
     collapse_to(options, model, load_factor, state);
@@ -65,7 +66,7 @@ TEST(Collapse, StaticRestLengthsShrinkLinearlyFromThePivotsStart) {
 
 TEST(Collapse, DependsOnTheTimeAndNotOnTheStepUnlessAskedTo) {
   const MassSpringModel model = tetrahedron();
-  Collapse options{0.4, false, 0.05, {{kPivot, {}, 0, {}}}};
+  Collapse options{0.4, false, true, 0.05, {{kPivot, {}, 0, {}}}};
   State once = initial_state(model), often = once;
   collapse(options, model, 1, once);
   EXPECT_NEAR(once.rest_length(0), 1 - 0.4 * 0.5, kRounding);
@@ -81,7 +82,7 @@ TEST(Collapse, DependsOnTheTimeAndNotOnTheStepUnlessAskedTo) {
 
 TEST(Collapse, FollowsItsPivotWithinItsTimeAndStopsAtTheLeastLength) {
   const MassSpringModel model = tetrahedron();
-  Collapse options{0.4, true, 0.5, {{kPivot, {{0, 0, 0, 0}, {2, 0, 0, 2}}, 0.5, 1.5}}};
+  Collapse options{0.4, true, true, 0.5, {{kPivot, {{0, 0, 0, 0}, {2, 0, 0, 2}}, 0.5, 1.5}}};
   State state = initial_state(model);
   collapse(options, model, 1, state);
   EXPECT_EQ(state.rest_length(0), 1) << "before its start";
@@ -94,6 +95,16 @@ TEST(Collapse, FollowsItsPivotWithinItsTimeAndStopsAtTheLeastLength) {
   ended.t = 1.5;
   collapse(options, model, 1, ended);
   EXPECT_EQ(ended.rest_length(0), 1);
+}
+
+TEST(Collapse, CanLeaveTheSurfaceItsLengths) {
+  const MassSpringModel model = small_model();  // a tetrahedron's edges, then four springs to a node inside
+  Collapse options{0.4, true, false, 0.05, {{{0.5, 0, -1}, {}, 0, {}}}};
+  State state = initial_state(model);
+  const Eigen::VectorXd before = state.rest_length;
+  collapse(options, model, 1, state);
+  EXPECT_EQ(state.rest_length.head(6), before.head(6));
+  EXPECT_LT((state.rest_length.tail(4) - before.tail(4)).maxCoeff(), -0.01);
 }
 
 TEST(Collapse, UniformShrinkageOfCoupledSpringsIsFreeOfForces) {
