@@ -14,8 +14,8 @@ Vector3d velocity_of(const RigidBody& body, double t, double h) {
   return (body.translation(t + h) - body.translation(t)) / h;
 }
 
-/// Sets a node that goes from x0 to x with velocity v onto the body if it would end within or beyond it. Returns
-/// whether it had to.
+/// Sets a node that goes from x0 to x with velocity v onto the body if it would end within or beyond it.
+/// Returns whether it had to.
 bool push_out_of(const RigidBody& body, const Vector3d& x0, double t, double h, Vector3d& x, Vector3d& v) {
   const Vector3d shift = body.translation(t + h) - body.translation(t);
   const double reach = (x - x0 - shift).norm();

@@ -37,6 +37,10 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
     contact_.assign(mass_.size(), Matrix3d::Zero());
     motion_.barrier->add_hessian(at.x, contact_);
   }
+  if (motion_.self_contact) {
+    pairs_ = motion_.self_contact->touching(at.x);
+    for (NearPair& pair : pairs_) pair.stiffness *= factors.stiffness;
+  }
   if (!K_) {
     springs_ = hessian(*model.springs, at.rest_length, at.x, factors.stiffness, curvature);
     return;
@@ -57,6 +61,12 @@ void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
     if (damping_) add_product(*motion_.model.springs, *damping_, p, y);
   }
   for (size_t i = 0; i < contact_.size(); ++i) y.col(i) += contact_[i] * p.col(i);
+  for (const NearPair& pair : pairs_) {
+    double closing = 0;
+    for (int a = 0; a < 4; ++a) closing += pair.weight[a] * pair.normal.dot(p.col(pair.node[a]));
+    for (int a = 0; a < 4; ++a)
+      y.col(pair.node[a]) += pair.stiffness * closing * pair.weight[a] * pair.normal;
+  }
   if (g_) y += g_->cwiseProduct(p).sum() * *g_;
   for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, p, y);
   filter(motion_.constraints, y);
@@ -73,6 +83,10 @@ void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
     if (damping_) add_diagonal(*motion_.model.springs, *damping_, blocks);
   }
   for (size_t i = 0; i < contact_.size(); ++i) blocks[i] += contact_[i];
+  for (const NearPair& pair : pairs_)
+    for (int a = 0; a < 4; ++a)
+      blocks[pair.node[a]] +=
+          pair.stiffness * pair.weight[a] * pair.weight[a] * pair.normal * pair.normal.transpose();
   for (const Constraint& c : motion_.constraints) {
     Matrix3d& block = blocks[c.node];
     block = c.S * block * c.S + block.trace() * (Matrix3d::Identity() - c.S);

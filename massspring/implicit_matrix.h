@@ -36,6 +36,7 @@ class ImplicitMatrix {
   std::optional<SpringBlocks> springs_, damping_;
   std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
   std::vector<Eigen::Matrix3d> contact_;  ///< diagonal blocks of the barrier; empty: none
+  std::vector<NearPair> pairs_;           ///< of the surface in contact with itself, times their factor
   std::optional<Eigen::Matrix3Xd> g_;     ///< of the rank-one part g g^T
   /// What g g^T leaves out of the volume forces' Hessian, sum of factor d2V/dx2 over surfaces F; only exact
   /// curvature has it.

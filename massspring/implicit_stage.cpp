@@ -18,9 +18,7 @@ ImplicitStage::ImplicitStage(const Motion& motion)
 double ImplicitStage::objective(const State& trial, const Matrix3Xd& start_x, double a,
                                 const Matrix3Xd& w) const {
   const MassSpringModel& model = motion_.model;
-  double sum =
-      (trial.v - w).colwise().squaredNorm().dot(model.mass) / 2 + potential(model, motion_.forces, trial);
-  if (motion_.barrier) sum += motion_.barrier->energy(trial.x);
+  double sum = (trial.v - w).colwise().squaredNorm().dot(model.mass) / 2 + motion_.potential(trial);
   if (motion_.forces.mass_damping > 0)
     sum += a * motion_.forces.mass_damping / 2 * trial.v.colwise().squaredNorm().dot(model.mass);
   if (model.springs && model.springs->damping > 0)
@@ -31,8 +29,7 @@ double ImplicitStage::objective(const State& trial, const Matrix3Xd& start_x, do
 void ImplicitStage::negative_gradient(const State& trial, const Matrix3Xd& start_x, double a,
                                       const Matrix3Xd& w, Matrix3Xd& r) const {
   const MassSpringModel& model = motion_.model;
-  undamped_forces(model, motion_.forces, trial, r);
-  if (motion_.barrier) motion_.barrier->add_forces(trial.x, r);
+  motion_.undamped_forces_at(trial, r);
   if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, start_x, trial.v, r);
   const double c = motion_.forces.mass_damping;
   for (Eigen::Index i = 0; i < r.cols(); ++i)

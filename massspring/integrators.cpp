@@ -60,6 +60,7 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Int
 StepReport TimeStepper::step(State& state, double h) {
   const std::vector<RigidBody>& bodies = motion_.forces.bodies;
   const bool is_linearised = integrator_ == Integrator::ImplicitEuler;
+  if (motion_.self_contact) motion_.self_contact->begin_step(state.x);
   if (motion_.barrier) motion_.barrier->begin_step(state.t, h, state.x);
   if (is_linearised && !bodies.empty()) {
     motion_.constraints = supports_;

@@ -17,8 +17,7 @@ class LinearisedEuler : public Scheme {
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     const MassSpringModel& model = motion_.model;
     A_.set(state, state.x, {1 + h * motion_.forces.mass_damping, h * h, h}, Curvature::Projected);
-    undamped_forces(model, motion_.forces, state, b_);
-    if (motion_.friction.size() > 0) b_ += motion_.friction;
+    motion_.undamped_forces_at(state, b_);
     A_.multiply(state.v, Av_);
     b_ = h * b_ + state.v * model.mass.asDiagonal();
     filter(motion_.constraints, b_);

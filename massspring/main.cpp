@@ -94,10 +94,9 @@ void run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (scene.self_contact.is_on)
-    throw std::runtime_error(arguments.scene + ": self_contact is not simulated yet");
-  if (is_static && !scene.obstacles.empty())
-    throw std::runtime_error(arguments.scene + ": obstacles, expected none with time.mode = static");
+  if (is_static && (!scene.obstacles.empty() || scene.self_contact.is_on))
+    throw std::runtime_error(arguments.scene +
+                             ": obstacles or self_contact, expected none with time.mode = static");
 
   Progress progress(arguments.is_quiet);
   StageTimer timer;

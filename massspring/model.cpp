@@ -91,6 +91,13 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   }
   for (const auto& [node, constraint] : of_node) forces.constraints.push_back(constraint);
   for (const Obstacle& obstacle : scene.obstacles) forces.bodies.emplace_back(obstacle);
+  if (scene.self_contact.is_on) {
+    constexpr double kOfMeanEdge = 0.2;
+    const Eigen::Matrix2Xi edges = edges_of(surface.F);
+    double length = 0;
+    for (const auto& e : edges.colwise()) length += (surface.X.col(e(0)) - surface.X.col(e(1))).norm();
+    forces.self_thickness = scene.self_contact.thickness.value_or(kOfMeanEdge * length / edges.cols());
+  }
   return forces;
 }
 

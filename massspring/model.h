@@ -75,6 +75,7 @@ struct Forces {
   std::optional<double> volume_pressure;    ///< P of the global volume force (Pa)
   std::vector<Constraint> constraints;      ///< at most one per node
   std::vector<RigidBody> bodies;            ///< obstacles
+  std::optional<double> self_thickness;     ///< that the surface keeps from itself (m)
 };
 
 /// Dead loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.

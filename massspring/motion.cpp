@@ -5,13 +5,27 @@ namespace testbed {
 Motion::Motion(const MassSpringModel& model, const Forces& forces, double end)
     : model(model), forces(forces), constraints(forces.constraints) {
   for (Constraint& c : constraints) c.velocity = (Eigen::Matrix3d::Identity() - c.S) * c.displacement / end;
+  if (forces.self_thickness) self_contact.emplace(model, *forces.self_thickness);
 }
 
 void Motion::forces_at(const State& state, Eigen::Matrix3Xd& f) const {
-  undamped_forces(model, forces, state, f);
+  undamped_forces_at(state, f);
   if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, state.x, state.v, f);
-  if (friction.size() > 0) f += friction;
   if (forces.mass_damping > 0) f -= state.v * (forces.mass_damping * model.mass).asDiagonal();
+}
+
+void Motion::undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const {
+  undamped_forces(model, forces, state, f);
+  if (friction.size() > 0) f += friction;
+  if (barrier) barrier->add_forces(state.x, f);
+  if (self_contact) self_contact->add_forces(state.x, f);
+}
+
+double Motion::potential(const State& state) const {
+  double sum = testbed::potential(model, forces, state);
+  if (barrier) sum += barrier->energy(state.x);
+  if (self_contact) sum += self_contact->energy(state.x);
+  return sum;
 }
 
 void Motion::constrain(Eigen::Matrix3Xd& v) const {
