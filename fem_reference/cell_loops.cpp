@@ -127,6 +127,12 @@ Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, 
     }
     into.add_cell(ranks, K, f, force);
   }
+  for_each_follower(on.element.degree == 1 ? 3 : 6, at, load_factor,
+                    [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
+                      std::vector<int> ranks;
+                      for (int node : face) ranks.push_back(static_cast<int>(on.dof_of[3 * node] / 3));
+                      into.add_cell(ranks, (p * v.hessian).eval(), (-p * v.gradient).eval(), force);
+                    });
   for (int i = 0; i < force.size(); ++i)
     if (into.is_held[i]) force(i) = 0;
   return force;

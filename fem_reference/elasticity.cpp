@@ -133,7 +133,10 @@ double ElasticSolid::max_strain(const Matrix3Xd& displacement) const {
 double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_factor) const {
   ElasticReport report;
   measure(at, load_factor, report, false);
-  return report.elastic_energy - load_factor * load.dot(at.reshaped());
+  double energy = report.elastic_energy - load_factor * load.dot(at.reshaped());
+  for_each_follower(nodes.faces.rows(), at, load_factor,
+                    [&](double p, const auto&, const EnclosedVolume& v) { energy += p * v.volume; });
+  return energy;
 }
 
 /// Newton's method from the last equilibrium, or the one linear solve.

@@ -19,6 +19,9 @@ struct ElasticLoads {
   std::function<Eigen::Vector3d(const Eigen::Vector3d& x)> body_force;  ///< N/m3
   /// On boundary triangle `f` of the mesh, at x (Pa).
   std::function<Eigen::Vector3d(const Eigen::Vector3d& x, int f)> traction;
+  /// Pressure (Pa) on boundary triangle `f` as it is deformed; whole components of the surface. At finite
+  /// strain.
+  std::function<double(int f)> follower_pressure;
   /// Stress-free shrinkage s(x) at a load factor, eps* = -s I: the continuum form of collapsing rest lengths
   /// [paper eq. 8].
   std::function<double(const Eigen::Vector3d& x, double load_factor)> shrinkage;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "fem_reference/elasticity.h"
+#include "fem_reference/enclosed_volume.h"
 #include "fem_reference/two_level.h"
 
 namespace testbed {
@@ -53,6 +54,17 @@ struct ElasticSolid::Implementation {
   void find_load();
   Eigen::VectorXd assemble_tangent(const Space& on, SystemMatrix& into, const Eigen::Matrix3Xd& at,
                                    double load_factor);
+  /// Calls use(follower pressure at a load factor, nodes, their EnclosedVolume at `at`) for every boundary
+  /// triangle of 3 or 6 nodes that has one.
+  template <class Use>
+  void for_each_follower(Eigen::Index n_nodes, const Eigen::Matrix3Xd& at, double load_factor,
+                         Use use) const {
+    for (int f = 0; loads.follower_pressure && f < nodes.faces.cols(); ++f) {
+      const double p = load_factor * loads.follower_pressure(f);
+      const Eigen::VectorXi face = nodes.faces.col(f).head(n_nodes);
+      if (p != 0) use(p, face, enclosed_volume(nodes.X(Eigen::all, face) + at(Eigen::all, face)));
+    }
+  }
   void remove_rigid_motion(Eigen::Matrix3Xd& displacement) const;
   void measure(const Eigen::Matrix3Xd& at, double load_factor, ElasticReport& report,
                bool with_strain = true) const;

@@ -40,8 +40,6 @@ void refuse_what_is_not_solved(const Scene& scene, const std::string& file) {
   if (!scene.obstacles.empty() || scene.self_contact.is_on)
     refuse("obstacles or self_contact, expected none: the reference has no contact");
   if (scene.volume || scene.skin) refuse("volume or skin, expected none: the reference is the solid alone");
-  for (const Load& load : scene.loads)
-    if (load.is_follower) refuse("loads.follower = true, expected false in the reference");
   if (scene.collapse)
     for (const Pivot& pivot : scene.collapse->pivots)
       if (!pivot.motion.empty() || pivot.end) refuse("collapse.pivots with motion or end, expected neither");

@@ -17,6 +17,9 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, int n_chil
       return f;
     };
   if (!scene.loads.empty()) {
+    const bool is_finite = scene.reference.law != ElasticLaw::SmallStrain;
+    bool has_follower = false;
+    Eigen::VectorXd follower = Eigen::VectorXd::Zero(surface.F.cols());
     Eigen::Matrix3Xd traction = Eigen::Matrix3Xd::Zero(3, surface.F.cols());
     const Eigen::Matrix3Xd areas = area_vectors(surface.X, surface.F);
     for (size_t l = 0; l < scene.loads.size(); ++l) {
@@ -25,11 +28,25 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, int n_chil
       if (triangles.empty())
         throw std::runtime_error("loads." + std::to_string(l) +
                                  ": no triangle of the surface lies in its region");
-      for (int f : triangles) traction.col(f) += load.traction - load.pressure * areas.col(f).normalized();
+      if (load.is_follower && !is_closed(surface.F(Eigen::all, triangles)))
+        throw std::runtime_error(
+            "loads." + std::to_string(l) +
+            ".follower = true, expected a region that holds whole components of the surface");
+      const bool is_follower = load.is_follower && is_finite;  // small strain knows one surface only
+      has_follower = has_follower || is_follower;
+      for (int f : triangles) {
+        traction.col(f) += load.traction;
+        if (is_follower)
+          follower(f) += load.pressure;
+        else
+          traction.col(f) -= load.pressure * areas.col(f).normalized();
+      }
     }
     loads.traction = [traction, n_children](const Eigen::Vector3d&, int f) -> Eigen::Vector3d {
       return traction.col(f / n_children);
     };
+    if (has_follower)
+      loads.follower_pressure = [follower, n_children](int f) { return follower(f / n_children); };
   }
   if (scene.collapse) {
     const double scale = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).minCoeff();

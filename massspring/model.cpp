@@ -8,21 +8,6 @@
 #include "meshing/surface.h"
 
 namespace testbed {
-namespace {
-
-/// Every edge is met once in each direction.
-bool is_closed(const Eigen::Matrix3Xi& F) {
-  std::map<std::pair<int, int>, int> balance;
-  for (const auto& t : F.colwise())
-    for (int k = 0; k < 3; ++k) {
-      const int a = t(k), b = t((k + 1) % 3);
-      balance[std::minmax(a, b)] += a < b ? 1 : -1;
-    }
-  return std::all_of(balance.begin(), balance.end(), [](const auto& edge) { return edge.second == 0; });
-}
-
-}  // namespace
-
 const char* name_of(Status status) {
   return status == Status::Ok ? "ok" : status == Status::Diverged ? "diverged" : "not_converged";
 }

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <map>
 #include <stdexcept>
 #include <vector>
 
@@ -37,6 +38,16 @@ Eigen::VectorXd vertex_areas(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& 
   for (int f = 0; f < F.cols(); ++f)
     for (int v : F.col(f)) areas[v] += face_areas[f] / 3;
   return areas;
+}
+
+bool is_closed(const Eigen::Matrix3Xi& F) {
+  std::map<std::pair<int, int>, int> balance;
+  for (const auto& t : F.colwise())
+    for (int k = 0; k < 3; ++k) {
+      const int a = t(k), b = t((k + 1) % 3);
+      balance[std::minmax(a, b)] += a < b ? 1 : -1;
+    }
+  return std::all_of(balance.begin(), balance.end(), [](const auto& edge) { return edge.second == 0; });
 }
 
 Eigen::Matrix2Xi edges_of(const Eigen::Matrix3Xi& F) {

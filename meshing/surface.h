@@ -20,6 +20,9 @@ Eigen::Matrix3Xd area_vectors(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi&
 /// A third of the area of its triangles, for each vertex (m2).
 Eigen::VectorXd vertex_areas(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
 
+/// True when the triangles leave no open edge: every edge is met once in each direction.
+bool is_closed(const Eigen::Matrix3Xi& F);
+
 /// Undirected edges, 2 x n_edges, i < j, in ascending order.
 Eigen::Matrix2Xi edges_of(const Eigen::Matrix3Xi& F);
 
