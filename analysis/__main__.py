@@ -33,6 +33,7 @@ _STUDY_EXAMPLES = """studies:
   work-precision   error against seconds: every spring model and finite elements, over resolutions or time steps
   scaling          seconds, memory and non-zeros from a thousand nodes to a million
   cost             instructions of a time step, the scene's parts switched on one at a time
+  paper            table 1 and figures 7, 9 and 11 beside the paper's values
 
 examples:
   ./testbed study work-precision

@@ -17,12 +17,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from . import cost, scaling, work_precision
+from . import cost, paper, scaling, work_precision
 from .experiment import PROGRAMS, ROOT, write_text
 from .points import Store, say
 from .report import Table, html_table, image_figure, page, svg_figure, text_table
 
 SCENES = Path(__file__).parent / "scenes"
+_LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
 
 
 @dataclass
@@ -54,9 +55,9 @@ class Result:
 
 
 @contextmanager
-def alone(is_quiet: bool = False) -> Iterator[None]:
+def alone(is_quiet: bool = False, lock_file: Path = _LOCK) -> Iterator[None]:
     """Waits until no other timed study runs on this machine, and keeps others waiting."""
-    with (Path(tempfile.gettempdir()) / "testbed-timed-study.lock").open("w") as lock:
+    with lock_file.open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -175,8 +176,42 @@ def study_cost(arguments: argparse.Namespace, folder: Path) -> Result:
     return Result("What each part costs", cost.finding(costs), [section], protocol)
 
 
+def study_paper(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Table 1 and the figures."""
+    with alone(arguments.quiet):
+        table = paper.table_1(paper.benchmark(PROGRAMS / "bench_step", folder, 2 if arguments.quick else 5))
+    figures: dict[str, tuple[str | Path, str]] = {
+        "figure_7": (paper.figure_7(folder), "Figure 7: the ball before and after PCP."),
+        "figure_9": (
+            paper.figure_9(),
+            "Figure 9: how far a spring collapses in a step, over its distance from the pivot.",
+        ),
+    }
+    scenes = arguments.scenes or sorted(SCENES.glob("figure_11_*.toml"))
+    strips, ended = paper.figure_11(scenes, Store(folder / "points"), folder)
+    sections = [Section("Table 1", [], {}, {"table_1": table}), Section("Figures", [], figures)]
+    shown: dict[str, tuple[str | Path, str]] = {
+        name: (file, f"Figure 11: {name}.") for name, file in strips.items()
+    }
+    sections.append(
+        Section(
+            "Figure 11",
+            [] if scenes else ["No scene figure_11_*.toml is there."],
+            shown,
+            {"figure_11": ended},
+        )
+    )
+    protocol = environment({}, arguments) | {"how it is measured": paper.__doc__ or ""}
+    return Result("The paper's results, rebuilt", paper.finding(table), sections, protocol)
+
+
 _LARGE = 1800  # s, for one run of a large body
-_STUDIES = {"work-precision": study_work_precision, "scaling": study_scaling, "cost": study_cost}
+_STUDIES = {
+    "work-precision": study_work_precision,
+    "scaling": study_scaling,
+    "cost": study_cost,
+    "paper": study_paper,
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

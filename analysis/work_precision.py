@@ -45,13 +45,14 @@ _SETUP = ("mesh", "setup", "assemble")
 class Effort:
     """How much a study may do."""
 
-    factors: tuple[float, ...]  #: on the scene's number of vertices (static) or time step (dynamic)
+    factors: tuple[float, ...]  #: on a static scene's number of vertices
+    steps: tuple[float, ...]  #: on a dynamic scene's time step
     repetitions: int
     reference_tetrahedra: int  #: a linear static reference is refined while it has fewer; others get a sixth
 
 
-FULL = Effort((0.0625, 0.125, 0.25, 0.5, 1, 2, 4), 5, 400_000)
-QUICK = Effort((0.125, 0.25), 2, 60_000)
+FULL = Effort((0.0625, 0.125, 0.25, 0.5, 1, 2, 4), (0.25, 0.5, 1, 2, 4), 5, 400_000)
+QUICK = Effort((0.125, 0.25), (1, 2), 2, 60_000)
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,7 @@ class SceneStudy:
             raise RunError(f"{file}: time.step is missing, expected the step that the ladder starts from")
         self.measurements = [
             Measurement(method, factor)
-            for factor in sorted({*effort.factors, 1.0} if is_dynamic(self.scene) else effort.factors)
+            for factor in (effort.steps if is_dynamic(self.scene) else effort.factors)
             for method in methods_of(self.scene)
             if not method.factors
         ] + [
@@ -175,7 +176,7 @@ class SceneStudy:
                 "output.frames_every=0",
             )
         # All runs write frames at the same moments, one in each longest step of the ladder.
-        longest = max(self.effort.factors)
+        longest = max(self.effort.steps)
         return (
             f"time.step={factor * self.scene['time']['step']!r}",
             f"output.frames_every={round(longest / factor)}",
@@ -259,7 +260,7 @@ class SceneStudy:
 
     def _dynamic_reference(self, factor: float) -> tuple[Outcome, float]:
         """Refined in space and time; its error is what halving the step again (of second order) and refining changed."""
-        shortest = min(self.effort.factors)
+        shortest = min(self.effort.steps)
 
         def run(step: float, *more: str) -> Outcome:
             return self._run_reference(*self.rung(step), "reference.degree=2", *more)

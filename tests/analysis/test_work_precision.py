@@ -91,7 +91,7 @@ def study(ball, tmp_path_factory):
     programs = make_solvers(tmp_path / "home", ball)
     (tmp_path / "scene.toml").write_text('[surface]\nshape = "ball"\n')
     store = Store(tmp_path / "points", programs=programs)
-    study = SceneStudy(tmp_path / "scene.toml", Effort((1, 2), 2, 0), store, store)
+    study = SceneStudy(tmp_path / "scene.toml", Effort((1, 2), (1, 2), 2, 0), store, store)
     study.run(is_quiet=True)
     return study, programs
 

@@ -1,0 +1,159 @@
+"""The paper's table 1 and figures 7, 9 and 11 rebuilt beside its values.
+
+Table 1: frames a second of one core, measured by bench_step on bodies of the paper's counts of nodes (its own meshes are not
+known), median of interleaved repetitions. The paper's are those of the machine of its day. Figure 11: the scenes named
+figure_11_*.toml.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .experiment import PROGRAMS, write_text
+from .film import draw_strip
+from .network_pictures import draw_before_and_after
+from .plots import svg_of
+from .points import Point, Store
+from .report import Table
+from .runs import RunError, load_run
+from .style import style_of
+
+# Object: vertices, springs, Euler FPS, IDE FPS, as printed in table 1.
+PUBLISHED = {
+    "ball": (662, 3535, 33.25, 1.42),
+    "torus": (1424, 9542, 12.51, 0.50),
+    "handle": (1432, 6837, 16.62, 0.66),
+    "head": (4397, 24808, 5.14, 0.23),
+}
+_COLUMNS = {"symplectic_euler/soft": 2, "implicit_euler/soft": 3}
+
+
+def benchmark(program: Path, folder: Path, repetitions: int) -> list[dict[str, float | str]]:
+    """Rows of a Google benchmark's repetitions; those that were measured with this program are kept.
+
+    Raises RunError when the program fails.
+    """
+    digest = hashlib.sha256(program.read_bytes()).hexdigest()[:16]
+    file = folder / f"{program.name}-{digest}-{repetitions}.json"
+    if not file.exists():
+        command = [str(program), "--benchmark_format=json", f"--benchmark_repetitions={repetitions}"]
+        command += ["--benchmark_enable_random_interleaving=true"]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        if result.returncode != 0:
+            raise RunError(f"{program}: {result.stderr.strip()}")
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(file, result.stdout)
+    rows = json.loads(file.read_text())["benchmarks"]
+    return [row for row in rows if row["run_type"] == "iteration"]
+
+
+def table_1(rows: list[dict[str, float | str]]) -> Table:
+    """Measured beside published."""
+    head = [
+        "",
+        "nodes",
+        "springs",
+        "(paper)",
+        "Euler (frames/s)",
+        "spread",
+        "(paper)",
+        "implicit (frames/s)",
+        "spread",
+        "(paper)",
+    ]
+    body = []
+    for shape, published in PUBLISHED.items():
+        cells = [shape]
+        for benchmark_name, column in _COLUMNS.items():
+            found = [
+                row
+                for row in rows
+                if str(row["run_name"]).split("/repeats")[0] == f"{shape}/{benchmark_name}"
+            ]
+            rates = [float(row["FPS"]) for row in found if "FPS" in row and not row.get("error_occurred")]
+            if len(cells) == 1:
+                cells += (
+                    [f"{found[0]['nodes']:.0f}", f"{found[0]['springs']:.0f}", str(published[1])]
+                    if rates
+                    else ["-", "-", str(published[1])]
+                )
+            cells += (
+                [f"{median(rates):.4g}", f"{min(rates):.4g} to {max(rates):.4g}"] if rates else ["-", "-"]
+            )
+            cells.append(f"{published[column]:.2f}")
+        body.append(cells)
+    return head, body
+
+
+def finding(table: Table) -> str:
+    """How many times the paper's frames a second."""
+    ratios = [
+        (float(row[4]) / float(row[6]), float(row[7]) / float(row[9]))
+        for row in table[1]
+        if "-" not in (row[4], row[7])
+    ]
+    if not ratios:
+        return "No frame rate could be measured."
+    explicit, implicit = (sorted(ratio) for ratio in zip(*ratios))
+    return (
+        f"One core of today steps the paper's models {explicit[0]:.0f} to {explicit[-1]:.0f} times as often in a second as its table 1 "
+        f"explicitly, {implicit[0]:.0f} to {implicit[-1]:.0f} times implicitly, machine and program together, with a spring count that "
+        f"differs by {max(abs(int(row[2]) / int(row[3]) - 1) for row in table[1] if row[2] != '-'):.1%} at the most."
+    )
+
+
+def figure_9() -> str:
+    """Factor on a rest length in a step over the distance from the pivot, for coefficients R [paper eq. 8, per step]."""
+    figure = Figure(figsize=(5, 3.2))
+    axes = figure.subplots()
+    distance = np.linspace(0, 5, 200)
+    for number, R in enumerate((0.1, 0.3, 0.5, 0.9)):
+        axes.plot(distance, 1 - R / (1 + distance), color=style_of("", number).colour, label=f"R = {R}")
+    axes.set_xlabel("distance of pivot and spring (smallest side of the body)")
+    axes.set_ylabel("rest length after over before (1)")
+    axes.legend(fontsize=8)
+    return svg_of(figure)
+
+
+def figure_7(folder: Path) -> Path:
+    """The ball before and after PCP."""
+    surface, network, picture = folder / "ball.obj", folder / "ball.vtu", folder / "figure_7.png"
+    folder.mkdir(parents=True, exist_ok=True)
+    for words in (
+        ["shape", "ball", surface, "--vertices", "162"],
+        ["network", surface, network, "--nodes", "500", "--phi", "0.05", "--psi", "0.05"],
+    ):
+        subprocess.run([str(PROGRAMS / "meshing"), *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+    draw_before_and_after(network, picture)
+    return picture
+
+
+def figure_11(scenes: list[Path], store: Store, folder: Path) -> tuple[dict[str, Path], Table]:
+    """Strips of the scenes' frames, and how each run ended."""
+    strips: dict[str, Path] = {}
+    rows = []
+    for scene in scenes:
+        outcome = store.run(Point("massspring", scene))
+        message = outcome.message
+        if outcome.status == "ok":
+            try:
+                run = load_run(outcome.folder)
+                strips[scene.stem] = folder / f"{scene.stem}.png"
+                draw_strip(strips[scene.stem], {run.record["calibration"]: run})
+                kinetic = run.curves["kinetic_energy"]
+                message = (
+                    f"kinetic energy at the end {kinetic[-1] / max(kinetic.max(), 1e-300):.2g} of its largest"
+                )
+            except RunError as error:
+                del strips[scene.stem]
+                message = str(error)
+        seconds = outcome.record.get("seconds", {}).get("solve")
+        rows.append([scene.stem, outcome.status, f"{seconds:.2f}" if seconds is not None else "-", message])
+    return strips, (["scene", "status", "solve (s)", ""], rows)
