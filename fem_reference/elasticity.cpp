@@ -175,6 +175,7 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
           "the stiffness matrix is not positive definite, expected supports and sound tetrahedra");
     report.solver = linear.solver;
     report.linear_iterations += linear.iterations;
+    if (!linear.is_definite) return report;
     for (int k = 0; k < du.size(); ++k) {
       const unsigned i = space.dof_of[k];
       du.data()[k] = fine.is_held[i] ? fine.prescribed(i) : linear.x(i);

@@ -26,6 +26,7 @@ struct CalculixJob {
   std::vector<std::pair<int, double>>
       pressures;                  ///< boundary triangle, Pa: follows the surface at finite strain
   bool is_finite_strain = false;  ///< St. Venant-Kirchhoff
+  double increment = 0.1;         ///< of the load at finite strain
   int n_frequencies = 0;          ///< > 0: natural frequencies instead of equilibrium
 };
 
@@ -78,9 +79,11 @@ inline std::string calculix_input(const ElasticSolid& solid, const CalculixJob& 
     out << "*STEP\n*FREQUENCY\n" << job.n_frequencies << "\n*NODE FILE\nU\n*END STEP\n";
     return out.str();
   }
-  out << (job.is_finite_strain
-              ? "*STEP, NLGEOM, INC=100\n*STATIC\n0.1, 1.0\n*CONTROLS, PARAMETERS=FIELD\n1e-8, 1e-8\n"
-              : "*STEP\n*STATIC\n");
+  if (job.is_finite_strain)
+    out << "*STEP, NLGEOM, INC=1000\n*STATIC, DIRECT\n"
+        << job.increment << ", 1.0\n*CONTROLS, PARAMETERS=FIELD\n1e-8, 1e-8\n";
+  else
+    out << "*STEP\n*STATIC\n";
   out << "*BOUNDARY\n";
   for (const HeldComponent& h : job.held)
     if (h.displacement != 0)
