@@ -31,6 +31,7 @@ DIR/points into one folder; then the same command without --part writes the tabl
 
 _STUDY_EXAMPLES = """studies:
   work-precision   error against seconds: every spring model and finite elements, over resolutions or time steps
+  stability        what becomes of a body let go from bad starts, over step and stiffness, as maps
   scaling          seconds, memory and non-zeros from a thousand nodes to a million
   cost             instructions of a time step, the scene's parts switched on one at a time
   paper            table 1 and figures 7, 9 and 11 beside the paper's values

@@ -23,7 +23,7 @@ from .runs import RunError
 # Top-level keys of a scene that a program does not read, as in its own input hash.
 _IGNORED = {"fem_reference": {"network", "comparison"}, "massspring": {"reference", "comparison"}}
 _MESHERS = ("gmsh_worker", "tetgen_worker")
-_THREADS = ("OMP_NUM_THREADS", "DEAL_II_NUM_THREADS")
+THREADS = ("OMP_NUMTHREADS", "DEAL_II_NUMTHREADS")
 _MARK = f".part-{platform.node()}-"  # of a folder that a process works on; its number follows
 
 
@@ -81,7 +81,7 @@ class Store:
             point.prefix,
             point.repetition,
             [_hash_of_file(self.programs / name) for name in (point.program, *_MESHERS)],
-            [os.environ.get(name, "") for name in _THREADS],
+            [os.environ.get(name, "") for name in THREADS],
             _hash_of_file(base / surface) if surface else "",
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]

@@ -151,7 +151,8 @@ def plot_seconds(sizes: list[Size]) -> str:
     for axis, title in zip(axes, ("springs", "finite elements")):
         axis.set_title(title, fontsize=11)
         axis.set_xlabel("nodes")
-        axis.legend(fontsize=7, title="(slope)", title_fontsize=7)
+        if axis.lines:
+            axis.legend(fontsize=7, title="(slope)", title_fontsize=7)
     axes[0].set_ylabel("time (s)")
     return svg_of(figure)
 

@@ -9,20 +9,26 @@ import hashlib
 import io
 import json
 import os
+import platform
+import re
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from . import cost, paper, scaling, work_precision
+from . import cost, paper, scaling, stability, work_precision
 from .experiment import PROGRAMS, ROOT, write_text
-from .points import Store, say
+from .points import THREADS, Store, say
 from .report import Table, html_table, image_figure, page, svg_figure, text_table
 
 SCENES = Path(__file__).parent / "scenes"
+_PROGRAMS = {"massspring", "fem_reference", "gmsh_worker", "tetgen_worker", "stability", "bench_step"}
 _LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
 
 
@@ -67,20 +73,50 @@ def alone(is_quiet: bool = False, lock_file: Path = _LOCK) -> Iterator[None]:
 
 
 def environment(record: dict[str, Any], arguments: argparse.Namespace) -> dict[str, str]:
-    """Command, programs, flags and machine of a study, from the record of one of its runs."""
-    keys = ["date", "compiler", "build", "eigen", "vtk", "processor", "cores", "threads"]
+    """Command, programs, flags and machine of a study; libraries from the record of one of its runs, where it has any."""
     programs = {
         file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16]
         for file in sorted(PROGRAMS.iterdir())
-        if file.name in ("massspring", "fem_reference", "gmsh_worker", "tetgen_worker")
+        if file.name in _PROGRAMS
     }
     text = {
         "command": "./testbed " + " ".join(arguments.words),
-        **{key: record[key] for key in keys if key in record},
-        "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "not set"),
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "commit": _first_line("git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=12"),
+        **_compiler(),
+        **{key: record[key] for key in ("eigen", "vtk", "dealii") if key in record},
+        "python": platform.python_version(),
+        **{f"python, {name}": version(name) for name in ("numpy", "matplotlib", "pyvista", "vtk")},
+        "system": platform.platform(),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "memory (GB)": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1),
+        "threads": {name: os.environ.get(name, "not set") for name in THREADS},
         "programs (SHA-256)": programs,
     }
     return {"command, programs and machine": json.dumps(text, indent=2)}
+
+
+def _first_line(*command: str) -> str:
+    """What a command prints first; "unknown" where it fails."""
+    try:
+        result = subprocess.run(command, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return result.stdout.partition("\n")[0]
+
+
+def _compiler() -> dict[str, str]:
+    """The compiler and its flags, from the build folder."""
+    cache = dict(re.findall(r"^(\w+):\w+=(.*)$", (PROGRAMS.parent / "CMakeCache.txt").read_text(), re.M))
+    kind = cache["CMAKE_BUILD_TYPE"]
+    flags = [kind, cache["CMAKE_CXX_FLAGS"], cache[f"CMAKE_CXX_FLAGS_{kind.upper()}"]]
+    return {"compiler": _first_line(cache["CMAKE_CXX_COMPILER"], "--version"), "flags": " ".join(flags)}
+
+
+def _processor() -> str:
+    found = re.search(r"model name\s*:\s*(.*)", Path("/proc/cpuinfo").read_text())
+    return found[1] if found else platform.machine()
 
 
 def write(folder: Path, result: Result) -> None:
@@ -176,6 +212,16 @@ def study_cost(arguments: argparse.Namespace, folder: Path) -> Result:
     return Result("What each part costs", cost.finding(costs), [section], protocol)
 
 
+def study_stability(arguments: argparse.Namespace, folder: Path) -> Result:
+    """What becomes of a body let go from bad starts; --quick: explicit Euler alone."""
+    n_cells = 210 if arguments.quick else None
+    rows = stability.measure(folder, PROGRAMS / "stability", n_cells, arguments.quiet)
+    figures: dict[str, tuple[str | Path, str]] = {"stability": (stability.plot(rows), stability.CAPTION)}
+    section = Section("Every scheme", [], figures, {"outcomes": stability.table(rows)})
+    protocol = environment({}, arguments) | {"how it is measured": stability.__doc__ or ""}
+    return Result("Stability", stability.finding(rows), [section], protocol)
+
+
 def study_paper(arguments: argparse.Namespace, folder: Path) -> Result:
     """Table 1 and the figures."""
     with alone(arguments.quiet):
@@ -208,6 +254,7 @@ def study_paper(arguments: argparse.Namespace, folder: Path) -> Result:
 _LARGE = 1800  # s, for one run of a large body
 _STUDIES = {
     "work-precision": study_work_precision,
+    "stability": study_stability,
     "scaling": study_scaling,
     "cost": study_cost,
     "paper": study_paper,

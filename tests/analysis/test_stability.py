@@ -1,6 +1,9 @@
 from pathlib import Path
 
+import pytest
+
 from analysis import stability
+from analysis.runs import RunError
 
 
 def rows_of(*outcomes: str) -> list[stability.Row]:
@@ -21,9 +24,45 @@ def test_table_has_every_outcome_of_every_method():
     assert dict(zip(head, lines[0], strict=True))["inverted"] == "1"
 
 
-def test_measure_reads_a_finished_map_and_plot_draws_it(tmp_path: Path):
-    text = "method,is_papers,start,E,h,outcome,t,energy_ratio\nm,1,rest,1e3,1,diverged,0,2\n"
-    (tmp_path / "stability.csv").write_text(text)
-    rows = stability.measure(tmp_path)
-    assert rows[0]["outcome"] == "diverged"
-    assert stability.OUTCOMES["diverged"][0].lower() in stability.plot(rows).lower()
+CELLS = ["m,1,rest,1e3,1,diverged,0,2", "m,1,rest,1e4,1,ok,1,1", "n,0,rest,1e3,1,ok,1,1", "n,0,rest,1e4,1,ok,1,1"]
+
+
+def write_program(file: Path, end: str = "exit 1") -> Path:
+    """Writes the cells without the first $1, and lists its calls in log.txt."""
+    lines = ["#!/bin/sh", f"echo $1 >> {file.parent}/log.txt"]
+    lines += ['[ "$1" = 0 ] && echo method,is_papers,start,E,h,outcome,t,energy_ratio']
+    for number, cell in enumerate(CELLS):
+        lines.append(f'[ "$1" -le {number} ] && printf {cell[:9]} && echo {cell[9:]}')
+    file.write_text("\n".join([*lines, end, ""]))
+    file.chmod(0o755)
+    return file
+
+
+def test_measure_reads_the_cells_and_plot_draws_them(tmp_path: Path):
+    rows = stability.measure(tmp_path / "out", write_program(tmp_path / "program"))
+    assert [row["outcome"] for row in rows] == ["diverged", "ok", "ok", "ok"]
+    assert stability.OUTCOMES["diverged"][0].lower() in stability.plot(rows[:2]).lower()
+
+
+def test_killed_map_continues_behind_its_last_whole_row(tmp_path: Path):
+    program = write_program(tmp_path / "program")
+    whole = stability.measure(tmp_path / "whole", program)
+    (tmp_path / "killed").mkdir()
+    (file,) = (tmp_path / "whole").glob("cells-*.csv")
+    text = file.read_text()
+    for cut in (0, 10, text.index("\n") + 1, text.index("rest,1e4"), len(text) - 1):
+        (tmp_path / "killed" / file.name).write_text(text[:cut])
+        assert stability.measure(tmp_path / "killed", program) == whole
+        assert (tmp_path / "killed" / file.name).read_text() == text
+    assert (tmp_path / "log.txt").read_text().split() == ["0", "0", "0", "0", "1", "3"]
+
+
+def test_first_cells_are_enough_to_try_it_out(tmp_path: Path):
+    program = write_program(tmp_path / "program")
+    assert len(stability.measure(tmp_path, program, n_cells=2)) == 2
+    assert len(stability.measure(tmp_path, program)) == 4
+
+
+def test_program_that_breaks_down_is_no_map(tmp_path: Path):
+    with pytest.raises(RunError, match="exit status 3 after 4 cells"):
+        stability.measure(tmp_path, write_program(tmp_path / "program", end="exit 3"))
