@@ -8,6 +8,7 @@ import math
 import shutil
 import subprocess
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,15 @@ from typing import Any
 from .compare import compare_runs, describe_reference, volume_change
 from .film import draw_film, draw_strip
 from .pictures import draw_comparison
-from .plots import plot_times, plot_volume
+from .plots import plot_errors, plot_times, plot_volume
 from .report import render
 from .runs import RunError, load_run
 from .style import REFERENCE, label_of
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAMS = ROOT / "build" / "bin"
+_MAX_DOFS = 500_000  # of a refined reference: seconds, not minutes
+_GROWTH = 8  # of the unknowns by a refinement
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,12 @@ def default_folder(scene: Path, surface: Path | None) -> Path:
     return ROOT / "out" / (f"{name}-{surface.stem}" if surface else name)
 
 
+def is_refinable(scene: dict[str, Any], record: dict[str, Any]) -> bool:
+    """Whether a reference is solved again on a refined mesh, for its error: linear statics of a moderate size."""
+    is_linear = scene["time"]["mode"] == "static" and scene["reference"]["law"] == "small_strain"
+    return is_linear and _GROWTH * record["n_dofs"] <= _MAX_DOFS
+
+
 def run_solvers(
     scene_file: Path, folder: Path, surface: Path | None, overrides: list[str], is_quiet: bool
 ) -> Experiment:
@@ -82,8 +91,8 @@ def run_solvers(
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
 
-    def run(program: str, out: Path, *more: str) -> int:
-        command = [str(PROGRAMS / program), str(scene_file), "--out", str(out)]
+    def run(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> int:
+        command = [str(PROGRAMS / program), str(scene_file), "--out", str(out), *options]
         for override in [*overrides, *more]:
             command += ["--set", override]
         return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
@@ -93,6 +102,11 @@ def run_solvers(
         raise RunError(f"fem_reference gave no result (exit status {status})")
     shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
     scene = tomllib.loads((folder / "scene.toml").read_text())
+    refined = folder / "reference_refined"
+    if is_refinable(scene, json.loads((folder / "fem_reference" / "run.json").read_text())):
+        run("fem_reference", refined, "output.frames_every=0", options=["--converge", "2"])
+    else:
+        shutil.rmtree(refined, ignore_errors=True)
 
     experiment = Experiment(folder, scene, {})
     for calibration in experiment.calibrations:
@@ -137,6 +151,7 @@ def compare(experiment: Experiment) -> dict[str, Any]:
 
     main = models[experiment.calibration]
     described = describe_reference(reference)
+    described["estimated_error_l2"] = _estimated_error(experiment.folder / "reference_refined" / "run.json")
     figures = ["displacement_error_l2", "displacement_error_max", "volume_change_error"]
     comparison = {
         "scene": experiment.name,
@@ -169,6 +184,10 @@ def compare(experiment: Experiment) -> dict[str, Any]:
             {name: volume_change(run) for name, run in methods.items()},
             "load factor (1)" if is_static else "time (s)",
         ),
+        "Displacement error of every model; grey: the reference's own, estimated.": plot_errors(
+            {name: model["displacement_error_l2"] for name, model in models.items() if model["status"] == "ok"},
+            described["estimated_error_l2"],
+        ),
         "Wall-clock time by stage.": plot_times(
             {name: run.record["seconds"] for name, run in methods.items()}
         ),
@@ -178,6 +197,14 @@ def compare(experiment: Experiment) -> dict[str, Any]:
     write_text(experiment.folder / "report.html", render(comparison, plots, pictures, scene, records))
     write_text(experiment.folder / "comparison.json", json.dumps(_without_nan(comparison), indent=2) + "\n")
     return comparison
+
+
+def _estimated_error(record: Path) -> float | None:
+    """Of the reference, relative as the displacement error; None where no refinement gave one."""
+    if not record.exists():
+        return None
+    convergence = json.loads(record.read_text()).get("convergence", {})
+    return convergence.get("estimated_error_l2")
 
 
 def _without_nan(value: Any) -> Any:

@@ -11,6 +11,7 @@ from .runs import Array
 from .style import REFERENCE, label_of, style_of
 
 Curve = tuple[Array, Array]
+SMALLEST = 1e-9  # error drawn (%): below lies rounding
 
 
 def svg_of(figure: Figure) -> str:
@@ -44,6 +45,26 @@ def plot_volume(curves: dict[str, Curve], time_label: str) -> str:
     below.set_ylabel("difference\n(% of volume)")
     below.set_xlabel(time_label)
     figure.align_ylabels()
+    return svg_of(figure)
+
+
+def plot_errors(errors: dict[str, float], of_reference: float | None) -> str:
+    """A bar for the relative displacement error of every method, with a band up to the reference's own (if it is known)."""
+    figure = Figure(figsize=(7, 0.8 + 0.3 * len(errors)))
+    axes = figure.subplots()
+    values = [max(100 * error, SMALLEST) for error in errors.values()]
+    bars = axes.barh(
+        [label_of(name) for name in errors], values, color=[style_of(name).colour for name in errors]
+    )
+    axes.bar_label(bars, [f"{value:.3g}" for value in values], padding=2, fontsize=8)
+    axes.set_xscale("log")
+    axes.margins(x=0.1)
+    axes.set_xlim(left=min(axes.get_xlim()[0], 50 * (of_reference or np.inf), min(values, default=1) / 2))
+    if of_reference and 100 * of_reference > axes.get_xlim()[0]:
+        axes.axvspan(axes.get_xlim()[0], 100 * of_reference, color="grey", alpha=0.25, linewidth=0)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("displacement error (%)")
     return svg_of(figure)
 
 

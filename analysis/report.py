@@ -55,11 +55,30 @@ def finding(comparison: dict[str, Any]) -> str:
     return f"{sentence}; they took {springs:.2g} s against {fem:.2g} s, {ratio}."
 
 
+def trust_in_reference(comparison: dict[str, Any]) -> list[str]:
+    """Sentences: the reference's own error, and which differences it is too large for."""
+    error = comparison["reference"]["estimated_error_l2"]
+    if error is None:
+        return ["The error of the finite elements themselves is not estimated for this scene."]
+    if error < _ROUNDING:
+        return ["The finite elements' own error is rounding, as a refinement shows."]
+    own = f"The finite elements' own displacement error is some {percent(error)}, estimated by a refinement"
+    blurred = [
+        f"{name} ({percent(error / model['displacement_error_l2'])} of it)"
+        for name, model in comparison["models"].items()
+        if model["status"] == "ok" and error > model["displacement_error_l2"] / 10
+    ]
+    if not blurred:
+        return [f"{own}: less than a tenth of every difference."]
+    return [f"{own}: more than a tenth of the difference from {', '.join(blurred)}, which is to be taken with that care."]
+
+
 def is_nearly_isochoric(reference: dict[str, Any]) -> bool:
     """True when the volume changes by less than a hundredth of what the surface sweeps: bending, torsion."""
     return reference["largest_volume_change"] < 0.01 * reference["swept_volume"]
 
 
+_ROUNDING = 1e-8
 Table = tuple[list[str], list[list[str]]]
 
 
@@ -117,8 +136,9 @@ def _trust(model: dict[str, Any]) -> list[str]:
 
 
 def text_tables(comparison: dict[str, Any]) -> str:
-    """The tables for a terminal."""
-    return "\n\n".join(text_table(head, rows) for head, rows in tables(comparison))
+    """The tables for a terminal, and how far the reference can be trusted."""
+    parts = [text_table(head, rows) for head, rows in tables(comparison)]
+    return "\n\n".join([*parts, *trust_in_reference(comparison)])
 
 
 def text_table(head: list[str], rows: list[list[str]]) -> str:
@@ -185,7 +205,8 @@ def render(
 
     plots: caption -> SVG; pictures: caption -> PNG file; scene: filled-in TOML; records: method -> run.json.
     """
-    parts = [html_table(*table) for table in tables(comparison)]
+    parts = [f"<p>{html.escape(sentence)}</p>" for sentence in trust_in_reference(comparison)]
+    parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]
     parts += [image_figure(file, caption) for caption, file in pictures.items()]
     rigid = (

@@ -24,7 +24,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from .compare import compare_runs, trajectory_error
-from .plots import svg_of
+from .plots import SMALLEST, svg_of
 from .points import Outcome, Point, Store, say
 from .report import Table, percent
 from .runs import RunError, load_run
@@ -37,7 +37,6 @@ _DYNAMIC = ["uniform", "edge_coupled", "node_averaged"]
 _INTEGRATORS = {"symplectic_euler": ":", "implicit_euler": "--", "midpoint": "-"}
 _EXPLICIT = {"symplectic_euler"}
 _LEVELS = (0.1, 0.03, 0.01, 0.003, 0.001)  # errors at which methods are compared in words
-_SMALLEST = 1e-9  # error drawn (%): below lies rounding
 _SETUP = ("mesh", "setup", "assemble")
 
 
@@ -384,7 +383,7 @@ def plot(study: SceneStudy) -> str:
         for method in methods:
             rungs = [m for m in known if m.method == method]
             seconds = np.array([[median(s), min(s), max(s)] for m in rungs if (s := m.seconds(*stages))]).T
-            errors = np.maximum([100 * m.error for m in rungs], _SMALLEST)  # type: ignore[operator]
+            errors = np.maximum([100 * m.error for m in rungs], SMALLEST)  # type: ignore[operator]
             colour, marker = style_of(method.model)
             label = label_of(method.name)
             if np.ptp(seconds[0]) > 0:
@@ -407,7 +406,7 @@ def plot(study: SceneStudy) -> str:
         axis.set_xscale("log")
         axis.set_yscale("log")
         if band > 0:
-            low = max(min(100 * m.error for m in known), _SMALLEST)  # type: ignore[operator]
+            low = max(min(100 * m.error for m in known), SMALLEST)  # type: ignore[operator]
             axis.axhspan(min(low, 100 * band) / 2, 100 * band, color="grey", alpha=0.2, linewidth=0)
             axis.set_ylim(bottom=min(low, 100 * band) / 2)
         axis.set_xlabel(f"seconds: {title}")

@@ -9,8 +9,9 @@ import pytest
 import pyvista as pv
 from synthetic import write_run
 
-from analysis.experiment import Experiment, compare, default_folder, fingerprint
+from analysis.experiment import Experiment, compare, default_folder, fingerprint, is_refinable
 from analysis.pictures import magnification
+from analysis.plots import plot_errors
 from analysis.report import finding, percent, text_tables
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
@@ -57,9 +58,49 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
     assert html.escape(finding(comparison)) in page
     assert "1 s against 9 s, 9 times faster" in finding(comparison)
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
-    assert page.count("data:image/svg+xml") == 2
+    assert page.count("data:image/svg+xml") == 3
     assert page.count("data:image/png") == 2
     assert "not converged" in page
+
+
+def refine_reference(experiment, error):
+    folder = experiment.folder / "reference_refined"
+    folder.mkdir()
+    (folder / "run.json").write_text(json.dumps({"convergence": {"status": "ok", "estimated_error_l2": error}}))
+
+
+def test_differences_near_the_error_of_the_reference_are_named(experiment):
+    refine_reference(experiment, 0.05)
+    compare(experiment)
+    page = (experiment.folder / "report.html").read_text()
+    # A quarter of the affine springs' 0.2, less than a tenth of the uniform ones' 0.58.
+    assert "some 5 %" in page
+    assert "more than a tenth of the difference from affine (25 % of it), which" in page
+
+
+@pytest.mark.parametrize(
+    "error, words",
+    [(0.019, "less than a tenth of every difference"), (1e-14, "is rounding"), (None, "is not estimated")],
+)
+def test_error_of_the_reference_is_stated(error, words, experiment):
+    if error:
+        refine_reference(experiment, error)
+    compare(experiment)
+    assert words in (experiment.folder / "report.html").read_text()
+
+
+def test_references_of_linear_statics_are_refined_while_they_are_small():
+    scene = {"time": {"mode": "static"}, "reference": {"law": "small_strain"}}
+    assert is_refinable(scene, {"n_dofs": 60_000})
+    assert not is_refinable(scene, {"n_dofs": 70_000})
+    assert not is_refinable(scene | {"time": {"mode": "dynamic"}}, {"n_dofs": 100})
+    assert not is_refinable(scene | {"reference": {"law": "neo_hookean"}}, {"n_dofs": 100})
+
+
+def test_error_bars_have_a_band_for_the_reference():
+    with_band, without = plot_errors({"affine": 0.2}, 0.01), plot_errors({"affine": 0.2}, None)
+    assert "#808080" in with_band and "#808080" not in without
+    assert "displacement error (%)" in without
 
 
 def test_pictures_show_the_body(experiment):
