@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .runs import Array, Run, RunError
+from .runs import Array, Run, RunError, scene_of
 
 # Both solvers keep the surface bit for bit, but a frame stores X + u and u, so that X comes back rounded.
 _SAME_POINT = 1e-12  # of the bounding box
+_LOAD_CASE = ("gravity", "material", "supports", "loads")  # of a scene: must be the same in both runs
 _SAME_TIME = 1e-9  # of the run's length
 
 
@@ -76,7 +77,7 @@ def displacement_error(X: Array, F: Array, u: Array, u_reference: Array, is_free
     )
 
 
-def volume_change_error(times: Array, change: Array, times_ref: Array, change_ref: Array) -> VolumeError:
+def volume_error(times: Array, change: Array, times_ref: Array, change_ref: Array) -> VolumeError:
     """Difference of two curves dV/V0 over the reference's times, the first linearly interpolated to them."""
     difference = np.interp(times_ref, times, change) - change_ref
     norm = _curve_norm(times_ref, change_ref)
@@ -128,7 +129,13 @@ def trajectory_error(run: Run, reference: Run) -> float:
 
 
 def check_same_problem(run: Run, reference: Run) -> None:
-    """Raises RunError unless both runs are of the same surface, vertex by vertex, and end at the same time."""
+    """Raises RunError unless both runs are of the same load case and surface, vertex by vertex, and end at the same time."""
+    here, there = scene_of(run), scene_of(reference)
+    for key in _LOAD_CASE if here and there else ():
+        if here.get(key) != there.get(key):
+            raise RunError(
+                f"{run.folder}: the scene's {key} is {here.get(key)}, expected {there.get(key)} as in {reference.folder}"
+            )
     a, b = run.last, reference.last
     if len(a.X) != len(b.X) or a.F.shape != b.F.shape or (a.F != b.F).any():
         raise RunError(
@@ -155,7 +162,7 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> dict[str, Any]:
     check_same_problem(run, reference)
     a, b = run.last, reference.last
     displacement = displacement_error(b.X, b.F, a.u, b.u, is_free)
-    change = volume_change_error(*volume_change(run), *volume_change(reference))
+    change = volume_error(*volume_change(run), *volume_change(reference))
     return {
         "status": run.record["status"],
         "displacement_error_l2": displacement.l2,

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from .compare import displacement_at, volume_change
 from .pictures import aim, magnification, seen_size, surface_of
-from .runs import Array, Run, RunError, load_run
+from .runs import Array, Run, RunError, load_run, scene_of
 from .style import REFERENCE, label_of, style_of
 
 _HEIGHT = 240  # pixels of a panel
@@ -61,11 +60,6 @@ def _shared_times(runs: dict[str, Run], n: int) -> Array:
     if not last > first:
         raise RunError("a film needs at least two frames; was the scene run with output.frames_every = 0?")
     return np.linspace(first, last, min(n, max(len(run.times) for run in runs.values())))
-
-
-def _scene_of(run: Run) -> dict[str, Any]:
-    file = run.folder / "scene.toml"
-    return tomllib.loads(file.read_text()) if file.exists() else {}
 
 
 def _obstacle_mesh(obstacle: dict[str, Any], middle: Array, size: float) -> pv.PolyData:
@@ -106,7 +100,7 @@ class _Camera:
 
     def __init__(self, runs: dict[str, Run], times: Array) -> None:
         self.bodies = _bodies(runs, times)
-        scene = _scene_of(next(iter(runs.values())))
+        scene = scene_of(next(iter(runs.values())))
         self.is_static = scene.get("time", {}).get("mode") == "static"
         fields = [np.linalg.norm(u, axis=1).max() for body in self.bodies.values() for u in body.u]
         self.largest = max(fields)

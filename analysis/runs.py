@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -79,6 +80,12 @@ def load_run(folder: Path | str) -> Run:
         raise RunError(f"{folder}: status is '{record.get('status')}', expected 'ok'")
     times, files = _read_pvd(folder / "frames.pvd")
     return Run(folder, record, _read_curves(folder / "curves.csv"), times, files)
+
+
+def scene_of(run: Run) -> dict[str, Any]:
+    """The scene with every default filled in, as the solver left it beside its run; empty where there is none."""
+    file = run.folder / "scene.toml"
+    return tomllib.loads(file.read_text()) if file.exists() else {}
 
 
 def _read_pvd(file: Path) -> tuple[Array, tuple[Path, ...]]:

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import matplotlib
 
-matplotlib.use("svg")
 matplotlib.rcParams.update(
     {
         "axes.axisbelow": True,

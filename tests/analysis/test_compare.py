@@ -6,11 +6,13 @@ from synthetic import write_run
 
 from analysis.compare import (
     compare_runs,
+    displacement_at,
     displacement_error,
     remove_rigid_motion,
+    trajectory_error,
     vertex_areas,
     volume,
-    volume_change_error,
+    volume_error,
 )
 from analysis.runs import RunError, load_run
 
@@ -77,7 +79,7 @@ def test_reference_at_rest_is_refused(ball):
 def test_volume_curves_are_compared_at_the_reference_times():
     times_ref = np.linspace(0, 1, 5)
     times = np.linspace(0, 1, 3)  # a straight line is resampled without error
-    error = volume_change_error(times, 0.03 * times, times_ref, 0.02 * times_ref)
+    error = volume_error(times, 0.03 * times, times_ref, 0.02 * times_ref)
     assert error == pytest.approx((0.5, 0.01), rel=ROUNDING)
 
 
@@ -85,7 +87,7 @@ def test_volume_error_sees_a_difference_in_mid_curve():
     times = np.linspace(0, 1, 101)
     change_ref = -times
     change = change_ref + 0.2 * np.sin(np.pi * times)
-    error = volume_change_error(times, change, times, change_ref)
+    error = volume_error(times, change, times, change_ref)
     assert error.absolute == pytest.approx(0.2)
     # ||0.2 sin(pi t)|| / ||t|| over [0, 1]; the trapezoidal rule on 100 steps is good to 1e-4.
     assert error.relative == pytest.approx(0.2 * np.sqrt(0.5) / np.sqrt(1 / 3), rel=1e-4)
@@ -132,3 +134,31 @@ def test_run_that_ends_early_is_refused(ball, tmp_path):
     b = load_run(write_run(tmp_path / "b", *ball, lambda X: 0.1 * X))
     with pytest.raises(RunError, match="last frame is at time 0.5, expected 1 "):
         compare_runs(a, b, is_free=True)
+
+
+def test_displacement_is_linear_between_frames(ball, tmp_path):
+    run = load_run(write_run(tmp_path / "a", *ball, lambda X: 0.1 * X, times=np.array([0, 0.4, 1])))
+    for time in (0, 0.1, 0.4, 0.7, 1):
+        assert displacement_at(run, time) == pytest.approx(0.1 * time * ball[0], abs=1e-15)
+    with pytest.raises(RunError, match="no frame at time 1.1, expected 0 to 1"):
+        displacement_at(run, 1.1)
+
+
+def test_trajectories_are_compared_over_the_whole_time(ball, tmp_path):
+    reference = load_run(write_run(tmp_path / "a", *ball, lambda X: 0.1 * X, times=np.linspace(0, 1, 9)))
+    fewer = load_run(write_run(tmp_path / "b", *ball, lambda X: 0.12 * X, times=np.linspace(0, 1, 3)))
+    assert trajectory_error(fewer, reference) == pytest.approx(0.2)
+    with pytest.raises(RunError, match="does not deform"):
+        trajectory_error(fewer, load_run(write_run(tmp_path / "e", *ball, lambda X: 0 * X)))
+
+
+@pytest.mark.parametrize("key", ["gravity = [0, 0, -9.81]", "[material]\nE = 2e5", "[[loads]]\npressure = 1"])
+def test_runs_of_different_load_cases_are_refused(key, ball, tmp_path):
+    folders = [write_run(tmp_path / name, *ball, lambda X: 0.1 * X) for name in "ab"]
+    for folder, text in zip(folders, (key, key.replace("1", "3").replace("2e5", "1e5")), strict=True):
+        (folder / "scene.toml").write_text(f"{text}\n[network]\nk = {len(text)}{folder.name == 'a':d}\n")
+    runs = [load_run(folder) for folder in folders]
+    with pytest.raises(RunError, match=f"the scene's {key.strip('[').split()[0].strip(']')} is .*, expected"):
+        compare_runs(*runs, is_free=True)
+    (folders[0] / "scene.toml").write_text((folders[1] / "scene.toml").read_text())
+    compare_runs(*runs, is_free=True)

@@ -2,17 +2,19 @@
 
 import html
 import json
-import re
 
 import numpy as np
 import pytest
 import pyvista as pv
+from PIL import Image
+from pages import fetched
 from synthetic import write_run
 
 from analysis.experiment import Experiment, compare, default_folder, fingerprint, is_refinable
-from analysis.pictures import magnification
+from analysis.pictures import draw_comparison, magnification, seen_size
 from analysis.plots import plot_errors
 from analysis.report import finding, percent, text_tables
+from analysis.runs import Frame
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
 
@@ -57,7 +59,7 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
     page = (experiment.folder / "report.html").read_text()
     assert html.escape(finding(comparison)) in page
     assert "1 s against 9 s, 9 times faster" in finding(comparison)
-    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+    assert not fetched(page)
     assert page.count("data:image/svg+xml") == 3
     assert page.count("data:image/png") == 2
     assert "not converged" in page
@@ -110,6 +112,23 @@ def test_pictures_show_the_body(experiment):
     # A part of the white ground is covered by three balls in colour, and not all.
     share = (np.ptp(pixels, axis=1) > 40).mean()
     assert 0.1 < share < 0.7
+
+
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 2, 1), (3, 1, 3)])
+def test_pictures_show_the_body_whole_and_in_its_proportions(stretch, ball, tmp_path):
+    X, F = ball[0] * stretch, ball[1]
+    frames = [Frame(X, factor * X, F) for factor in (0.33, 0.3)]  # large enough to be drawn as they are
+    draw_comparison(tmp_path / "picture.png", *frames, is_free=False, label="springs")
+    picture = np.asarray(Image.open(tmp_path / "picture.png").convert("RGB"), dtype=int)
+    assert picture.shape == (560, 1500, 3)
+    covered = (picture < 250).any(axis=2)
+    width, height = seen_size(1.33 * X)
+    per_metre = min(0.9 * 500 / width, 0.66 * 560 / height)
+    for column, size in enumerate((1.3, 1.33, 1)):
+        panel = covered[45:470, 500 * column : 500 * (column + 1)]  # without title and colour bar
+        rows, columns = panel.any(axis=1).nonzero()[0], panel.any(axis=0).nonzero()[0]
+        assert np.ptp(rows) == pytest.approx(size / 1.33 * height * per_metre, abs=4)
+        assert np.ptp(columns) == pytest.approx(size / 1.33 * width * per_metre, abs=4)
 
 
 def test_failed_model_of_the_scene_is_the_status(experiment):
