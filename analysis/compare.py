@@ -178,6 +178,20 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> dict[str, Any]:
     }
 
 
+def describe_alone(run: Run) -> dict[str, Any]:
+    """The figures of a spring model that has no reference to be compared with."""
+    kinetic = run.curves["kinetic_energy"]
+    return {
+        "status": run.record["status"],
+        "n_nodes": run.record["n_nodes"],
+        "n_springs": run.record.get("n_springs"),
+        "volume_change": float(volume_change(run)[1][-1]),
+        "largest_displacement": float(np.linalg.norm(run.last.u, axis=1).max()),
+        "kinetic_energy_left": float(kinetic[-1] / kinetic.max()) if kinetic.max() > 0 else 0.0,
+        "seconds": run.record["seconds"],
+    }
+
+
 def describe_reference(reference: Run) -> dict[str, Any]:
     """How much the reference moves: what the relative errors are relative to."""
     frame = reference.last

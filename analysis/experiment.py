@@ -13,16 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .compare import compare_runs, describe_reference, volume_change
+from .compare import compare_runs, describe_alone, describe_reference, volume_change
 from .film import draw_film, draw_strip
 from .pictures import draw_comparison
 from .plots import plot_errors, plot_times, plot_volume
 from .report import render
 from .runs import RunError, load_run
 from .style import REFERENCE, label_of
+from .warp import draw_playback
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAMS = ROOT / "build" / "bin"
+_NOT_SOLVED = 3  # exit status of fem_reference
 _MAX_DOFS = 500_000  # of a refined reference: seconds, not minutes
 _GROWTH = 8  # of the unknowns by a refinement
 
@@ -34,6 +36,7 @@ class Experiment:
     folder: Path
     scene: dict[str, Any]  #: filled in, as the solvers read it
     failed: dict[str, str]  #: spring models that gave no result, and why
+    unsolved: str = ""  #: the part of the scene that the reference does not model; "": it solved the scene
 
     @property
     def name(self) -> str:
@@ -86,7 +89,8 @@ def run_solvers(
 ) -> Experiment:
     """Runs the reference and every spring model; each skips itself where its last result still holds.
 
-    Raises RunError when the reference gives no result.
+    Where the scene has a part that the reference does not model, the springs run alone. Raises RunError when the
+    reference fails.
     """
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
@@ -98,17 +102,19 @@ def run_solvers(
         return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
 
     status = run("fem_reference", folder / "fem_reference")
-    if status != 0:
+    if status not in (0, _NOT_SOLVED):
         raise RunError(f"fem_reference gave no result (exit status {status})")
     shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
     scene = tomllib.loads((folder / "scene.toml").read_text())
     refined = folder / "reference_refined"
-    if is_refinable(scene, json.loads((folder / "fem_reference" / "run.json").read_text())):
+    record = json.loads((folder / "fem_reference" / "run.json").read_text())
+    unsolved = record["reason"] if status == _NOT_SOLVED else ""
+    if not unsolved and is_refinable(scene, record):
         run("fem_reference", refined, "output.frames_every=0", options=["--converge", "2"])
     else:
         shutil.rmtree(refined, ignore_errors=True)
 
-    experiment = Experiment(folder, scene, {})
+    experiment = Experiment(folder, scene, {}, unsolved)
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
         status = run("massspring", out, f"network.calibration={calibration}")
@@ -139,48 +145,62 @@ def write_text(file: Path, text: str) -> None:
 
 def compare(experiment: Experiment) -> dict[str, Any]:
     """Compares all runs of the experiment, writes report.html and, last of all, comparison.json."""
-    reference = load_run(experiment.reference_folder)
+    reference = None if experiment.unsolved else load_run(experiment.reference_folder)
     models: dict[str, dict[str, Any]] = {}
     runs = {}
     for name in experiment.calibrations:
         if name in experiment.failed:
             models[name] = {"status": experiment.failed[name]}
             continue
-        runs[name] = load_run(experiment.massspring_folder(name))
-        models[name] = compare_runs(runs[name], reference, experiment.is_free)
+        run = runs[name] = load_run(experiment.massspring_folder(name))
+        models[name] = compare_runs(run, reference, experiment.is_free) if reference else describe_alone(run)
 
     main = models[experiment.calibration]
-    described = describe_reference(reference)
-    described["estimated_error_l2"] = _estimated_error(experiment.folder / "reference_refined" / "run.json")
-    figures = ["displacement_error_l2", "displacement_error_max", "volume_change_error"]
     comparison = {
         "scene": experiment.name,
         "surface": experiment.surface,
         "status": main["status"],
         "calibration": experiment.calibration,
-        "rigid_motion_removed": experiment.is_free,
-        **{key: main.get(key) for key in [*figures, "n_nodes", "n_springs"]},
-        "n_dofs_reference": described["n_dofs"],
-        "seconds": {"massspring": main.get("seconds"), "fem_reference": described["seconds"]},
-        "reference": described,
-        "models": models,
-        "fingerprint": fingerprint(experiment),
     }
+    if reference:
+        described = describe_reference(reference)
+        refined = experiment.folder / "reference_refined" / "run.json"
+        described["estimated_error_l2"] = _estimated_error(refined)
+        figures = ["displacement_error_l2", "displacement_error_max", "volume_change_error"]
+        comparison |= {
+            "rigid_motion_removed": experiment.is_free,
+            **{key: main.get(key) for key in [*figures, "n_nodes", "n_springs"]},
+            "n_dofs_reference": described["n_dofs"],
+            "seconds": {"massspring": main.get("seconds"), "fem_reference": described["seconds"]},
+            "reference": described,
+        }
+    else:
+        comparison["no_reference"] = experiment.unsolved
+    comparison |= {"models": models, "fingerprint": fingerprint(experiment)}
 
     pictures = {}
-    for name, run in runs.items():
+    for name, run in runs.items() if reference else ():
         file = experiment.folder / f"error_{name}.png"
         draw_comparison(file, run.last, reference.last, experiment.is_free, label_of(name))
         pictures[f"Deformed surfaces and the error of the {name} springs."] = file
     is_static = experiment.scene["time"]["mode"] == "static"
-    methods = {REFERENCE: reference, **runs}
+    methods = ({REFERENCE: reference} if reference else {}) | runs
     shown = {name: methods[name] for name in (experiment.calibration, REFERENCE) if name in methods}
-    if not is_static and min(len(run.times) for run in shown.values()) > 1:
-        draw_film(experiment.folder / "film.gif", shown)
+    if shown and not is_static and min(len(run.times) for run in shown.values()) > 1:
         draw_strip(experiment.folder / "strip.png", shown)
-        pictures["Both solvers in time, and their volumes."] = experiment.folder / "film.gif"
+        draw_film(experiment.folder / "film.gif", shown)
+        pictures["Frames in time."] = experiment.folder / "strip.png"
+        pictures["The motion, and the volume."] = experiment.folder / "film.gif"
+    playback = experiment.scene.get("playback", {})
+    if shown and playback.get("warp"):
+        draw_playback(experiment.folder / "playback", shown[experiment.calibration], playback)
+        pictures[f"Played {'backwards' if playback['reversed'] else 'again'}, time warp {playback['warp']}."] = (
+            experiment.folder / "playback" / "film.gif"
+        )
     plots = {
-        "Volume over the load, and the difference from the finite elements.": plot_volume(
+        "Volume over the load, and the difference from the finite elements."
+        if reference
+        else "Volume in time.": plot_volume(
             {name: volume_change(run) for name, run in methods.items()},
             "load factor (1)" if is_static else "time (s)",
         ),

@@ -191,13 +191,15 @@ def _mosaic(pages: list[Image.Image]) -> Image.Image:
     return whole
 
 
-def draw_film(file: Path, runs: dict[str, Run], n_frames: int = 40, seconds: float = 4) -> None:
+def draw_film(
+    file: Path, runs: dict[str, Run], n_frames: int = 40, seconds: float = 4, times: Array | None = None
+) -> None:
     """Writes a GIF of the runs side by side above their volume curves.
 
-    runs: method (fem_reference or a spring model) -> run. All are seen from the same place and coloured by displacement on
+    runs: method (fem_reference or a spring model) -> run; times: of the frames, where not n_frames evenly. All are seen from the same place and coloured by displacement on
     one scale; small motion is enlarged, and the film says by how much. Raises RunError where nothing moves.
     """
-    times = _shared_times(runs, n_frames)
+    times = _shared_times(runs, n_frames) if times is None else times
     camera = _Camera(runs, times)
     width, height = camera.panel
     shots = {name: camera.shots(name) for name in runs}

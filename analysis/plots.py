@@ -21,13 +21,16 @@ def svg_of(figure: Figure) -> str:
 
 
 def plot_volume(curves: dict[str, Curve], time_label: str) -> str:
-    """Volume curves, with their difference from the reference below.
+    """Volume curves, with their difference from the reference, where there is one, below.
 
-    curves: method -> times and dV/V0, the reference among them.
+    curves: method -> times and dV/V0.
     """
-    figure = Figure(figsize=(7, 5.2))
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    times_ref, change_ref = curves[REFERENCE]
+    figure = Figure(figsize=(7, 5.2 if REFERENCE in curves else 3.5))
+    if REFERENCE in curves:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        times_ref, change_ref = curves[REFERENCE]
+    else:
+        above = figure.subplots()
     for method, (times, change) in curves.items():
         colour, marker = style_of(method)
         shape = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.6}
@@ -36,11 +39,14 @@ def plot_volume(curves: dict[str, Curve], time_label: str) -> str:
         if len(times) > 25:
             shape["markevery"] = len(times) // 12
         above.plot(times, 100 * change, label=label_of(method), **shape)
-        if method != REFERENCE:
+        if method != REFERENCE and REFERENCE in curves:
             difference = np.interp(times_ref, times, change) - change_ref
             below.plot(times_ref, 100 * difference, **(shape | {"markevery": None}))
     above.set_ylabel("volume change (% of volume)")
     above.legend()
+    if REFERENCE not in curves:
+        above.set_xlabel(time_label)
+        return svg_of(figure)
     below.axhline(0, color=style_of(REFERENCE).colour, linewidth=1)
     below.set_ylabel("difference\n(% of volume)")
     below.set_xlabel(time_label)

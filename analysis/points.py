@@ -21,7 +21,10 @@ from .experiment import PROGRAMS, write_text
 from .runs import RunError
 
 # Top-level keys of a scene that a program does not read, as in its own input hash.
-_IGNORED = {"fem_reference": {"network", "comparison"}, "massspring": {"reference", "comparison"}}
+_IGNORED = {
+    "fem_reference": {"network", "comparison", "playback"},
+    "massspring": {"reference", "comparison", "playback"},
+}
 _MESHERS = ("gmsh_worker", "tetgen_worker")
 THREADS = ("OMP_NUM_THREADS", "DEAL_II_NUM_THREADS")
 _MARK = f".part-{platform.node()}-"  # of a folder that a process works on; its number follows

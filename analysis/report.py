@@ -29,6 +29,10 @@ def percent(fraction: float | None) -> str:
     return f"{value:.3g} %" if 1e-3 <= value < 1e4 or value == 0 else f"{value:.1e} %"
 
 
+def percent_signed(fraction: float) -> str:
+    return f"{'-' if fraction < 0 else '+'}{percent(abs(fraction))}"
+
+
 def total(seconds: dict[str, float]) -> float:
     return sum(seconds.values())
 
@@ -42,6 +46,13 @@ def finding(comparison: dict[str, Any]) -> str:
     name, model = comparison["calibration"], comparison["models"][comparison["calibration"]]
     if model["status"] != "ok":
         return f"{title(comparison)}: the {name} springs gave no result: {model['status']}."
+    if "no_reference" in comparison:
+        return (
+            f"{title(comparison)}: no fair reference, so nothing is compared ({comparison['no_reference']}); the volume of the "
+            f"{name} springs ends {percent(abs(model['volume_change']))} {'below' if model['volume_change'] < 0 else 'above'} "
+            f"that at rest, and {percent(model['kinetic_energy_left'])} of the largest kinetic energy is left; they took "
+            f"{total(model['seconds']):.2g} s."
+        )
     springs, fem = total(model["seconds"]), total(comparison["reference"]["seconds"])
     ratio = f"{fem / springs:.2g} times faster" if fem >= springs else f"{springs / fem:.2g} times slower"
     sentence = (
@@ -84,6 +95,8 @@ Table = tuple[list[str], list[list[str]]]
 
 def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
     """Head and rows of the tables of errors, of trust and of seconds, for the terminal and for the report."""
+    if "no_reference" in comparison:
+        return (_table_alone(comparison["models"]),)
     reference, models = comparison["reference"], comparison["models"]
     stages = ["mesh", "setup", "assemble", "solve", "output"]
 
@@ -118,6 +131,23 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
     errors[1].append([label, str(reference["n_nodes"]), "-", str(reference["n_dofs"]), "-", "-", "-"])
     seconds[1].append([label, *times(reference["seconds"])])
     return errors, trust, seconds
+
+
+def _table_alone(models: dict[str, dict[str, Any]]) -> Table:
+    head = ["", "nodes", "springs", "volume change", "largest displacement (m)", "kinetic energy left", "solve (s)"]
+    rows = []
+    for name, model in models.items():
+        if model["status"] != "ok":
+            rows.append([label_of(name), model["status"], *[""] * 5])
+            continue
+        size = [str(model["n_nodes"]), str(model["n_springs"]), percent_signed(model["volume_change"])]
+        rows.append(
+            [
+                label_of(name), *size, f"{model['largest_displacement']:.3g}",
+                percent(model["kinetic_energy_left"]), f"{model['seconds']['solve']:.2f}",
+            ]
+        )  # fmt: skip
+    return head, rows
 
 
 def _trust(model: dict[str, Any]) -> list[str]:
@@ -209,12 +239,27 @@ def render(
     parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]
     parts += [image_figure(file, caption) for caption, file in pictures.items()]
+    parts.append(_EXPLAINED_ALONE if "no_reference" in comparison else _explained(comparison))
+    protocol = {"scene.toml, with every default filled in: running it reproduces this": scene}
+    protocol |= {
+        f"{label_of(method)}: run.json": json.dumps(record, indent=2) for method, record in records.items()
+    }
+    return page(title(comparison), finding(comparison), parts, protocol)
+
+
+_EXPLAINED_ALONE = """<h2>How to read this</h2>
+<p>Contact, friction, wrinkles and skin have no fair finite-element reference here, so nothing is compared. <b>Kinetic energy
+left</b>: at the end, of its largest; little means that the body came to rest without jitter.</p>"""
+
+
+def _explained(comparison: dict[str, Any]) -> str:
+    """What the figures of a comparison mean."""
     rigid = (
         "The body is free, so rigid motion is removed from both displacements first. "
         if comparison["rigid_motion_removed"]
         else ""
     )
-    parts.append(f"""<h2>How to read this</h2>
+    return f"""<h2>How to read this</h2>
 <p>Both solvers start from the same surface, vertex by vertex. <b>Displacement error</b>: area-weighted L2 norm over
 the surface nodes of the difference at full load (or at the end), as a fraction of the same norm of the finite-element
 displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
@@ -225,9 +270,4 @@ elements' own; it says little where the reference hardly changes its volume
 on this mesh makes of loads whose exact displacement is known, no reference needed: error under uniform pressure and
 uniaxial tension, compliance over the exact one in bending and torsion (1 is exact, less too stiff). <b>Floppy
 motions</b> cost a network no energy; a static solution holds them and carries the rest of the load. A network with
-any gives no answer to the exact fields. <b>Seconds</b>: wall-clock, by stage.</p>""")
-    protocol = {"scene.toml, with every default filled in: running it reproduces this": scene}
-    protocol |= {
-        f"{label_of(method)}: run.json": json.dumps(record, indent=2) for method, record in records.items()
-    }
-    return page(title(comparison), finding(comparison), parts, protocol)
+any gives no answer to the exact fields. <b>Seconds</b>: wall-clock, by stage.</p>"""

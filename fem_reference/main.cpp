@@ -35,18 +35,19 @@ struct LoadPath {
   double factor(int n) const { return static_cast<double>(n) / n_solves; }
 };
 
-void refuse_what_is_not_solved(const Scene& scene, const std::string& file) {
-  const auto refuse = [&](const std::string& what) { throw std::runtime_error(file + ": " + what); };
+/// Parts of the scene that the reference does not model; empty: none.
+std::string unsolved_part(const Scene& scene) {
   if (!scene.obstacles.empty() || scene.self_contact.is_on)
-    refuse("obstacles or self_contact, expected none: the reference has no contact");
-  if (scene.volume || scene.skin) refuse("volume or skin, expected none: the reference is the solid alone");
+    return "obstacles or self_contact, expected none: the reference has no contact";
+  if (scene.volume || scene.skin) return "volume or skin, expected none: the reference is the solid alone";
   if (scene.collapse)
     for (const Pivot& pivot : scene.collapse->pivots)
-      if (!pivot.motion.empty() || pivot.end) refuse("collapse.pivots with motion or end, expected neither");
-  if (scene.time.mode == TimeMode::Static) return;
-  if (scene.collapse) refuse("collapse, expected none with time.mode = dynamic in the reference");
+      if (!pivot.motion.empty() || pivot.end) return "collapse.pivots with motion or end, expected neither";
+  if (scene.time.mode == TimeMode::Static) return "";
+  if (scene.collapse) return "collapse, expected none with time.mode = dynamic in the reference";
   if (scene.reference.law != ElasticLaw::SmallStrain)
-    refuse("reference.law, expected small_strain with time.mode = dynamic");
+    return "reference.law, expected small_strain with time.mode = dynamic";
+  return "";
 }
 
 /// Full-load displacement of the surface's vertices on finer and finer meshes, and the error of the first
@@ -185,9 +186,18 @@ void run_dynamic(Run& run) {
   run.record["status"] = "ok";
 }
 
-void run(const Arguments& arguments) {
+/// Whether it was solved.
+bool run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
-  refuse_what_is_not_solved(scene, arguments.scene);
+  const std::filesystem::path out = arguments.out;
+  std::filesystem::create_directories(out);
+  write_file(out / "scene.toml", to_toml(scene));
+  if (const std::string part = unsolved_part(scene); !part.empty()) {
+    write_file(out / "run.json",
+               nlohmann::ordered_json{{"status", "not_solved"}, {"reason", part}}.dump(2) + "\n");
+    std::cerr << "not solved: " << arguments.scene << ": " << part << '\n';
+    return false;
+  }
   Progress progress(arguments.is_quiet);
   StageTimer timer;
   timer.start("mesh");
@@ -195,12 +205,9 @@ void run(const Arguments& arguments) {
   const SurfaceMesh surface = load_surface(scene.surface);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
   const std::string hash =
-      hash_of(input_hash(scene, surface, {"network", "comparison"}) + ' ' +
+      hash_of(input_hash(scene, surface, {"network"}) + ' ' +
               std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies));
-  const std::filesystem::path out = arguments.out;
-  std::filesystem::create_directories(out);
-  write_file(out / "scene.toml", to_toml(scene));
-  if (!arguments.is_forced && is_up_to_date(out, hash)) return;
+  if (!arguments.is_forced && is_up_to_date(out, hash)) return true;
   timer.start("mesh");
   TetOptions options;
   options.interior_size = scene.reference.interior_size;
@@ -242,6 +249,7 @@ void run(const Arguments& arguments) {
   }
   record["seconds"] = timer.seconds();
   recorder.finish(record);
+  return true;
 }
 
 }  // namespace
@@ -257,7 +265,8 @@ int main(int argc, char** argv) {
       "  fem_reference scene.toml --converge 2\n\n"
       "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
       "with its\n"
-      "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n");
+      "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n"
+      "Exit status: 0 solved, 1 error, 3 the scene has a part that the reference does not model.\n");
   app.add_option("scene", arguments.scene, "scene file (.toml)")->required();
   app.add_option("--set", arguments.overrides, "key=value: overrides a key of the scene; may be repeated")
       ->allow_extra_args(false);
@@ -274,7 +283,8 @@ int main(int argc, char** argv) {
   app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
   CLI11_PARSE(app, argc, argv);
   try {
-    testbed::run(arguments);
+    constexpr int kNotSolved = 3;
+    return testbed::run(arguments) ? 0 : kNotSolved;
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << '\n';
     return 1;

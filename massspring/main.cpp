@@ -104,7 +104,7 @@ void run(const Arguments& arguments) {
   progress.stage("mass-spring: mesh");
   const SurfaceMesh surface = load_surface(scene.surface);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
-  const std::string hash = input_hash(scene, surface, {"reference", "comparison"}) +
+  const std::string hash = input_hash(scene, surface, {"reference"}) +
                            (arguments.is_undiagnosed ? " undiagnosed" : "");
   const std::filesystem::path out = arguments.out;
   std::filesystem::create_directories(out);

@@ -327,7 +327,7 @@ Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides
 std::string input_hash(const Scene& scene, const SurfaceMesh& surface,
                        const std::vector<std::string>& ignored) {
   toml::table table = toml::parse(to_toml(scene));
-  table.erase("name");
+  for (const char* key : {"name", "comparison", "playback"}) table.erase(key);
   for (const std::string& key : ignored) table.erase(key);
   std::ostringstream bytes;
   bytes << table;

@@ -185,6 +185,16 @@ struct OutputOptions {
   std::vector<std::string> fields{"displacement", "velocity"};
 };
 
+/// The film of the deflation played backwards is an inflation [paper 4].
+struct PlaybackOptions {
+  std::string warp;         ///< of time; "": no film
+  bool is_reversed = true;  ///< the end comes first
+  double seconds = 4;       ///< of the film
+  double fps = 25;          ///< 1/s
+  Curve points;             ///< of a custom warp: [[share of the film, share of the simulation], ...]
+  std::string expression;   ///< or the same in t
+};
+
 struct Scene {
   std::string name;
   SurfaceSource surface;
@@ -201,6 +211,7 @@ struct Scene {
   NetworkOptions network;
   ReferenceOptions reference;
   ComparisonOptions comparison;
+  PlaybackOptions playback;
   OutputOptions output;
 };
 
@@ -219,7 +230,7 @@ SurfaceMesh load_surface(const SurfaceSource& source);
 
 /// Hash of all that a program's result depends on: the scene less the parts it ignores, the surface and the
 /// program itself.
-/// @param ignored  top-level keys of the scene that the program does not read, e.g. {"network", "comparison"}
+/// @param ignored  top-level keys of the scene that the program does not read, e.g. {"network"}; name, comparison and playback never count
 std::string input_hash(const Scene& scene, const SurfaceMesh& surface,
                        const std::vector<std::string>& ignored);
 

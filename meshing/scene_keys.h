@@ -34,6 +34,7 @@ inline const std::vector<std::string> kConnectivities{"surface",  "central", "co
                                                       "delaunay", "pcp",     "completed_pcp"};
 inline const std::vector<std::string> kSpringLaws{"hooke", "definite"};
 inline const std::vector<std::string> kLaws{"small_strain", "st_venant_kirchhoff", "neo_hookean"};
+inline const std::vector<std::string> kWarps{"constant", "elastic", "explode", "custom"};
 inline const std::vector<std::string> kFields{"displacement", "velocity"};
 
 /// The times in front ascend.
@@ -223,6 +224,17 @@ void describe(V& v, OutputOptions& o) {
 }
 
 template <class V>
+void describe(V& v, PlaybackOptions& p) {
+  v.choice("warp", p.warp, kWarps, "of time: constant, elastic, explode, custom; \"\": no film");
+  v("reversed", p.is_reversed, "the end first: deflation becomes inflation");
+  v("seconds", p.seconds, kPositive, "s, length of the film");
+  v("fps", p.fps, kPositive, "1/s, frames");
+  v("points", p.points, kUpToOne, "of custom: [[share of film, share of simulation], ...]");
+  v.check("points", is_ascending(p.points), "ascending times");
+  v("expression", p.expression, "of custom: share of simulation as a function of t");
+}
+
+template <class V>
 void describe(V& v, Scene& s) {
   v("name", s.name, "of the output folder");
   v("gravity", s.gravity, kAny, "m/s2");
@@ -239,6 +251,7 @@ void describe(V& v, Scene& s) {
   v.table("network", s.network);
   v.table("reference", s.reference);
   v.table("comparison", s.comparison);
+  v.table("playback", s.playback);
   v.table("output", s.output);
 }
 
