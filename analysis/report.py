@@ -48,7 +48,7 @@ def finding(comparison: dict[str, Any]) -> str:
         return f"{title(comparison)}: the {name} springs gave no result: {model['status']}."
     if "no_reference" in comparison:
         return (
-            f"{title(comparison)}: no fair reference, so nothing is compared ({comparison['no_reference']}); the volume of the "
+            f"{title(comparison)}: no fair reference ({comparison['no_reference']}); the volume of the "
             f"{name} springs ends {percent(abs(model['volume_change']))} {'below' if model['volume_change'] < 0 else 'above'} "
             f"that at rest, and {percent(model['kinetic_energy_left'])} of the largest kinetic energy is left; they took "
             f"{total(model['seconds']):.2g} s."
@@ -68,6 +68,8 @@ def finding(comparison: dict[str, Any]) -> str:
 
 def trust_in_reference(comparison: dict[str, Any]) -> list[str]:
     """Sentences: the reference's own error, and which differences it is too large for."""
+    if "no_reference" in comparison:
+        return []
     error = comparison["reference"]["estimated_error_l2"]
     if error is None:
         return ["The error of the finite elements themselves is not estimated for this scene."]

@@ -38,15 +38,17 @@ struct LoadPath {
 /// Parts of the scene that the reference does not model; empty: none.
 std::string unsolved_part(const Scene& scene) {
   if (!scene.obstacles.empty() || scene.self_contact.is_on)
-    return "obstacles or self_contact, expected none: the reference has no contact";
-  if (scene.volume || scene.skin) return "volume or skin, expected none: the reference is the solid alone";
+    return "obstacles or self_contact: the reference has no contact";
+  if (scene.volume || scene.skin) return "volume or skin: the reference is the solid alone";
   if (scene.collapse)
     for (const Pivot& pivot : scene.collapse->pivots)
-      if (!pivot.motion.empty() || pivot.end) return "collapse.pivots with motion or end, expected neither";
+      if (!pivot.motion.empty() || pivot.end)
+        return "collapse.pivots with motion or end: the reference's stay";
   if (scene.time.mode == TimeMode::Static) return "";
-  if (scene.collapse) return "collapse, expected none with time.mode = dynamic in the reference";
+  if (scene.collapse)
+    return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
   if (scene.reference.law != ElasticLaw::SmallStrain)
-    return "reference.law, expected small_strain with time.mode = dynamic";
+    return "reference.law other than small_strain with time.mode = \"dynamic\"";
   return "";
 }
 
@@ -205,8 +207,8 @@ bool run(const Arguments& arguments) {
   const SurfaceMesh surface = load_surface(scene.surface);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
   const std::string hash =
-      hash_of(input_hash(scene, surface, {"network"}) + ' ' +
-              std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies));
+      hash_of(input_hash(scene, surface, {"network"}) + ' ' + std::to_string(arguments.n_levels) + ' ' +
+              std::to_string(arguments.n_frequencies));
   if (!arguments.is_forced && is_up_to_date(out, hash)) return true;
   timer.start("mesh");
   TetOptions options;

