@@ -12,6 +12,7 @@ matplotlib.rcParams.update(
         "axes.grid": True,
         "axes.spines.right": False,
         "axes.spines.top": False,
+        "font.sans-serif": ["DejaVu Sans", "sans-serif"],
         "font.size": 10,
         "grid.alpha": 0.3,
         "legend.frameon": False,
