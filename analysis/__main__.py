@@ -34,7 +34,7 @@ _STUDY_EXAMPLES = """studies:
   stability        what becomes of a body let go from bad starts, over step and stiffness, as maps
   scaling          seconds, memory and non-zeros from a thousand nodes to a million
   cost             instructions of a time step, the scene's parts switched on one at a time
-  paper            table 1 and figures 7, 9 and 11 beside the paper's values
+  paper            table 1 and figures 7, 9, 10 and 11 beside the paper's values
 
 examples:
   ./testbed study work-precision

@@ -1,4 +1,4 @@
-"""The paper's table 1 and figures 7, 9 and 11 rebuilt beside its values.
+"""The paper's table 1 and figures 7, 9, 10 and 11 rebuilt beside its values.
 
 Table 1: frames a second of one core, measured by bench_step on bodies of the paper's counts of nodes (its own meshes are not
 known), median of interleaved repetitions. The paper's are those of the machine of its day. Figure 11: the scenes FIGURE_11, springs alone.
@@ -23,6 +23,7 @@ from .points import Point, Store
 from .report import Table
 from .runs import RunError, load_run
 from .style import style_of
+from .warp import WARPS, warp_of
 
 # Object: vertices, springs, Euler FPS, IDE FPS, as printed in table 1.
 PUBLISHED = {
@@ -32,6 +33,7 @@ PUBLISHED = {
     "head": (4397, 24808, 5.14, 0.23),
 }
 FIGURE_11 = ("torus_implodes", "handle_folds", "head_crushes", "ball_deflates")  # a to d
+_CUSTOM = [[0, 0], [0.3, 0.1], [0.6, 0.8], [1, 1]]  # figure 10d: in, fast, out; the paper's own is drawn by hand
 _COLUMNS = {"symplectic_euler/soft": 2, "implicit_euler/soft": 3}
 
 
@@ -126,6 +128,24 @@ def figure_9() -> str:
     axes.set_xlabel("distance of pivot and spring (smallest side of the body)")
     axes.set_ylabel("rest length after over before (1)")
     axes.legend(fontsize=8)
+    return svg_of(figure)
+
+
+def figure_10() -> str:
+    """Time warps, and how much of the simulation each shows in a moment of the film [paper fig. 10: dt(t)]."""
+    figure = Figure(figsize=(8, 3.2))
+    time, speed = figure.subplots(1, 2)
+    t = np.linspace(0, 1, 200)
+    warps = WARPS | {"custom": warp_of("custom", points=_CUSTOM)}
+    for number, (name, warp) in enumerate(warps.items()):
+        look = {"color": style_of("", number).colour, "label": name}
+        time.plot(t, warp(t), **look)
+        speed.plot((t[1:] + t[:-1]) / 2, np.diff(warp(t)) / np.diff(t), **look)
+    time.set_ylabel("share of the simulation shown (1)")
+    speed.set_ylabel("dt: simulation per film (1)")
+    for axis in (time, speed):
+        axis.set_xlabel("t: share of the film (1)")
+    time.legend(fontsize=8)
     return svg_of(figure)
 
 

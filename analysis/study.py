@@ -232,6 +232,7 @@ def study_paper(arguments: argparse.Namespace, folder: Path) -> Result:
             paper.figure_9(),
             "Figure 9: how far a spring collapses in a step, over its distance from the pivot.",
         ),
+        "figure_10": (paper.figure_10(), "Figure 10: time warps: the simulation's time, and its speed, over the film's."),
     }
     scenes = arguments.scenes or [SCENES / f"{name}.toml" for name in paper.FIGURE_11]
     strips, ended = paper.figure_11(scenes, Store(folder / "points"), folder)

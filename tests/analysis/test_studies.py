@@ -10,7 +10,7 @@ from solvers import calls, make_solvers
 from analysis import cost, paper, scaling
 from analysis.experiment import ROOT
 from analysis.points import Outcome, Store
-from analysis.study import alone
+from analysis.study import SCENES, alone
 
 
 def test_slope_is_the_exponent():
@@ -109,8 +109,33 @@ def test_benchmark_is_measured_once_for_a_program(tmp_path):
     assert (tmp_path / "log").read_text() == "x\n"
 
 
+def test_figure_11_draws_what_ran_and_says_what_did_not(ball, tmp_path):
+    assert all((SCENES / f"{name}.toml").exists() for name in paper.FIGURE_11)
+    scenes = [tmp_path / "sinks.toml", tmp_path / "breaks.toml"]
+    scenes[0].write_text("")
+    scenes[1].write_text("gravity = [0, 0, 1]")
+    programs = make_solvers(tmp_path / "home", ball)
+    wrapped = programs / "massspring"
+    real = wrapped.rename(programs / "real")
+    wrapped.write_text(
+        f"#!/bin/sh\ncase $1 in *breaks*) echo 'error: torn' >&2; exit 1;; esac\nexec {real} $@\n"
+    )
+    wrapped.chmod(0o755)
+    text = real.read_text().replace("os.path.basename(sys.argv[0])", "'massspring'")
+    real.write_text(text)
+    strips, (head, rows) = paper.figure_11(scenes, Store(tmp_path / "points", programs=programs), tmp_path)
+    assert list(strips) == ["sinks"] and strips["sinks"].stat().st_size > 1000
+    assert [row[:2] for row in rows] == [["sinks", "ok"], ["breaks", "failed"]]
+    assert rows[1][-1] == "torn" and len(rows[0]) == len(head)
+
+
+def test_figures_9_and_10_have_their_curves():
+    assert all(f"R = {R}" in paper.figure_9() for R in (0.1, 0.9))
+    assert all(name in paper.figure_10() for name in ("constant", "elastic", "explode", "custom"))
+
+
 def test_timed_studies_wait_for_each_other(tmp_path):
-    code = "import sys; from pathlib import Path; from analysis.study import alone\n"
+    code = "import sys; from pathlib import Path; from analysis.study import SCENES, alone\n"
     code += "with alone(True, Path(sys.argv[1])): pass"
     with alone(lock_file=tmp_path / "lock"):
         other = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "lock")], cwd=ROOT)
