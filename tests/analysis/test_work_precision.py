@@ -1,5 +1,10 @@
 """Work-precision studies: fronts, crossings and words on curves whose answer is known; a study over stand-ins."""
 
+import random
+import signal
+import subprocess
+import sys
+import time
 import tomllib
 
 import numpy as np
@@ -7,6 +12,7 @@ import pytest
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers
 
+from analysis.experiment import ROOT
 from analysis.front import pareto, seconds_for
 from analysis.points import Store
 from analysis.runs import RunError
@@ -133,3 +139,48 @@ def test_report_stands_alone(study, tmp_path):
     assert len(rows) == 1 + len(study.measurements)
     svg = (tmp_path / "report" / "figure.svg").read_text()
     assert "displacement error (%)" in svg and "seconds: whole run" in svg
+
+
+# A whole study in a process of its own, which writes its table last.
+_STUDY = """
+import sys
+from pathlib import Path
+from analysis.points import Store
+from analysis.study import Result, Section, write
+from analysis.work_precision import Effort, SceneStudy, table
+folder, programs = map(Path, sys.argv[1:])
+store = Store(folder / "points", programs=programs)
+print("ready", flush=True)
+study = SceneStudy(folder.parent / "scene.toml", Effort((1,), (1,), 2, 0), store, store)
+study.run(is_quiet=True)
+write(folder, Result("Title", "A finding.", [Section("ball", [], {}, {"rows": table(study)})], {}))
+"""
+
+
+def start_study(folder, programs):
+    words = [sys.executable, "-c", _STUDY, str(folder), str(programs)]
+    process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def test_study_killed_at_random_points_continues_to_the_same_table(ball, tmp_path):
+    programs = make_solvers(tmp_path / "home", ball, seconds=0.05)
+    (tmp_path / "scene.toml").write_text('[surface]\nshape = "ball"\n')
+    assert start_study(tmp_path / "whole", programs).wait() == 0
+    n_points = len(calls(programs))
+    moments = random.Random(2)
+    for _ in range(3):
+        process = start_study(tmp_path / "killed", programs)
+        time.sleep(moments.uniform(0.1, 0.6))
+        process.kill()
+        assert process.wait() == -signal.SIGKILL
+    outcomes = (tmp_path / "killed" / "points").glob("*/outcome.json")
+    finished = {file: file.stat().st_mtime_ns for file in outcomes if ".part" not in file.parent.name}
+    n_calls = len(calls(programs))
+    assert finished and not (tmp_path / "killed" / "report.html").exists()
+    assert start_study(tmp_path / "killed", programs).wait() == 0
+    assert (tmp_path / "killed" / "rows.csv").read_text() == (tmp_path / "whole" / "rows.csv").read_text()
+    assert {file: file.stat().st_mtime_ns for file in finished} == finished
+    # A solver that was about to start as its study was killed may run once more.
+    assert len(calls(programs)) - n_calls - (n_points - len(finished)) in (0, 1)
