@@ -36,7 +36,9 @@ Case = tuple[str, str, str, str, str]
 
 def batches(meshes: Path, quick: bool) -> list[dict[str, list[str]]]:
     """Options of the accuracy program, one set for each part of the study. Real meshes only where they are."""
-    small = [str(file) for name in ("torus.obj", "liver2.obj", "handle.off") if (file := meshes / name).exists()]
+    small = [
+        str(file) for name in ("torus.obj", "liver2.obj", "handle.off") if (file := meshes / name).exists()
+    ]
     large = [
         str(file)
         for name in ("spot.ply", "bunny.obj", "fandisk.off", "hand_closed.obj")
@@ -77,7 +79,11 @@ def case_of(row: Row) -> Case:
 
 def summarise(rows: list[Row]) -> list[dict[str, Any]]:
     """Per model and nu: error over linear elements' on the same nodes (quadratic fields), worst patch test."""
-    linear = {case_of(r): float(r["error_l2"]) for r in rows if r["model"] == LINEAR_ELEMENTS and r["status"] == "ok"}
+    linear = {
+        case_of(r): float(r["error_l2"])
+        for r in rows
+        if r["model"] == LINEAR_ELEMENTS and r["status"] == "ok"
+    }
     ratios: dict[tuple[str, str], list[float]] = defaultdict(list)
     patches: dict[tuple[str, str], list[float]] = defaultdict(list)
     refused: dict[tuple[str, str], int] = defaultdict(int)
@@ -128,7 +134,9 @@ def text_of(summary: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def convergence(rows: list[Row], shape: str, nu: str, load: str) -> dict[str, tuple[list[float], list[float]]]:
+def convergence(
+    rows: list[Row], shape: str, nu: str, load: str
+) -> dict[str, tuple[list[float], list[float]]]:
     """Model -> nodes and errors over the resolutions of a generated shape."""
     points: dict[str, list[tuple[float, float]]] = defaultdict(list)
     wanted = {f"{shape}:{n}" for n in _RESOLUTIONS[shape]}
@@ -163,18 +171,27 @@ def plot_convergence(rows: list[Row]) -> str:
 
 def plot_ratios(rows: list[Row]) -> str:
     """Share of cases whose error over that of linear elements stays below a value."""
-    linear = {case_of(r): float(r["error_l2"]) for r in rows if r["model"] == LINEAR_ELEMENTS and r["status"] == "ok"}
+    linear = {
+        case_of(r): float(r["error_l2"])
+        for r in rows
+        if r["model"] == LINEAR_ELEMENTS and r["status"] == "ok"
+    }
     figure = Figure(figsize=(7, 4.5))
     axis = figure.subplots()
     for model in sorted({r["model"] for r in rows} - {LINEAR_ELEMENTS}):
         values = sorted(
             float(r["error_l2"]) / linear[case_of(r)]
             for r in rows
-            if r["model"] == model and r["status"] == "ok" and r["load"] not in PATCH_LOADS and case_of(r) in linear
+            if r["model"] == model
+            and r["status"] == "ok"
+            and r["load"] not in PATCH_LOADS
+            and case_of(r) in linear
         )
         if values:
             share = 100 * np.arange(1, len(values) + 1) / len(values)
-            axis.semilogx(values, share, color=style_of(model).colour, label=f"{label_of(model)} ({len(values)} cases)")
+            axis.semilogx(
+                values, share, color=style_of(model).colour, label=f"{label_of(model)} ({len(values)} cases)"
+            )
     axis.axvline(1, color=style_of(LINEAR_ELEMENTS).colour, label="linear finite elements")
     axis.set_xlabel("error over that of linear finite elements on the same nodes")
     axis.set_ylabel("cases below (%)")
@@ -184,8 +201,12 @@ def plot_ratios(rows: list[Row]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="./testbed accuracy", description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=_ROOT / "out" / "accuracy", metavar="DIR", help="default: out/accuracy")
-    parser.add_argument("--quick", action="store_true", help="a few small meshes: a minute instead of most of an hour")
+    parser.add_argument(
+        "--out", type=Path, default=_ROOT / "out" / "accuracy", metavar="DIR", help="default: out/accuracy"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="a few small meshes: a minute instead of most of an hour"
+    )
     options = parser.parse_args(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
     table = options.out / "accuracy.csv"

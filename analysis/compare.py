@@ -101,7 +101,9 @@ def displacement_at(run: Run, time: float) -> Array:
     """Surface displacement (n, 3) at a time, linear between frames. Raises RunError for a time outside of them."""
     slack = _SAME_TIME * abs(run.times[-1] - run.times[0])
     if not run.times[0] - slack <= time <= run.times[-1] + slack:
-        raise RunError(f"{run.folder}: no frame at time {time:g}, expected {run.times[0]:g} to {run.times[-1]:g}")
+        raise RunError(
+            f"{run.folder}: no frame at time {time:g}, expected {run.times[0]:g} to {run.times[-1]:g}"
+        )
     after = min(int(np.searchsorted(run.times, time - slack)), len(run.times) - 1)
     if abs(run.times[after] - time) <= slack:
         return run.frame(after).u

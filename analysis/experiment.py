@@ -179,10 +179,11 @@ def compare(experiment: Experiment) -> dict[str, Any]:
     comparison |= {"models": models, "fingerprint": fingerprint(experiment)}
 
     pictures = {}
-    for name, run in runs.items() if reference else ():
-        file = experiment.folder / f"error_{name}.png"
-        draw_comparison(file, run.last, reference.last, experiment.is_free, label_of(name))
-        pictures[f"Deformed surfaces and the error of the {name} springs."] = file
+    if reference:
+        for name, run in runs.items():
+            file = experiment.folder / f"error_{name}.png"
+            draw_comparison(file, run.last, reference.last, experiment.is_free, label_of(name))
+            pictures[f"Deformed surfaces and the error of the {name} springs."] = file
     is_static = experiment.scene["time"]["mode"] == "static"
     methods = ({REFERENCE: reference} if reference else {}) | runs
     shown = {name: methods[name] for name in (experiment.calibration, REFERENCE) if name in methods}
@@ -194,9 +195,9 @@ def compare(experiment: Experiment) -> dict[str, Any]:
     playback = experiment.scene.get("playback", {})
     if shown and playback.get("warp"):
         draw_playback(experiment.folder / "playback", shown[experiment.calibration], playback)
-        pictures[f"Played {'backwards' if playback['reversed'] else 'again'}, time warp {playback['warp']}."] = (
-            experiment.folder / "playback" / "film.gif"
-        )
+        pictures[
+            f"Played {'backwards' if playback['reversed'] else 'again'}, time warp {playback['warp']}."
+        ] = experiment.folder / "playback" / "film.gif"
     volumes = plot_volume(
         {name: volume_change(run) for name, run in methods.items()},
         "load factor (1)" if is_static else "time (s)",
@@ -205,7 +206,11 @@ def compare(experiment: Experiment) -> dict[str, Any]:
     if reference:
         plots["Volume over the load, and the difference from the finite elements."] = volumes
         plots["Displacement error of every model; grey: the reference's own, estimated."] = plot_errors(
-            {name: model["displacement_error_l2"] for name, model in models.items() if model["status"] == "ok"},
+            {
+                name: model["displacement_error_l2"]
+                for name, model in models.items()
+                if model["status"] == "ok"
+            },
             described["estimated_error_l2"],
         )
     else:

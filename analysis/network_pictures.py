@@ -45,7 +45,11 @@ def draw_cut(file: Path, out: Path) -> None:
     plot.add_mesh(shell, color="lightsteelblue", opacity=0.35)
     plot.add_mesh(pv.PolyData(springs.points, lines=lines.ravel()), color="midnightblue", line_width=1)
     up = np.roll(normal, -1)
-    plot.camera_position = [surface.center + 3 * np.linalg.norm(size) * (normal + 0.25 * up), surface.center, up]
+    plot.camera_position = [
+        surface.center + 3 * np.linalg.norm(size) * (normal + 0.25 * up),
+        surface.center,
+        up,
+    ]
     plot.reset_camera()
     plot.camera.zoom(1.3)
     plot.screenshot(out)

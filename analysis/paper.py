@@ -33,7 +33,12 @@ PUBLISHED = {
     "head": (4397, 24808, 5.14, 0.23),
 }
 FIGURE_11 = ("torus_implodes", "handle_folds", "head_crushes", "ball_deflates")  # a to d
-_CUSTOM = [[0, 0], [0.3, 0.1], [0.6, 0.8], [1, 1]]  # figure 10d: in, fast, out; the paper's own is drawn by hand
+_CUSTOM = [
+    [0.0, 0.0],
+    [0.3, 0.1],
+    [0.6, 0.8],
+    [1.0, 1.0],
+]  # figure 10d: in, fast, out; the paper's own is drawn by hand
 _COLUMNS = {"symplectic_euler/soft": 2, "implicit_euler/soft": 3}
 
 
@@ -46,7 +51,10 @@ def benchmark(program: Path, folder: Path, repetitions: int) -> list[dict[str, f
     file = folder / f"{program.name}-{digest}-{repetitions}.json"
     if not file.exists():
         command = [str(program), "--benchmark_format=json", f"--benchmark_repetitions={repetitions}"]
-        command += [f"--benchmark_filter=/({'|'.join(_COLUMNS)})", "--benchmark_enable_random_interleaving=true"]
+        command += [
+            f"--benchmark_filter=/({'|'.join(_COLUMNS)})",
+            "--benchmark_enable_random_interleaving=true",
+        ]
         result = subprocess.run(command, capture_output=True, text=True, check=False)
         if result.returncode != 0:
             raise RunError(f"{program}: {result.stderr.strip()}")

@@ -156,7 +156,7 @@ class Store:
             timer.cancel()
             wall = time.perf_counter() - start
         process.returncode = os.waitstatus_to_exitcode(wait_status)
-        spent = {
+        spent: dict[str, Any] = {
             "wall": wall,
             "cpu": usage.ru_utime + usage.ru_stime,
             "load": load,

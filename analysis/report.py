@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: .9rem; }
 
 def percent(fraction: float | None) -> str:
     """A fraction as a percentage of three digits."""
-    if fraction is None or fraction != fraction:
+    if fraction is None or math.isnan(fraction):
         return "-"
     value = 100 * fraction
     return f"{value:.3g} %" if 1e-3 <= value < 1e4 or value == 0 else f"{value:.1e} %"
@@ -83,7 +84,9 @@ def trust_in_reference(comparison: dict[str, Any]) -> list[str]:
     ]
     if not blurred:
         return [f"{own}: less than a tenth of every difference."]
-    return [f"{own}: more than a tenth of the difference from {', '.join(blurred)}, which is to be taken with that care."]
+    return [
+        f"{own}: more than a tenth of the difference from {', '.join(blurred)}, which is to be taken with that care."
+    ]
 
 
 def is_nearly_isochoric(reference: dict[str, Any]) -> bool:
@@ -136,7 +139,15 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
 
 
 def _table_alone(models: dict[str, dict[str, Any]]) -> Table:
-    head = ["", "nodes", "springs", "volume change", "largest displacement (m)", "kinetic energy left", "solve (s)"]
+    head = [
+        "",
+        "nodes",
+        "springs",
+        "volume change",
+        "largest displacement (m)",
+        "kinetic energy left",
+        "solve (s)",
+    ]
     rows = []
     for name, model in models.items():
         if model["status"] != "ok":

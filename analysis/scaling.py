@@ -7,6 +7,7 @@ non-zero blocks of the springs' matrix, a diagonal one for each node and two for
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -89,7 +90,7 @@ class Size:
         return 1 + 2 * record["n_springs"] / record["n_nodes"]
 
 
-def slope(x: list[float], y: list[float]) -> float:
+def slope(x: Sequence[float], y: Sequence[float]) -> float:
     """Exponent of y ~ x^p by least squares in the logarithms."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 

@@ -114,7 +114,9 @@ def plot(rows: list[Row]) -> str:
     for line, method in zip(axes, methods, strict=True):
         for axis, start in zip(line, starts, strict=True):
             cells = [[number[method, start, E, h] for E in stiffnesses] for h in steps]
-            axis.pcolormesh(cells, cmap=colours, norm=norm, edgecolors="white", linewidth=0.5, rasterized=True)
+            axis.pcolormesh(
+                cells, cmap=colours, norm=norm, edgecolors="white", linewidth=0.5, rasterized=True
+            )
             labels = [f"{float(E):.0e}".replace("e+0", "e") for E in stiffnesses[::2]]
             axis.set_xticks(np.arange(len(stiffnesses))[::2] + 0.5, labels, fontsize=7)
             axis.set_yticks(np.arange(len(steps)) + 0.5, [f"{float(h):g}" for h in steps], fontsize=7)

@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -32,13 +32,16 @@ _PROGRAMS = {"massspring", "fem_reference", "gmsh_worker", "tetgen_worker", "sta
 _LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
 
 
+Figures = dict[str, tuple[str | Path, str]]
+
+
 @dataclass
 class Section:
     """A part of a report: sentences, figures (name -> SVG text or picture's file, and caption) and tables by name."""
 
     title: str
     sentences: list[str] = field(default_factory=list)
-    figures: dict[str, tuple[str | Path, str]] = field(default_factory=dict)
+    figures: Figures = field(default_factory=dict)
     tables: dict[str, Table] = field(default_factory=dict)
 
     def html(self) -> list[str]:
@@ -79,9 +82,9 @@ def environment(record: dict[str, Any], arguments: argparse.Namespace) -> dict[s
         for file in sorted(PROGRAMS.iterdir())
         if file.name in _PROGRAMS
     }
-    text = {
+    text: dict[str, Any] = {
         "command": "./testbed " + " ".join(arguments.words),
-        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "commit": _first_line("git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=12"),
         **_compiler(),
         **{key: record[key] for key in ("eigen", "vtk", "dealii") if key in record},
@@ -108,7 +111,9 @@ def _first_line(*command: str) -> str:
 
 def _compiler() -> dict[str, str]:
     """The compiler and its flags, from the build folder."""
-    cache = dict(re.findall(r"^(\w+):\w+=(.*)$", (PROGRAMS.parent / "CMakeCache.txt").read_text(), re.M))
+    cache = dict(
+        re.findall(r"^(\w+):\w+=(.*)$", (PROGRAMS.parent / "CMakeCache.txt").read_text(), re.MULTILINE)
+    )
     kind = cache["CMAKE_BUILD_TYPE"]
     flags = [kind, cache["CMAKE_CXX_FLAGS"], cache[f"CMAKE_CXX_FLAGS_{kind.upper()}"]]
     return {"compiler": _first_line(cache["CMAKE_CXX_COMPILER"], "--version"), "flags": " ".join(flags)}
@@ -151,7 +156,10 @@ def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
     ]
     effort = work_precision.QUICK if arguments.quick else work_precision.FULL
     timed, store = Store(folder / "points", arguments.time_limit), Store(folder / "points")
-    sections, findings, protocol, record = [], [], {}, {}
+    sections: list[Section] = []
+    findings: list[str] = []
+    protocol: dict[str, str] = {}
+    record: dict[str, Any] = {}
     with alone(arguments.quiet):
         for file in files:
             scene = work_precision.SceneStudy(file.resolve(), effort, timed, store)
@@ -160,7 +168,7 @@ def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
             findings.append(
                 f"{scene.name}: {sentences[0]}" if sentences else f"{scene.name}: no method gave a result."
             )
-            figure = (
+            figure: Figures = (
                 {f"{scene.name}_work_precision": (work_precision.plot(scene), work_precision.CAPTION)}
                 if sentences
                 else {}
@@ -182,7 +190,7 @@ def study_scaling(arguments: argparse.Namespace, folder: Path) -> Result:
         measured = scaling.measure(
             SCENES / "bar_sag.toml", Store(folder / "points", _LARGE), sizes, repetitions, arguments.quiet
         )
-    figures: dict[str, tuple[str | Path, str]] = {
+    figures: Figures = {
         "scaling_seconds": (
             scaling.plot_seconds(measured),
             "Seconds of every stage on one thread, median; slopes in brackets.",
@@ -200,7 +208,7 @@ def study_cost(arguments: argparse.Namespace, folder: Path) -> Result:
     """Instructions of a step, part by part."""
     store = Store(folder / "points")
     costs = cost.measure(folder, store, arguments.quiet)
-    figures: dict[str, tuple[str | Path, str]] = {}
+    figures: Figures = {}
     if cost.shares(costs):
         figures = {"cost": (cost.plot(costs), "What each part adds to a step, counted instructions.")}
     section = Section("Part by part", [], figures, {"cost": cost.table(costs)})
@@ -216,7 +224,7 @@ def study_stability(arguments: argparse.Namespace, folder: Path) -> Result:
     """What becomes of a body let go from bad starts; --quick: explicit Euler alone."""
     n_cells = 210 if arguments.quick else None
     rows = stability.measure(folder, PROGRAMS / "stability", n_cells, arguments.quiet)
-    figures: dict[str, tuple[str | Path, str]] = {"stability": (stability.plot(rows), stability.CAPTION)}
+    figures: Figures = {"stability": (stability.plot(rows), stability.CAPTION)}
     section = Section("Every scheme", [], figures, {"outcomes": stability.table(rows)})
     protocol = environment({}, arguments) | {"how it is measured": stability.__doc__ or ""}
     return Result("Stability", stability.finding(rows), [section], protocol)
@@ -226,20 +234,21 @@ def study_paper(arguments: argparse.Namespace, folder: Path) -> Result:
     """Table 1 and the figures."""
     with alone(arguments.quiet):
         table = paper.table_1(paper.benchmark(PROGRAMS / "bench_step", folder, 2 if arguments.quick else 5))
-    figures: dict[str, tuple[str | Path, str]] = {
+    figures: Figures = {
         "figure_7": (paper.figure_7(folder), "Figure 7: the ball before and after PCP."),
         "figure_9": (
             paper.figure_9(),
             "Figure 9: how far a spring collapses in a step, over its distance from the pivot.",
         ),
-        "figure_10": (paper.figure_10(), "Figure 10: time warps: the simulation's time, and its speed, over the film's."),
+        "figure_10": (
+            paper.figure_10(),
+            "Figure 10: time warps: the simulation's time, and its speed, over the film's.",
+        ),
     }
     scenes = arguments.scenes or [SCENES / f"{name}.toml" for name in paper.FIGURE_11]
     strips, ended = paper.figure_11(scenes, Store(folder / "points"), folder)
     sections = [Section("Table 1", [], {}, {"table_1": table}), Section("Figures", [], figures)]
-    shown: dict[str, tuple[str | Path, str]] = {
-        name: (file, f"Figure 11: {name}.") for name, file in strips.items()
-    }
+    shown: Figures = {name: (file, f"Figure 11: {name}.") for name, file in strips.items()}
     sections.append(
         Section(
             "Figure 11",

@@ -22,7 +22,9 @@ class _Reader(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if self.cdata_elem or (self.lasttag in ("style", "script")):
-            self.found += re.findall(r"""@import[^;]*|url\(\s*['"]?(?!data:|#)[^)]*|https?://[^\s"']*""", data)
+            self.found += re.findall(
+                r"""@import[^;]*|url\(\s*['"]?(?!data:|#)[^)]*|https?://[^\s"']*""", data
+            )
 
 
 def fetched(page: str) -> list[str]:

@@ -38,7 +38,11 @@ def make_solvers(home: Path, ball: tuple[np.ndarray, np.ndarray], seconds: float
     write_run(home / "fem_reference", *ball, lambda X: 0.01 * X, few, program="fem_reference", **more)
     for nu, error in ERRORS.items():
         write_run(
-            home / f"massspring_{nu}", *ball, lambda X: 0.01 * (1 + error) * X, few, calibration="affine"
+            home / f"massspring_{nu}",
+            *ball,
+            lambda X, error=error: 0.01 * (1 + error) * X,
+            few,
+            calibration="affine",
         )
     (home / "massspring_diverged").mkdir()
     (home / "massspring_diverged" / "run.json").write_text('{"status": "diverged"}')

@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 import pyvista as pv
-from PIL import Image
 from pages import fetched
+from PIL import Image
 from synthetic import write_run
 
 from analysis.experiment import Experiment, compare, default_folder, fingerprint, is_refinable
@@ -68,7 +68,9 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
 def refine_reference(experiment, error):
     folder = experiment.folder / "reference_refined"
     folder.mkdir()
-    (folder / "run.json").write_text(json.dumps({"convergence": {"status": "ok", "estimated_error_l2": error}}))
+    (folder / "run.json").write_text(
+        json.dumps({"convergence": {"status": "ok", "estimated_error_l2": error}})
+    )
 
 
 def test_differences_near_the_error_of_the_reference_are_named(experiment):

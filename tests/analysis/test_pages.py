@@ -5,7 +5,9 @@ import base64
 import pytest
 from pages import fetched
 
-SVG = base64.b64encode(b'<svg xmlns="http://www.w3.org/2000/svg"><image xlink:href="http://a.org/b.png"/></svg>').decode()
+SVG = base64.b64encode(
+    b'<svg xmlns="http://www.w3.org/2000/svg"><image xlink:href="http://a.org/b.png"/></svg>'
+).decode()
 
 
 @pytest.mark.parametrize(
@@ -26,7 +28,9 @@ def test_what_is_fetched_is_found(page):
 
 
 def test_links_namespaces_and_data_are_not_fetched():
-    plain = base64.b64encode(b'<svg xmlns="http://www.w3.org/2000/svg"><path clip-path="url(#p)"/></svg>').decode()
+    plain = base64.b64encode(
+        b'<svg xmlns="http://www.w3.org/2000/svg"><path clip-path="url(#p)"/></svg>'
+    ).decode()
     assert not fetched(
         f'<p>see http://a.org <a href="http://a.org">there</a> <img src="data:image/svg+xml;base64,{plain}"></p>'
     )

@@ -46,14 +46,14 @@ def test_diverged_run_is_refused(folder):
 def test_missing_frame_is_refused(folder):
     (folder / "frames" / f"frame_{N_STEPS:06d}.vtu").unlink()
     with pytest.raises(RunError, match="frame_000004.vtu: frame is missing"):
-        load_run(folder).last
+        _ = load_run(folder).last
 
 
 def test_cut_frame_is_refused(folder):
     file = folder / "frames" / f"frame_{N_STEPS:06d}.vtu"
     file.write_bytes(file.read_bytes()[:3000])
     with pytest.raises(RunError, match="frame_000004.vtu: expected points"):
-        load_run(folder).last
+        _ = load_run(folder).last
 
 
 def test_nan_in_a_frame_is_refused(folder):
@@ -62,7 +62,7 @@ def test_nan_in_a_frame_is_refused(folder):
     grid.point_data["displacement"][3, 1] = np.nan
     grid.save(file)
     with pytest.raises(RunError, match="frame_000004.vtu: displacement is not finite"):
-        load_run(folder).last
+        _ = load_run(folder).last
 
 
 def test_nan_in_the_curves_is_refused(folder):

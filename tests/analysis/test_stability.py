@@ -24,7 +24,12 @@ def test_table_has_every_outcome_of_every_method():
     assert dict(zip(head, lines[0], strict=True))["inverted"] == "1"
 
 
-CELLS = ["m,1,rest,1e3,1,diverged,0,2", "m,1,rest,1e4,1,ok,1,1", "n,0,rest,1e3,1,ok,1,1", "n,0,rest,1e4,1,ok,1,1"]
+CELLS = [
+    "m,1,rest,1e3,1,diverged,0,2",
+    "m,1,rest,1e4,1,ok,1,1",
+    "n,0,rest,1e3,1,ok,1,1",
+    "n,0,rest,1e4,1,ok,1,1",
+]
 
 
 def write_program(file: Path, end: str = "exit 1") -> Path:

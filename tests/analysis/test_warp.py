@@ -16,9 +16,7 @@ SHARES = np.linspace(0, 1, 1001)
 def run(ball, tmp_path):
     """Shrinks evenly to half its size in 2 s."""
     times = np.linspace(0, 2, 5)
-    return load_run(
-        write_run(tmp_path / "run", *ball, lambda X: -0.25 * X, times, calibration="uniform")
-    )
+    return load_run(write_run(tmp_path / "run", *ball, lambda X: -0.25 * X, times, calibration="uniform"))
 
 
 def settings(warp="constant", **more):
@@ -76,7 +74,9 @@ def test_reverse_playback_is_the_mirror(run):
         backwards = playback_times(run, warp_of(name), 9, is_reversed=True)
         np.testing.assert_allclose(forwards + backwards, 2, atol=1e-14)
     # The constant warp shows the very frames, last first.
-    np.testing.assert_array_equal(playback_times(run, WARPS["constant"], 5, is_reversed=True), run.times[::-1])
+    np.testing.assert_array_equal(
+        playback_times(run, WARPS["constant"], 5, is_reversed=True), run.times[::-1]
+    )
 
 
 def test_playback_is_resampled_to_the_frame_rate(run, tmp_path, ball):
