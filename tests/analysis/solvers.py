@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,13 @@ def make_solvers(home: Path, ball: tuple[np.ndarray, np.ndarray], seconds: float
         file.write_text(_PROGRAM.format(python=sys.executable, home=str(home), seconds=seconds))
         file.chmod(0o755)
     return programs
+
+
+def wait_for_calls(programs: Path, n: int, more: float) -> None:
+    """Returns that many seconds after n programs have been called."""
+    while len(calls(programs)) < n:
+        time.sleep(0.005)
+    time.sleep(more)
 
 
 def calls(programs: Path) -> list[str]:

@@ -4,11 +4,10 @@ import csv
 import os
 import random
 import signal
-import time
 
 import pytest
 from pages import fetched
-from solvers import ERRORS, calls, make_solvers
+from solvers import ERRORS, calls, make_solvers, wait_for_calls
 
 from analysis.__main__ import parse_arguments
 from analysis.points import Point, Store
@@ -141,12 +140,12 @@ def test_killed_sweep_continues_to_the_same_table(ball, scene, tmp_path):
     n_points = len(calls(programs))
     moments = random.Random(4)
     n_killed = 0
-    for _ in range(5):
+    for _ in range(3):  # of nine points
         child = os.fork()
         if child == 0:
             run(scene, tmp_path / "killed", programs)
             os._exit(0)
-        time.sleep(moments.uniform(0.05, 0.4))
+        wait_for_calls(programs, len(calls(programs)) + moments.randint(2, 3), moments.uniform(0, 0.1))
         os.kill(child, signal.SIGKILL)
         n_killed += os.WIFSIGNALED(os.waitpid(child, 0)[1])
     assert n_killed > 1

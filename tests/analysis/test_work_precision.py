@@ -4,13 +4,12 @@ import random
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 
 import numpy as np
 import pytest
 from pages import fetched
-from solvers import ERRORS, calls, make_solvers
+from solvers import ERRORS, calls, make_solvers, wait_for_calls
 
 from analysis.experiment import ROOT
 from analysis.front import pareto, seconds_for
@@ -172,7 +171,7 @@ def test_study_killed_at_random_points_continues_to_the_same_table(ball, tmp_pat
     moments = random.Random(2)
     for _ in range(3):
         process = start_study(tmp_path / "killed", programs)
-        time.sleep(moments.uniform(0.1, 0.6))
+        wait_for_calls(programs, len(calls(programs)) + moments.randint(2, 5), moments.uniform(0, 0.1))
         process.kill()
         assert process.wait() == -signal.SIGKILL
     outcomes = (tmp_path / "killed" / "points").glob("*/outcome.json")
