@@ -207,26 +207,30 @@ Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
   return result;
 }
 
-Eigen::SparseMatrix<double> ElasticSolid::mass() const {
+Eigen::SparseMatrix<double> ElasticSolid::mass(MassMatrix kind) const {
   const Space& space = self_->space;
   const dealii::QWitherdenVincentSimplex<3> points(static_cast<unsigned>(self_->degree + 1));
-  dealii::FEValues<3> values(self_->mapping, space.element, points,
+  dealii::FEValues<3> values(self_->mapping, space.scalar_element, points,
                              dealii::update_values | dealii::update_JxW_values);
   std::vector<Eigen::Triplet<double>> entries;
-  std::vector<unsigned> dofs(space.element.n_dofs_per_cell());
+  const auto n = static_cast<int>(space.scalar_element.n_dofs_per_cell());
+  Eigen::MatrixXd m(n, n);
+  Eigen::VectorXd N(n);
   for (const auto& cell : space.dofs.active_cell_iterators()) {
-    values.reinit(cell);
-    cell->get_dof_indices(dofs);
-    for (unsigned i = 0; i < dofs.size(); ++i)
-      for (unsigned j = 0; j < dofs.size(); ++j) {
-        if (space.element.system_to_component_index(i).first !=
-            space.element.system_to_component_index(j).first)
-          continue;
-        double m = 0;
-        for (unsigned q = 0; q < points.size(); ++q)
-          m += values.JxW(q) * values.shape_value(i, q) * values.shape_value(j, q);
-        entries.emplace_back(space.flat_of[dofs[i]], space.flat_of[dofs[j]], self_->material.rho * m);
-      }
+    values.reinit(static_cast<dealii::Triangulation<3>::active_cell_iterator>(cell));
+    m.setZero();
+    for (unsigned q = 0; q < points.size(); ++q) {
+      for (int a = 0; a < n; ++a) N(a) = values.shape_value(a, q);
+      m += self_->material.rho * values.JxW(q) * N * N.transpose();
+    }
+    // Row sums would be negative at the vertices of quadratic elements.
+    if (kind == MassMatrix::Lumped)
+      m = (m.sum() / m.trace() * m.diagonal()).asDiagonal().toDenseMatrix().eval();
+    const std::vector<int> ranks = space.ranks(cell);
+    for (int a = 0; a < n; ++a)
+      for (int b = 0; b < n; ++b)
+        for (int c = 0; m(a, b) != 0 && c < 3; ++c)
+          entries.emplace_back(space.flat_of[3 * ranks[a] + c], space.flat_of[3 * ranks[b] + c], m(a, b));
   }
   Eigen::SparseMatrix<double> M(n_dofs(), n_dofs());
   M.setFromTriplets(entries.begin(), entries.end());

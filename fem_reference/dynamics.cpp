@@ -104,7 +104,7 @@ TimeIntegrator::TimeIntegrator(LinearDynamics system, double h, const TimeScheme
   restart(Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n));
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
   factorise(restricted(((1 - alpha_m) + (1 - alpha_f) * gamma * h_ * system_.damping) * system_.M +
-                           (1 - alpha_f) * beta * h_ * h_ * system_.K,
+                           (1 - alpha_f) * (beta * h_ + gamma * system_.stiffness_damping) * h_ * system_.K,
                        free_),
             factor_->cholesky);
 }
@@ -123,7 +123,8 @@ void TimeIntegrator::restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v)
   for (size_t k = 0; k < system_.held.size(); ++k) v_(system_.held[k]) = system_.held_velocity(k);
   Factor mass;
   factorise(restricted(system_.M, free_), mass.cholesky);
-  const Eigen::VectorXd residual = system_.load - system_.damping * (system_.M * v_) - system_.K * u_;
+  const Eigen::VectorXd residual = system_.load - system_.damping * (system_.M * v_) -
+                                   system_.K * (u_ + system_.stiffness_damping * v_).eval();
   a_ = Eigen::VectorXd::Zero(u.size());
   a_(free_) = mass.cholesky.solve(residual(free_).eval()).eval();
 }
@@ -132,10 +133,10 @@ void TimeIntegrator::step() {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
   // What is known of the state at the end; the held unknowns have no acceleration.
   const Eigen::VectorXd u = u_ + h_ * v_ + h_ * h_ * (0.5 - beta) * a_, v = v_ + h_ * (1 - gamma) * a_;
+  const Eigen::VectorXd velocity = (1 - alpha_f) * v + alpha_f * v_;
   const Eigen::VectorXd residual =
-      system_.load -
-      system_.M * (alpha_m * a_ + system_.damping * ((1 - alpha_f) * v + alpha_f * v_)).eval() -
-      system_.K * ((1 - alpha_f) * u + alpha_f * u_).eval();
+      system_.load - system_.M * (alpha_m * a_ + system_.damping * velocity).eval() -
+      system_.K * ((1 - alpha_f) * u + alpha_f * u_ + system_.stiffness_damping * velocity).eval();
   a_ = solve_free(residual);
   u_ = u + h_ * h_ * beta * a_;
   v_ = v + h_ * gamma * a_;

@@ -37,12 +37,14 @@ constexpr TimeScheme generalised_alpha(double rho) {
 struct LinearDynamics {
   Eigen::SparseMatrix<double> K, M;  ///< N/m, kg
   double damping = 0;                ///< 1/s: force -damping M v
+  double stiffness_damping = 0;      ///< s: force -stiffness_damping K v
   Eigen::VectorXd load;              ///< N, constant in time
   std::vector<int> held;             ///< unknowns that move at a constant velocity
   Eigen::VectorXd held_velocity;     ///< m/s
 };
 
-/// M a + damping M v + K u = load from rest, by steps of h with one sparse Cholesky factor.
+/// M a + (damping M + stiffness_damping K) v + K u = load from rest, by steps of h with one sparse Cholesky
+/// factor.
 class TimeIntegrator {
  public:
   TimeIntegrator(LinearDynamics system, double h, const TimeScheme& scheme);

@@ -1,5 +1,6 @@
 #include "fem_reference/elasticity.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/QR>
@@ -93,7 +94,9 @@ void ElasticSolid::Implementation::check_balance() const {
     is_first = false;
   }
   what << ") and the loads drive them: net force (" << force.transpose() << ") N, net torque ("
-       << torque.transpose() << ") N m about the centre; expected more supports or balanced loads";
+       << torque.transpose()
+       << ") N m about the centre; expected more supports, balanced loads or "
+          "reference.inertia_relief";
   throw std::runtime_error(what.str());
 }
 
@@ -122,6 +125,13 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   }
   s.solver->forget();
   s.find_load();
+}
+
+void ElasticSolid::relieve_inertia() {
+  Eigen::MatrixXd motions(n_dofs(), n_free_rigid_motions());
+  for (int k = 0; k < n_dofs(); ++k) motions.row(k) = self_->rigid.row(self_->space.dof_of[k]);
+  const Eigen::MatrixXd momenta = mass() * motions;
+  self_->load -= momenta * (motions.transpose() * momenta).ldlt().solve(motions.transpose() * self_->load);
 }
 
 double ElasticSolid::max_strain(const Matrix3Xd& displacement) const {

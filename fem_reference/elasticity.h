@@ -62,6 +62,9 @@ class ElasticSolid {
   /// Takes the problem over and assembles its loads.
   void assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
                 const std::vector<HeldComponent>& held);
+  /// Adds to the load the inertia of the free rigid motions that it drives: what deforms a body that moves
+  /// freely, seen from the body.
+  void relieve_inertia();
   /// Number of rigid motions that the held components leave free; they are kept out of the solution.
   int n_free_rigid_motions() const;
 
@@ -82,7 +85,8 @@ class ElasticSolid {
 
   /// Stiffness at rest (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing held.
   Eigen::SparseMatrix<double> stiffness() const;
-  Eigen::SparseMatrix<double> mass() const;
+  /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
+  Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;
   Eigen::VectorXd load() const;
   const std::vector<HeldComponent>& held() const;
 

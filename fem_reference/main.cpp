@@ -3,6 +3,7 @@
 #include <cmath>
 #include <iostream>
 #include <map>
+#include <optional>
 
 #include "fem_reference/dynamics.h"
 #include "fem_reference/elasticity.h"
@@ -44,7 +45,10 @@ std::string unsolved_part(const Scene& scene) {
     for (const Pivot& pivot : scene.collapse->pivots)
       if (!pivot.motion.empty() || pivot.end)
         return "collapse.pivots with motion or end: the reference's stay";
-  if (scene.time.mode == TimeMode::Static) return "";
+  const bool is_static = scene.time.mode == TimeMode::Static;
+  if (scene.reference.inertia_relief && (!is_static || scene.reference.law != ElasticLaw::SmallStrain))
+    return "reference.inertia_relief: for static scenes at small strain";
+  if (is_static) return "";
   if (scene.collapse)
     return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
   if (scene.reference.law != ElasticLaw::SmallStrain)
@@ -153,8 +157,9 @@ void run_dynamic(Run& run) {
   run.timer.start("assemble");
   LinearDynamics system;
   system.K = run.solid.stiffness();
-  system.M = run.solid.mass();
+  system.M = run.solid.mass(run.scene.reference.mass);
   system.damping = run.scene.material.damping;
+  system.stiffness_damping = run.scene.material.stiffness_damping;
   system.load = run.solid.load();
   std::map<int, double> held;
   for (const HeldComponent& h : run.solid.held()) held[3 * h.node + h.component] = h.displacement / end;
@@ -165,7 +170,8 @@ void run_dynamic(Run& run) {
   }
   run.timer.start("solve");
   run.progress.stage("reference: solve");
-  TimeIntegrator motion(std::move(system), step, newmark);
+  const std::optional<double> radius = run.scene.reference.spectral_radius;
+  TimeIntegrator motion(std::move(system), step, radius ? generalised_alpha(*radius) : newmark);
   for (int n = 0; n <= n_steps; ++n) {
     if (n > 0) {
       run.timer.start("solve");
@@ -182,7 +188,7 @@ void run_dynamic(Run& run) {
     run.progress.update(static_cast<double>(n) / n_steps);
   }
   run.timer.stop();
-  run.record["solver"] = "Newmark (average acceleration), Cholesky";
+  run.record["solver"] = radius ? "generalised-alpha, Cholesky" : "Newmark (average acceleration), Cholesky";
   run.record["step"] = step;
   run.record["n_steps"] = n_steps;
   run.record["status"] = "ok";
@@ -245,7 +251,8 @@ bool run(const Arguments& arguments) {
   if (arguments.n_frequencies > 0) {
     std::vector<int> held;
     for (const HeldComponent& h : solid.held()) held.push_back(3 * h.node + h.component);
-    const Modes modes = natural_modes(solid.stiffness(), solid.mass(), held, arguments.n_frequencies);
+    const Modes modes =
+        natural_modes(solid.stiffness(), solid.mass(scene.reference.mass), held, arguments.n_frequencies);
     record["natural_frequencies"] = std::vector<double>(modes.frequency.begin(), modes.frequency.end());
     record["n_rigid_modes"] = modes.n_rigid;
   }

@@ -110,6 +110,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   if (scene.reference.degree == 2) boundaries.push_back(solid.faces());
   solid.assemble(scene.material, scene.reference.law, loads_of(scene, surface, n_children),
                  held_by(scene, surface, boundaries));
+  if (scene.reference.inertia_relief) solid.relieve_inertia();
   return solid;
 }
 

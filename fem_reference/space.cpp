@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <sstream>
 #include <stdexcept>
 
 namespace testbed {
@@ -44,9 +45,12 @@ dealii::Triangulation<3>& triangulate(const TetMesh& mesh, dealii::Triangulation
     const double volume =
         (mesh.X.col(mesh.T(1, t)) - a).cross(mesh.X.col(mesh.T(2, t)) - a).dot(mesh.X.col(mesh.T(3, t)) - a) /
         6;
-    if (!(volume > 0))  // deal.II would solve on it and say nothing
-      throw std::runtime_error("tetrahedron " + std::to_string(t) + ": volume " + std::to_string(volume) +
-                               " m3, expected > 0");
+    if (!(volume > 0)) {  // deal.II would solve on it and say nothing
+      std::ostringstream what;
+      what << "tetrahedron " << t << " of nodes " << mesh.T.col(t).transpose() << ": volume " << volume
+           << " m3, expected > 0";
+      throw std::runtime_error(what.str());
+    }
     dealii::CellData<3> cell(4);
     for (int k = 0; k < 4; ++k) cell.vertices[k] = static_cast<unsigned>(mesh.T(k, t));
     tetrahedra.push_back(cell);

@@ -97,6 +97,9 @@ void run(const Arguments& arguments) {
   if (is_static && (!scene.obstacles.empty() || scene.self_contact.is_on))
     throw std::runtime_error(arguments.scene +
                              ": obstacles or self_contact, expected none with time.mode = static");
+  if (!is_static && scene.material.stiffness_damping > 0)
+    throw std::runtime_error(arguments.scene +
+                             ": material.stiffness_damping > 0, expected 0: only the reference has it");
 
   Progress progress(arguments.is_quiet);
   StageTimer timer;

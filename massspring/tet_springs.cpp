@@ -181,7 +181,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
 }  // namespace
 
 Lame lame_of(const Material& material) {
-  const auto& [E, nu, rho, damping] = material;
+  const double E = material.E, nu = material.nu;
   if (!(E > 0)) throw std::runtime_error("Young's modulus " + std::to_string(E) + " Pa, expected > 0");
   if (!(nu >= 0 && nu <= 0.499))
     throw std::runtime_error("Poisson's ratio " + std::to_string(nu) + ", expected 0 to 0.499");

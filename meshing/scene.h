@@ -57,6 +57,7 @@ struct Material {
   double nu = 0.25;    ///< Poisson's ratio, in (-1, 0.5)
   double rho = 1000;   ///< density (kg/m3), > 0
   double damping = 0;  ///< mass-proportional damping (1/s): force -damping * m * v, >= 0
+  double stiffness_damping = 0;  ///< Rayleigh's other part (s): force -stiffness_damping * K v, >= 0
 };
 
 struct Support {
@@ -168,11 +169,17 @@ struct NetworkOptions {
 
 /// SmallStrain is a fair reference below a few per cent of strain; NeoHookean is the law of coupled springs.
 enum class ElasticLaw { SmallStrain, StVenantKirchhoff, NeoHookean };
+enum class MassMatrix { Consistent, Lumped };
 struct ReferenceOptions {
   ElasticLaw law = ElasticLaw::SmallStrain;
   int degree = 2;                       ///< polynomial degree of the displacement, 1 or 2
   std::optional<double> interior_size;  ///< m; from the surface's edges if absent
   int refine = 0;                       ///< uniform refinements of the tetrahedra
+  MassMatrix mass = MassMatrix::Consistent;
+  /// Of the generalised-alpha method: what is left per step of the highest frequencies, in [0, 1]; absent:
+  /// Newmark's average acceleration, which damps none.
+  std::optional<double> spectral_radius;
+  bool inertia_relief = false;  ///< static: inertia balances loads that drive free rigid motions
 };
 
 struct ComparisonOptions {

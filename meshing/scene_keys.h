@@ -34,6 +34,7 @@ inline const std::vector<std::string> kConnectivities{"surface",  "central", "co
                                                       "delaunay", "pcp",     "completed_pcp"};
 inline const std::vector<std::string> kSpringLaws{"hooke", "definite"};
 inline const std::vector<std::string> kLaws{"small_strain", "st_venant_kirchhoff", "neo_hookean"};
+inline const std::vector<std::string> kMasses{"consistent", "lumped"};
 inline const std::vector<std::string> kWarps{"constant", "elastic", "explode", "custom"};
 inline const std::vector<std::string> kFields{"displacement", "velocity"};
 
@@ -104,6 +105,8 @@ void describe(V& v, Material& m) {
   v("nu", m.nu, kPoisson, "Poisson's ratio");
   v("rho", m.rho, kPositive, "density (kg/m3)");
   v("damping", m.damping, kNotNegative, "mass-proportional damping (1/s)");
+  v("stiffness_damping", m.stiffness_damping, kNotNegative,
+    "stiffness-proportional damping (s), elements only");
 }
 
 template <class V>
@@ -209,6 +212,10 @@ void describe(V& v, ReferenceOptions& r) {
   v("degree", r.degree, kDegree, "of the displacement's polynomials");
   v("interior_size", r.interior_size, kPositive, "edge length inside (m); absent: from the surface");
   v("refine", r.refine, kNotNegative, "times every tetrahedron is split in eight");
+  v.choice("mass", r.mass, kMasses, "consistent or lumped mass matrix");
+  v("spectral_radius", r.spectral_radius, kUpToOne,
+    "of generalised-alpha at the highest frequencies; absent: Newmark, which damps none");
+  v("inertia_relief", r.inertia_relief, "static: inertia balances loads that drive free rigid motions");
 }
 
 template <class V>

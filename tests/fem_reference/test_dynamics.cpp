@@ -33,6 +33,7 @@ struct Bar {
     return {solid.stiffness(),
             solid.mass(),
             0,
+            0,
             VectorXd::Zero(solid.n_dofs()),
             held,
             VectorXd::Zero(static_cast<Eigen::Index>(held.size()))};
@@ -63,17 +64,22 @@ TEST(NaturalModes, OfAFreeBodyBeginWithSixRigidMotions) {
   EXPECT_GT(modes.frequency(6), 0);
 }
 
-/// Largest distance from the exact motion cos(w t) of the first mode over two periods.
-double error_of(const Bar& bar, const TimeScheme& scheme, int steps_per_period) {
-  const LinearDynamics s = bar.system();
+/// Largest distance from the exact motion of the first mode over two periods, damped to `damping` of what is
+/// critical by mass and by stiffness alike.
+double error_of(const Bar& bar, const TimeScheme& scheme, int steps_per_period, double damping) {
+  LinearDynamics s = bar.system();
   const Modes modes = natural_modes(s.K, s.M, s.held, 1);
-  const double period = 1 / modes.frequency(0), h = period / steps_per_period;
-  TimeIntegrator motion(s, h, scheme);
+  const double w = 2 * M_PI * modes.frequency(0), damped = w * std::sqrt(1 - damping * damping);
+  s.damping = damping * w;
+  s.stiffness_damping = damping / w;
+  TimeIntegrator motion(s, 2 * M_PI / w / steps_per_period, scheme);
   motion.restart(modes.shape.col(0), VectorXd::Zero(modes.shape.rows()));
   double error = 0;
   for (int n = 1; n <= 2 * steps_per_period; ++n) {
     motion.step();
-    const double exact = std::cos(2 * M_PI * n / steps_per_period);
+    const double t = 2 * M_PI / w * n / steps_per_period;
+    const double exact =
+        std::exp(-damping * w * t) * (std::cos(damped * t) + damping * w / damped * std::sin(damped * t));
     error = std::max(error, (motion.u() - exact * modes.shape.col(0)).norm() / modes.shape.col(0).norm());
   }
   return error;
@@ -82,7 +88,11 @@ double error_of(const Bar& bar, const TimeScheme& scheme, int steps_per_period) 
 TEST(TimeIntegrator, IsOfSecondOrder) {
   const Bar bar;
   for (const TimeScheme& scheme : {newmark, generalised_alpha(0.5)})
-    EXPECT_NEAR(std::log2(error_of(bar, scheme, 40) / error_of(bar, scheme, 80)), 2, 0.1);
+    for (double damping : {0.0, 0.2}) {
+      const double fine = error_of(bar, scheme, 80, damping);
+      EXPECT_LT(fine, 0.02);
+      EXPECT_NEAR(std::log2(error_of(bar, scheme, 40, damping) / fine), 2, 0.1);
+    }
 }
 
 TEST(TimeIntegrator, NewmarkConservesEnergy) {
@@ -103,15 +113,27 @@ TEST(TimeIntegrator, NewmarkConservesEnergy) {
   EXPECT_LT(least_kinetic, 0.1 * energy);  // it swung
 }
 
-TEST(TimeIntegrator, GeneralisedAlphaKillsTheHighestMotions) {
+// Of motions much faster than the step, n steps leave rho^n, which a triple root makes (a + b n + c n^2)
+// rho^n.
+TEST(TimeIntegrator, GeneralisedAlphaDampsTheHighestMotionsAsItSays) {
+  constexpr int kSteps = 20;
   const Bar bar;
-  TimeIntegrator motion(bar.system(), 10, generalised_alpha(0));
   VectorXd start = VectorXd::Random(bar.solid.n_dofs());
   start(bar.held).setZero();
-  motion.restart(start, VectorXd::Zero(start.size()));
-  const double energy = motion.elastic_energy();
-  for (int n = 0; n < 20; ++n) motion.step();
-  EXPECT_LT(motion.kinetic_energy() + motion.elastic_energy(), 1e-3 * energy);
+  const auto left_by_half = [&](const TimeScheme& scheme) {
+    TimeIntegrator motion(bar.system(), 100, scheme);  // the slowest period is 1.6 s
+    motion.restart(start, VectorXd::Zero(start.size()));
+    for (int n = 0; n < kSteps; ++n) motion.step();
+    const double before = motion.u().norm();
+    for (int n = 0; n < kSteps; ++n) motion.step();
+    return motion.u().norm() / before;
+  };
+  EXPECT_NEAR(left_by_half(newmark), 1, 0.01);
+  for (double rho : {0.5, 0.8}) {
+    const double left = left_by_half(generalised_alpha(rho));
+    EXPECT_GE(left, 0.5 * std::pow(rho, kSteps));
+    EXPECT_LE(left, 8 * std::pow(rho, kSteps));
+  }
 }
 
 TEST(TimeIntegrator, DampedMotionEndsAtEquilibrium) {
@@ -135,6 +157,35 @@ TEST(TimeIntegrator, MovesHeldUnknownsAtTheirVelocity) {
   TimeIntegrator motion(s, 0.05, newmark);
   for (int n = 0; n < 20; ++n) motion.step();
   EXPECT_LT((motion.u()(s.held).array() - 0.3).abs().maxCoeff(), 1e-12);
+}
+
+/// First frequency (Hz) along a free bar that cannot move sideways, over c / (2 L).
+double frequency_along(int degree, MassMatrix kind, int n) {
+  constexpr double L = 2;
+  ElasticSolid solid(box_tets(n, n / 4, n / 4, L / n), degree);
+  solid.assemble(kMaterial, ElasticLaw::SmallStrain, {}, {});
+  std::vector<int> held;
+  for (int k = 0; k < solid.n_dofs(); ++k)
+    if (k % 3 != 0) held.push_back(k);
+  const Eigen::SparseMatrix<double> M = solid.mass(kind);
+  EXPECT_NEAR(M.sum(), 3 * kMaterial.rho * L / 4, 1e-12);
+  EXPECT_EQ(M.nonZeros() == M.rows(), kind == MassMatrix::Lumped);
+  EXPECT_GT(M.diagonal().minCoeff(), 0);
+  const Modes modes = natural_modes(solid.stiffness(), M, held, 2);
+  const double nu = kMaterial.nu, c2 = kMaterial.E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) / kMaterial.rho;
+  return modes.frequency(1) / (std::sqrt(c2) / (2 * L));
+}
+
+// No consistent mass makes a frequency too low [Rayleigh]. Lumped, both degrees are of second order.
+TEST(NaturalModes, ALumpedMassLowersThem) {
+  for (int degree : {1, 2}) {
+    EXPECT_GT(frequency_along(degree, MassMatrix::Consistent, 4), 1);
+    const int n = 8 / degree;
+    const double coarse = frequency_along(degree, MassMatrix::Lumped, n) - 1,
+                 fine = frequency_along(degree, MassMatrix::Lumped, 2 * n) - 1;
+    EXPECT_LT(coarse, 0);
+    EXPECT_NEAR(std::log2(coarse / fine), 2, 0.3);
+  }
 }
 
 }  // namespace
