@@ -22,7 +22,7 @@ const std::vector<Calibration>& calibrations();
 const Calibration& find_calibration(const std::string& name);
 
 /// The mass-spring solid that stands for `material` on `network` (with tetrahedra where the calibration needs
-/// them). The model's springs may differ from the network's.
+/// them). The model's springs may differ from the network's, and follow another order.
 /// @throws std::runtime_error when tetrahedra are missing or the calibration refuses material or network.
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
                           const Calibration& calibration);
