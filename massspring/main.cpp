@@ -6,6 +6,7 @@
 #include "massspring/calibrate.h"
 #include "massspring/collapse.h"
 #include "massspring/diagnostics.h"
+#include "massspring/frequencies.h"
 #include "massspring/integrators.h"
 #include "massspring/quasi_static.h"
 #include "meshing/build_network.h"
@@ -22,6 +23,7 @@ namespace {
 struct Arguments {
   std::string scene, out = "out/massspring";
   std::vector<std::string> overrides;
+  int n_frequencies = 0;
   bool is_quiet = false, is_forced = false, is_undiagnosed = false;
 };
 
@@ -108,7 +110,8 @@ void run(const Arguments& arguments) {
   const SurfaceMesh surface = load_surface(scene.surface);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
   const std::string hash = input_hash(scene, surface, {"reference"}) +
-                           (arguments.is_undiagnosed ? " undiagnosed" : "");
+                           (arguments.is_undiagnosed ? " undiagnosed" : "") + ' ' +
+                           std::to_string(arguments.n_frequencies);
   const std::filesystem::path out = arguments.out;
   std::filesystem::create_directories(out);
   write_file(out / "scene.toml", to_toml(scene));
@@ -143,6 +146,11 @@ void run(const Arguments& arguments) {
   if (!arguments.is_undiagnosed) {
     progress.stage("mass-spring: diagnose");
     node_error = add_diagnostics(model, record);
+  }
+  if (arguments.n_frequencies > 0) {
+    const NaturalFrequencies found = natural_frequencies(model, forces.constraints, arguments.n_frequencies);
+    record["natural_frequencies"] = std::vector<double>(found.at_nodes.begin(), found.at_nodes.end());
+    record["natural_frequencies_mass_spread"] = std::vector<double>(found.spread.begin(), found.spread.end());
   }
 
   timer.start("setup");
@@ -247,6 +255,9 @@ int main(int argc, char** argv) {
   app.add_option("--set", arguments.overrides, "key=value: overrides a key of the scene; may be repeated")
       ->allow_extra_args(false);
   app.add_option("--out", arguments.out, "output folder")->capture_default_str();
+  app.add_option("--frequencies", arguments.n_frequencies,
+                 "also find so many of the lowest natural frequencies (Hz) and write them into run.json")
+      ->check(CLI::Range(1, 1000));
   app.add_flag("--quiet", arguments.is_quiet, "no progress on stderr");
   app.add_flag(
       "--no-diagnostics", arguments.is_undiagnosed,

@@ -1,0 +1,79 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+
+#include "massspring/calibrate.h"
+#include "massspring/frequencies.h"
+#include "tests/massspring/box_tets.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::MatrixXd;
+
+constexpr double solver_tolerance = 1e-7;
+
+MassSpringModel bar() {
+  const TetMesh mesh = box_tets(2, 3, 5, 0.1, 0.1);
+  return calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface}, {},
+                   find_calibration("node_averaged"));
+}
+
+/// Frequencies (Hz) of the pencil K, M by a dense solver.
+Eigen::VectorXd dense(const MatrixXd& K, const MatrixXd& M) {
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(K, M);
+  return eigen.eigenvalues().cwiseMax(0).cwiseSqrt() / (2 * M_PI);
+}
+
+MatrixXd dense_stiffness(const MassSpringModel& model) {
+  BlockMatrix K = stiffness_pattern(model);
+  add_stiffness(model, initial_state(model), K);
+  MatrixXd dense = MatrixXd::Zero(3 * K.rows(), 3 * K.rows());
+  for (int i = 0; i < K.rows(); ++i)
+    for (int k = K.row_start[i]; k < K.row_start[i + 1]; ++k)
+      dense.block<3, 3>(3 * i, 3 * K.column[k]) = K.block[k];
+  return dense;
+}
+
+TEST(NaturalFrequencies, AreThoseOfADenseSolver) {
+  constexpr int n = 12, n_rigid = 6;
+  const MassSpringModel model = bar();
+  const MatrixXd K = dense_stiffness(model);
+  MatrixXd M = model.mass.replicate(1, 3).transpose().reshaped().asDiagonal();
+  const NaturalFrequencies found = natural_frequencies(model, {}, n);
+  EXPECT_EQ(found.at_nodes.head(n_rigid), Eigen::VectorXd::Zero(n_rigid));
+  EXPECT_LT((found.at_nodes - dense(K, M).head(n)).tail(n - n_rigid).norm(),
+            solver_tolerance * found.at_nodes(n - 1));
+
+  M.setZero();  // spread over the tetrahedra
+  for (const auto& t : model.network.T.colwise())
+    for (int i : t)
+      for (int j : t)
+        M.block<3, 3>(3 * i, 3 * j).diagonal().array() +=
+            (i == j ? 2 : 1) * model.material.rho * rest_volume(model.network.X, t) / 20;
+  const double apart =
+      (found.spread - dense(K, M).head(n)).segment(n_rigid, 3).norm() / found.spread(n_rigid);
+  const double lumping = found.spread(n_rigid) / found.at_nodes(n_rigid) - 1;
+  EXPECT_GT(lumping, 0.01);
+  EXPECT_LT(apart, lumping * lumping * 5);  // Rayleigh's quotient errs by the square of what it corrects
+}
+
+TEST(NaturalFrequencies, OfAnOscillatorWhoseOtherDirectionsAreHeld) {
+  constexpr double mass = 2, omega = 3;
+  MassSpringModel model;
+  model.network.X.setZero(3, 2);
+  model.network.X(0, 1) = 1;
+  model.network.E.resize(2, 1);
+  model.network.E << 0, 1;
+  model.mass = Eigen::Vector2d(1, mass);
+  model.springs = Springs{model.network.E, Eigen::VectorXd::Constant(1, mass * omega * omega)};
+  const Eigen::Vector3d rest = Eigen::Vector3d::Zero();
+  const Eigen::Matrix3d along = Eigen::Vector3d::UnitX() * Eigen::RowVector3d::UnitX();
+  const NaturalFrequencies found =
+      natural_frequencies(model, {{0, Eigen::Matrix3d::Zero(), rest}, {1, along, rest}}, 1);
+  EXPECT_NEAR(found.at_nodes(0), omega / (2 * M_PI), solver_tolerance);
+  EXPECT_EQ(found.spread.size(), 0);
+}
+
+}  // namespace
+}  // namespace testbed
