@@ -16,7 +16,6 @@ ImplicitMatrix::ImplicitMatrix(const Motion& motion) : motion_(motion) {
 void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
                          Curvature curvature) {
   const MassSpringModel& model = motion_.model;
-  const Forces& forces = motion_.forces;
   mass_ = factors.mass * model.mass;
   if (model.springs && model.springs->damping > 0)
     damping_ = damping_matrix(*model.springs, damped_at, factors.damping);
@@ -24,13 +23,8 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   if (g_) *g_ *= std::sqrt(factors.stiffness);
   volume_curvature_.clear();
   if (curvature == Curvature::Exact) {
-    if (forces.volume_pressure) {
-      const double pressure =
-          *forces.volume_pressure * (1 - volume(at.x, model.network.F) / at.target_volume);
-      volume_curvature_.emplace_back(-factors.stiffness * pressure, &model.network.F);
-    }
-    for (const FollowerPressure& f : forces.followers)
-      volume_curvature_.emplace_back(factors.stiffness * f.pressure, &f.F);
+    volume_curvature_ = volume_curvatures(model, motion_.forces, at);
+    for (VolumeCurvature& c : volume_curvature_) c.factor *= factors.stiffness;
     x_ = at.x;
   }
   if (motion_.barrier) {

@@ -38,10 +38,8 @@ class ImplicitMatrix {
   std::vector<Eigen::Matrix3d> contact_;  ///< diagonal blocks of the barrier; empty: none
   std::vector<NearPair> pairs_;           ///< of the surface in contact with itself, times their factor
   std::optional<Eigen::Matrix3Xd> g_;     ///< of the rank-one part g g^T
-  /// What g g^T leaves out of the volume forces' Hessian, sum of factor d2V/dx2 over surfaces F; only exact
-  /// curvature has it.
-  std::vector<std::pair<double, const Eigen::Matrix3Xi*>> volume_curvature_;
-  Eigen::Matrix3Xd x_;  ///< positions that it is taken at
+  std::vector<VolumeCurvature> volume_curvature_;  ///< times their factor; only exact curvature has it
+  Eigen::Matrix3Xd x_;                             ///< positions that it is taken at
   std::optional<BlockMatrix> A_;
 };
 

@@ -161,6 +161,16 @@ std::optional<Eigen::Matrix3Xd> volume_stiffness_root(const MassSpringModel& mod
   return volume_stiffness_root(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
 }
 
+std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, const Forces& forces,
+                                               const State& state, double load_factor) {
+  std::vector<VolumeCurvature> curvatures;
+  const Eigen::Matrix3Xi& F = model.network.F;
+  if (forces.volume_pressure)
+    curvatures.push_back({*forces.volume_pressure * (volume(state.x, F) / state.target_volume - 1), &F});
+  for (const FollowerPressure& f : forces.followers) curvatures.push_back({load_factor * f.pressure, &f.F});
+  return curvatures;
+}
+
 BlockMatrix stiffness_pattern(const MassSpringModel& model) {
   std::vector<Eigen::Matrix2Xi> parts;
   if (model.springs) parts.push_back(model.springs->E);

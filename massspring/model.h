@@ -101,6 +101,15 @@ void undamped_forces(const MassSpringModel& model, const Forces& forces, const S
 std::optional<Eigen::Matrix3Xd> volume_stiffness_root(const MassSpringModel& model, const Forces& forces,
                                                       const State& state);
 
+/// What that leaves out of the Hessian, of the global volume force and of the followers: factor d2V/dx2, V
+/// the volume enclosed by the triangles F.
+struct VolumeCurvature {
+  double factor;  ///< Pa
+  const Eigen::Matrix3Xi* F;
+};
+std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, const Forces& forces,
+                                               const State& state, double load_factor = 1);
+
 /// Zero matrix with the pattern of the model's stiffness.
 BlockMatrix stiffness_pattern(const MassSpringModel& model);
 

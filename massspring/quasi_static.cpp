@@ -165,9 +165,11 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     if (report.newton_iterations == kMaxNewton) break;
 
     const std::optional<Matrix3Xd> g = volume_stiffness_root(model_, forces_, state);
+    std::vector<VolumeCurvature> curvatures;
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
       multiply(K_, p, y);
       if (g) y += g->cwiseProduct(p).sum() * *g;
+      for (const auto& [factor, F] : curvatures) add_volume_curvature(factor, *F, state.x, p, y);
       project(y);
     };
     const auto precondition = [&](const Matrix3Xd& v, Matrix3Xd& z) {
@@ -185,7 +187,9 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     if (model_.tet_springs && !model_.springs && !model_.bending && !model_.local_volume) {
       K_.set_zero();
       add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact, state.patch_scale);
+      curvatures = volume_curvatures(model_, forces_, state, load_factor);
       solve_linear(kPatience);
+      curvatures.clear();
     }
     if (!linear.is_converged) {
       K_.set_zero();

@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "massspring/calibrate.h"
+#include "massspring/linear_statics.h"
 #include "massspring/quasi_static.h"
+#include "meshing/surface.h"
 #include "tests/massspring/box_tets.h"
 
 namespace testbed {
@@ -95,6 +97,24 @@ TEST_P(CoupledModel, SixtyPercentCrushAndThreefoldStretchConvergeWithoutInversio
       EXPECT_GT(smallest_tet_jacobian(model, outcome.state), 0) << "nu " << nu << " shift " << shift;
       EXPECT_LT(outcome.newton_iterations, most_newton_iterations);
     }
+}
+
+TEST_P(CoupledModel, PullThatFollowsTheSurfaceInflatesByTheLaw) {
+  constexpr int n = 3;
+  constexpr double volume_ratio = 1.4, stretch = 1.1186889420813968;  // its cube root
+  constexpr double kTolerance = 1e-6;
+  constexpr int most_newton_iterations = 5 * n_load_steps;  // quadratic: the pull's own stiffness counts
+  const MassSpringModel model = cube(n, GetParam(), 0.3);
+  const auto [lambda, mu] = lame_of(model.material);
+  Forces forces = no_forces(model);
+  forces.constraints = hold_rigid_motion(model.network.X);
+  const double pull = mu / stretch + lambda / 2 * volume_ratio - (mu + lambda / 2) / volume_ratio;
+  forces.followers.push_back({-pull, model.network.F});
+  const Outcome outcome = solve(model, forces);
+  EXPECT_TRUE(outcome.is_ok);
+  EXPECT_LT(outcome.newton_iterations, most_newton_iterations);
+  EXPECT_NEAR(volume(outcome.state.x, model.network.F),
+              volume_ratio * volume(model.network.X, model.network.F), kTolerance);
 }
 
 }  // namespace
