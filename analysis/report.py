@@ -56,15 +56,22 @@ def finding(comparison: dict[str, Any]) -> str:
         )
     springs, fem = total(model["seconds"]), total(comparison["reference"]["seconds"])
     ratio = f"{fem / springs:.2g} times faster" if fem >= springs else f"{springs / fem:.2g} times slower"
+    own = comparison["reference"]["estimated_error_l2"]
+    blur = f"; the reference's own error is some {percent(own)}" if is_blurred(model, own) else ""
     sentence = (
         f"{title(comparison)}: the {name} springs miss the finite elements' surface displacement by "
-        f"{percent(model['displacement_error_l2'])} (at worst {percent(model['displacement_error_max'])})"
+        f"{percent(model['displacement_error_l2'])} (at worst {percent(model['displacement_error_max'])}{blur})"
     )
     if is_nearly_isochoric(comparison["reference"]):
         sentence += f", their volume by {percent(model['volume_change_difference'])}, which hardly changes"
     else:
         sentence += f" and their volume change by {percent(model['volume_change_error'])}"
     return f"{sentence}; they took {springs:.2g} s against {fem:.2g} s, {ratio}."
+
+
+def is_blurred(model: dict[str, Any], error_of_reference: float | None) -> bool:
+    """Whether the reference's own error exceeds a tenth of the model's difference from it."""
+    return (error_of_reference or 0) > max(_ROUNDING, model["displacement_error_l2"] / 10)
 
 
 def trust_in_reference(comparison: dict[str, Any]) -> list[str]:
@@ -80,7 +87,7 @@ def trust_in_reference(comparison: dict[str, Any]) -> list[str]:
     blurred = [
         f"{name} ({percent(error / model['displacement_error_l2'])} of it)"
         for name, model in comparison["models"].items()
-        if model["status"] == "ok" and error > model["displacement_error_l2"] / 10
+        if model["status"] == "ok" and is_blurred(model, error)
     ]
     if not blurred:
         return [f"{own}: less than a tenth of every difference."]

@@ -75,7 +75,8 @@ def refine_reference(experiment, error):
 
 def test_differences_near_the_error_of_the_reference_are_named(experiment):
     refine_reference(experiment, 0.05)
-    compare(experiment)
+    comparison = compare(experiment)
+    assert "by 20 % (at worst 20 %; the reference's own error is some 5 %) and" in finding(comparison)
     page = (experiment.folder / "report.html").read_text()
     # A quarter of the affine springs' 0.2, less than a tenth of the uniform ones' 0.58.
     assert "some 5 %" in page
