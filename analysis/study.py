@@ -16,7 +16,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -155,6 +155,7 @@ def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
         SCENES / f"{name}.toml" for name in ("bar_sag", "torus_hang", "bar_bend", "bar_swing")
     ]
     effort = work_precision.QUICK if arguments.quick else work_precision.FULL
+    effort = replace(effort, repetitions=arguments.repetitions or effort.repetitions)
     timed, store = Store(folder / "points", arguments.time_limit), Store(folder / "points")
     sections: list[Section] = []
     findings: list[str] = []
@@ -186,6 +187,7 @@ def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
 def study_scaling(arguments: argparse.Namespace, folder: Path) -> Result:
     """Seconds, memory and non-zeros over the number of nodes."""
     sizes, repetitions = ([300.0, 1000.0], 2) if arguments.quick else ([1e3, 1e4, 1e5, 1e6], 3)
+    repetitions = arguments.repetitions or repetitions
     with alone(arguments.quiet):
         measured = scaling.measure(
             SCENES / "bar_sag.toml", Store(folder / "points", _LARGE), sizes, repetitions, arguments.quiet
@@ -232,8 +234,9 @@ def study_stability(arguments: argparse.Namespace, folder: Path) -> Result:
 
 def study_paper(arguments: argparse.Namespace, folder: Path) -> Result:
     """Table 1 and the figures."""
+    repetitions = arguments.repetitions or (2 if arguments.quick else 5)
     with alone(arguments.quiet):
-        table = paper.table_1(paper.benchmark(PROGRAMS / "bench_step", folder, 2 if arguments.quick else 5))
+        table = paper.table_1(paper.benchmark(PROGRAMS / "bench_step", folder, repetitions))
     figures: Figures = {
         "figure_7": (paper.figure_7(folder), "Figure 7: the ball before and after PCP."),
         "figure_9": (
@@ -277,6 +280,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "scenes", nargs="*", type=Path, metavar="SCENE.toml", help="instead of the study's own"
     )
     parser.add_argument("--quick", action="store_true", help="few and small: to try it out")
+    parser.add_argument(
+        "--repetitions",
+        type=int,
+        metavar="N",
+        help="of every timed run (5; of scaling 3); their median counts",
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: out/study/NAME")
     parser.add_argument(
         "--time-limit",

@@ -38,6 +38,7 @@ _DYNAMIC = ["uniform", "edge_coupled", "node_averaged"]
 _INTEGRATORS = {"symplectic_euler": ":", "implicit_euler": "--", "midpoint": "-"}
 _EXPLICIT = {"symplectic_euler"}
 _LEVELS = (0.1, 0.03, 0.01, 0.003, 0.001)  # errors at which methods are compared in words
+_USABLE = 0.3  # what is further off is no answer, however fast
 _SETUP = ("mesh", "setup", "assemble")
 
 
@@ -154,7 +155,7 @@ class SceneStudy:
             raise RunError(f"{file}: time.step is missing, expected the step that the ladder starts from")
         self.measurements = [
             Measurement(method, factor)
-            for factor in (effort.steps if is_dynamic(self.scene) else effort.factors)
+            for factor in (sorted(effort.steps, reverse=True) if is_dynamic(self.scene) else effort.factors)
             for method in methods_of(self.scene)
             if not method.factors
         ] + [
@@ -286,12 +287,12 @@ def curves_of(measurements: Iterable[Measurement]) -> Curves:
 
 
 def winners(curves: Curves) -> list[tuple[str, float, float]]:
-    """Which method is the fastest at which errors: (method, from, down to), largest errors first."""
+    """Which method is the fastest at which errors, from _USABLE down: (method, from, down to), largest errors first."""
     errors = [error for curve in curves.values() for _, error in curve]
     if not errors:
         return []
     parts: list[tuple[str, float, float]] = []
-    for error in np.geomspace(max(errors), min(errors), 400):
+    for error in np.geomspace(max(min(max(errors), _USABLE), min(errors)), min(errors), 400):
         known = {
             name: s
             for name, curve in curves.items()
