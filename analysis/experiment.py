@@ -15,6 +15,7 @@ from typing import Any
 
 from .compare import compare_runs, describe_alone, describe_reference, volume_change
 from .film import draw_film, draw_strip
+from .machine import describe
 from .pictures import draw_comparison
 from .plots import plot_errors, plot_times, plot_volume
 from .report import render
@@ -217,9 +218,18 @@ def compare(experiment: Experiment) -> dict[str, Any]:
         plots["Volume."] = volumes
     seconds = {name: run.record["seconds"] for name, run in methods.items()}
     plots["Wall-clock time by stage."] = plot_times(seconds)
-    scene = (experiment.folder / "scene.toml").read_text()
-    records = {name: run.record for name, run in methods.items()}
-    write_text(experiment.folder / "report.html", render(comparison, plots, pictures, scene, records))
+    files = {f"{label_of(name)}: run.json": run.folder / "run.json" for name, run in methods.items()}
+    files["finite elements, refined for their error: run.json"] = (
+        experiment.folder / "reference_refined" / "run.json"
+    )
+    protocol = {
+        "scene.toml, with every default filled in: running it reproduces this": (
+            experiment.folder / "scene.toml"
+        ).read_text(),
+        **{name: file.read_text() for name, file in files.items() if file.exists()},
+        "programs, libraries and machine": json.dumps(describe(PROGRAMS), indent=2),
+    }
+    write_text(experiment.folder / "report.html", render(comparison, plots, pictures, protocol))
     write_text(experiment.folder / "comparison.json", json.dumps(_without_nan(comparison), indent=2) + "\n")
     return comparison
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from .experiment import PROGRAMS, write_text
+from .machine import THREADS
 from .runs import RunError
 
 # Top-level keys of a scene that a program does not read, as in its own input hash.
@@ -26,7 +27,6 @@ _IGNORED = {
     "massspring": {"reference", "comparison", "playback"},
 }
 _MESHERS = ("gmsh_worker", "tetgen_worker")
-THREADS = ("OMP_NUM_THREADS", "DEAL_II_NUM_THREADS")
 _MARK = f".part-{platform.node()}-"  # of a folder that a process works on; its number follows
 
 

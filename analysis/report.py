@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -248,22 +247,17 @@ def render(
     comparison: dict[str, Any],
     plots: dict[str, str],
     pictures: dict[str, Path],
-    scene: str,
-    records: dict[str, dict[str, Any]],
+    protocol: dict[str, str],
 ) -> str:
     """The whole report.
 
-    plots: caption -> SVG; pictures: caption -> PNG file; scene: filled-in TOML; records: method -> run.json.
+    plots: caption -> SVG; pictures: caption -> PNG file; protocol: as in page.
     """
     parts = [f"<p>{html.escape(sentence)}</p>" for sentence in trust_in_reference(comparison)]
     parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]
     parts += [image_figure(file, caption) for caption, file in pictures.items()]
     parts.append(_EXPLAINED_ALONE if "no_reference" in comparison else _explained(comparison))
-    protocol = {"scene.toml, with every default filled in: running it reproduces this": scene}
-    protocol |= {
-        f"{label_of(method)}: run.json": json.dumps(record, indent=2) for method, record in records.items()
-    }
     return page(title(comparison), finding(comparison), parts, protocol)
 
 
@@ -290,4 +284,5 @@ elements' own; it says little where the reference hardly changes its volume
 on this mesh makes of loads whose exact displacement is known, no reference needed: error under uniform pressure and
 uniaxial tension, compliance over the exact one in bending and torsion (1 is exact, less too stiff). <b>Floppy
 motions</b> cost a network no energy; a static solution holds them and carries the rest of the load. A network with
-any gives no answer to the exact fields. <b>Seconds</b>: wall-clock, by stage.</p>"""
+any gives no answer to the exact fields. <b>Seconds</b>: wall-clock, by stage. The residual at which
+each solver stopped stands in its run.json below.</p>"""

@@ -5,30 +5,21 @@ from __future__ import annotations
 import argparse
 import csv
 import fcntl
-import hashlib
 import io
 import json
-import os
-import platform
-import re
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
-from . import cost, paper, scaling, stability, work_precision
+from . import cost, machine, paper, scaling, stability, work_precision
 from .experiment import PROGRAMS, ROOT, write_text
-from .points import THREADS, Store, say
+from .points import Store, say
 from .report import Table, html_table, image_figure, page, svg_figure, text_table
 
 SCENES = Path(__file__).parent / "scenes"
-_PROGRAMS = {"massspring", "fem_reference", "gmsh_worker", "tetgen_worker", "stability", "bench_step"}
 _LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
 
 
@@ -75,53 +66,10 @@ def alone(is_quiet: bool = False, lock_file: Path = _LOCK) -> Iterator[None]:
         yield
 
 
-def environment(record: dict[str, Any], arguments: argparse.Namespace) -> dict[str, str]:
-    """Command, programs, flags and machine of a study; libraries from the record of one of its runs, where it has any."""
-    programs = {
-        file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-        for file in sorted(PROGRAMS.iterdir())
-        if file.name in _PROGRAMS
-    }
-    text: dict[str, Any] = {
-        "command": "./testbed " + " ".join(arguments.words),
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "commit": _first_line("git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=12"),
-        **_compiler(),
-        **{key: record[key] for key in ("eigen", "vtk", "dealii") if key in record},
-        "python": platform.python_version(),
-        **{f"python, {name}": version(name) for name in ("numpy", "matplotlib", "pyvista", "vtk")},
-        "system": platform.platform(),
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "memory (GB)": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1),
-        "threads": {name: os.environ.get(name, "not set") for name in THREADS},
-        "programs (SHA-256)": programs,
-    }
+def environment(arguments: argparse.Namespace) -> dict[str, str]:
+    """Command, programs, libraries and machine of a study."""
+    text = {"command": "./testbed " + " ".join(arguments.words), **machine.describe(PROGRAMS)}
     return {"command, programs and machine": json.dumps(text, indent=2)}
-
-
-def _first_line(*command: str) -> str:
-    """What a command prints first; "unknown" where it fails."""
-    try:
-        result = subprocess.run(command, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return result.stdout.partition("\n")[0]
-
-
-def _compiler() -> dict[str, str]:
-    """The compiler and its flags, from the build folder."""
-    cache = dict(
-        re.findall(r"^(\w+):\w+=(.*)$", (PROGRAMS.parent / "CMakeCache.txt").read_text(), re.MULTILINE)
-    )
-    kind = cache["CMAKE_BUILD_TYPE"]
-    flags = [kind, cache["CMAKE_CXX_FLAGS"], cache[f"CMAKE_CXX_FLAGS_{kind.upper()}"]]
-    return {"compiler": _first_line(cache["CMAKE_CXX_COMPILER"], "--version"), "flags": " ".join(flags)}
-
-
-def _processor() -> str:
-    found = re.search(r"model name\s*:\s*(.*)", Path("/proc/cpuinfo").read_text())
-    return found[1] if found else platform.machine()
 
 
 def write(folder: Path, result: Result) -> None:
@@ -160,7 +108,6 @@ def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
     sections: list[Section] = []
     findings: list[str] = []
     protocol: dict[str, str] = {}
-    record: dict[str, Any] = {}
     with alone(arguments.quiet):
         for file in files:
             scene = work_precision.SceneStudy(file.resolve(), effort, timed, store)
@@ -177,10 +124,7 @@ def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
             sentences.append(work_precision.noise(scene.measurements))
             sections.append(Section(scene.name, sentences, figure, {scene.name: work_precision.table(scene)}))
             protocol[f"{scene.name}: the scene, before the ladder's values"] = file.read_text()
-            record = next((run.record for m in scene.measurements for run in m.outcomes), record)
-    protocol = (
-        environment(record, arguments) | {"how it is measured": work_precision.__doc__ or ""} | protocol
-    )
+    protocol = environment(arguments) | {"how it is measured": work_precision.__doc__ or ""} | protocol
     return Result("Work and precision", " ".join(findings), sections, protocol)
 
 
@@ -201,8 +145,7 @@ def study_scaling(arguments: argparse.Namespace, folder: Path) -> Result:
         "scaling_lemma_1": (scaling.plot_lemma(measured), "Lemma 1: non-zero blocks of the springs' matrix."),
     }
     section = Section("Every stage", [], figures, {"scaling": scaling.table(measured)})
-    record = next((run.record for size in measured for run in size.outcomes), {})
-    protocol = environment(record, arguments) | {"how it is measured": scaling.__doc__ or ""}
+    protocol = environment(arguments) | {"how it is measured": scaling.__doc__ or ""}
     return Result("Scaling", scaling.finding(measured), [section], protocol)
 
 
@@ -215,7 +158,7 @@ def study_cost(arguments: argparse.Namespace, folder: Path) -> Result:
         figures = {"cost": (cost.plot(costs), "What each part adds to a step, counted instructions.")}
     section = Section("Part by part", [], figures, {"cost": cost.table(costs)})
     scene = (folder / "cost.toml").read_text()
-    protocol = environment({}, arguments) | {
+    protocol = environment(arguments) | {
         "how it is measured": cost.__doc__ or "",
         "cost.toml: springs alone": scene,
     }
@@ -228,7 +171,7 @@ def study_stability(arguments: argparse.Namespace, folder: Path) -> Result:
     rows = stability.measure(folder, PROGRAMS / "stability", n_cells, arguments.quiet)
     figures: Figures = {"stability": (stability.plot(rows), stability.CAPTION)}
     section = Section("Every scheme", [], figures, {"outcomes": stability.table(rows)})
-    protocol = environment({}, arguments) | {"how it is measured": stability.__doc__ or ""}
+    protocol = environment(arguments) | {"how it is measured": stability.__doc__ or ""}
     return Result("Stability", stability.finding(rows), [section], protocol)
 
 
@@ -260,7 +203,7 @@ def study_paper(arguments: argparse.Namespace, folder: Path) -> Result:
             {"figure_11": ended},
         )
     )
-    protocol = environment({}, arguments) | {"how it is measured": paper.__doc__ or ""}
+    protocol = environment(arguments) | {"how it is measured": paper.__doc__ or ""}
     return Result("The paper's results, rebuilt", paper.finding(table), sections, protocol)
 
 

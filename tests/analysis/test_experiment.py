@@ -63,6 +63,16 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
     assert page.count("data:image/svg+xml") == 3
     assert page.count("data:image/png") == 2
     assert "not converged" in page
+    for part in (
+        "libraries",
+        "libdeal.ii-dev",
+        "flags",
+        "processor",
+        "commit",
+        "programs (SHA-256)",
+        "threads",
+    ):
+        assert part in page
 
 
 def refine_reference(experiment, error):
