@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 
 namespace testbed {
 
@@ -44,6 +45,43 @@ SolveReport conjugate_gradients(const Product& product, const Precondition& prec
     const double rz_before = rz;
     rz = dot(r, z);
     p = z + rz / rz_before * p;
+    ++report.iterations;
+  }
+}
+
+/// The same for any regular A, in two products an iteration [van der Vorst 1992].
+template <class Product, class Precondition>
+SolveReport bi_conjugate_gradients(const Product& product, const Precondition& precondition,
+                                   const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance,
+                                   int max_iterations) {
+  const auto dot = [](const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& w) {
+    return u.cwiseProduct(w).sum();
+  };
+  SolveReport report;
+  const double b_norm = b.norm();
+  Eigen::Matrix3Xd r, p, z, Az, Ap;
+  product(x, Ap);
+  r = p = b - Ap;
+  const Eigen::Matrix3Xd shadow = r;
+  double rho = dot(shadow, r);
+  while (true) {
+    report.residual = b_norm > 0 ? r.norm() / b_norm : r.norm();
+    report.is_converged = report.residual <= tolerance;
+    if (report.is_converged || report.iterations == max_iterations) return report;
+    precondition(p, z);
+    product(z, Ap);
+    const double alpha = rho / dot(shadow, Ap);
+    x += alpha * z;
+    r -= alpha * Ap;
+    precondition(r, z);
+    product(z, Az);
+    const double omega = dot(Az, r) / Az.squaredNorm();
+    if (!std::isfinite(alpha) || !std::isfinite(omega)) return report;  // nothing left to gain
+    x += omega * z;
+    r -= omega * Az;
+    const double rho_before = rho;
+    rho = dot(shadow, r);
+    p = r + rho / rho_before * alpha / omega * (p - omega * Ap);
     ++report.iterations;
   }
 }

@@ -9,21 +9,36 @@ namespace testbed {
 using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 
-ImplicitMatrix::ImplicitMatrix(const Motion& motion) : motion_(motion) {
-  if (!is_springs_alone(motion.model)) K_ = stiffness_pattern(motion.model);
+namespace {
+
+std::unique_ptr<MassSpringModel> without(const MassSpringModel& model, const Gradients& gradients) {
+  if ((gradients.volume || !model.local_volume) && (gradients.bending || !model.bending)) return {};
+  auto reduced = std::make_unique<MassSpringModel>(model);
+  if (!gradients.volume) reduced->local_volume.reset();
+  if (!gradients.bending) reduced->bending.reset();
+  return reduced;
+}
+
+}  // namespace
+
+ImplicitMatrix::ImplicitMatrix(const Motion& motion, const Gradients& gradients)
+    : motion_(motion),
+      has_volume_(gradients.volume),
+      reduced_(without(motion.model, gradients)),
+      model_(reduced_ ? *reduced_ : motion.model) {
+  if (!is_springs_alone(model_)) K_ = stiffness_pattern(model_);
 }
 
 void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
                          Curvature curvature) {
-  const MassSpringModel& model = motion_.model;
-  mass_ = factors.mass * model.mass;
-  if (model.springs && model.springs->damping > 0)
-    damping_ = damping_matrix(*model.springs, damped_at, factors.damping);
-  g_ = volume_stiffness_root(model, motion_.forces, at);
+  mass_ = factors.mass * model_.mass;
+  if (model_.springs && model_.springs->damping > 0)
+    damping_ = damping_matrix(*model_.springs, damped_at, factors.damping);
+  if (has_volume_) g_ = volume_stiffness_root(model_, motion_.forces, at);
   if (g_) *g_ *= std::sqrt(factors.stiffness);
   volume_curvature_.clear();
   if (curvature == Curvature::Exact) {
-    volume_curvature_ = volume_curvatures(model, motion_.forces, at);
+    volume_curvature_ = volume_curvatures(model_, motion_.forces, at);
     for (VolumeCurvature& c : volume_curvature_) c.factor *= factors.stiffness;
     x_ = at.x;
   }
@@ -36,13 +51,13 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
     for (NearPair& pair : pairs_) pair.stiffness *= factors.stiffness;
   }
   if (!K_) {
-    springs_ = hessian(*model.springs, at.rest_length, at.x, factors.stiffness, curvature);
+    springs_ = hessian(*model_.springs, at.rest_length, at.x, factors.stiffness, curvature);
     return;
   }
   K_->set_zero();
-  add_stiffness(model, at, *K_, curvature);
+  add_stiffness(model_, at, *K_, curvature);
   for (Matrix3d& block : K_->block) block *= factors.stiffness;
-  if (damping_) add_blocks(*model.springs, *damping_, *K_);
+  if (damping_) add_blocks(*model_.springs, *damping_, *K_);
   for (int i = 0; i < K_->rows(); ++i) K_->block[K_->diagonal[i]].diagonal().array() += mass_(i);
 }
 
@@ -51,8 +66,8 @@ void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
     testbed::multiply(*K_, p, y);
   } else {
     y = p * mass_.asDiagonal();
-    add_product(*motion_.model.springs, *springs_, p, y);
-    if (damping_) add_product(*motion_.model.springs, *damping_, p, y);
+    add_product(*model_.springs, *springs_, p, y);
+    if (damping_) add_product(*model_.springs, *damping_, p, y);
   }
   for (size_t i = 0; i < contact_.size(); ++i) y.col(i) += contact_[i] * p.col(i);
   for (const NearPair& pair : pairs_) {
@@ -73,8 +88,8 @@ void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
     for (int i = 0; i < n; ++i) blocks[i] = K_->block[K_->diagonal[i]];
   } else {
     for (int i = 0; i < n; ++i) blocks[i] = mass_(i) * Matrix3d::Identity();
-    add_diagonal(*motion_.model.springs, *springs_, blocks);
-    if (damping_) add_diagonal(*motion_.model.springs, *damping_, blocks);
+    add_diagonal(*model_.springs, *springs_, blocks);
+    if (damping_) add_diagonal(*model_.springs, *damping_, blocks);
   }
   for (size_t i = 0; i < contact_.size(); ++i) blocks[i] += contact_[i];
   for (const NearPair& pair : pairs_)
@@ -91,11 +106,11 @@ const BlockMatrix& ImplicitMatrix::matrix() {
   if (K_) {
     A_ = *K_;
   } else {
-    if (!A_) A_ = stiffness_pattern(motion_.model);
+    if (!A_) A_ = stiffness_pattern(model_);
     A_->set_zero();
     for (int i = 0; i < A_->rows(); ++i) A_->block[A_->diagonal[i]].diagonal().setConstant(mass_(i));
-    add_blocks(*motion_.model.springs, *springs_, *A_);
-    if (damping_) add_blocks(*motion_.model.springs, *damping_, *A_);
+    add_blocks(*model_.springs, *springs_, *A_);
+    if (damping_) add_blocks(*model_.springs, *damping_, *A_);
   }
   for (size_t i = 0; i < contact_.size(); ++i) A_->block[A_->diagonal[i]] += contact_[i];
   filter(motion_.constraints, *A_);

@@ -6,6 +6,13 @@
 
 namespace testbed {
 
+/// Which of the forces that the paper calls gradients are kept in the matrix: its bi-conjugate gradients need
+/// none, its conjugate gradients go without [paper 3.4].
+struct Gradients {
+  bool volume = true;   ///< of the global volume force and of tetrahedra
+  bool bending = true;  ///< of the skin
+};
+
 /// A = mass M + stiffness K + damping D on the free directions: M the masses, K the Hessian of the potential
 /// with the rank-one part of the global volume force, D the damping matrix of the springs. Where springs are
 /// all there is, A is applied spring by spring and only a factorisation forms it.
@@ -15,7 +22,7 @@ class ImplicitMatrix {
     double mass, stiffness, damping;
   };
 
-  explicit ImplicitMatrix(const Motion& motion);
+  explicit ImplicitMatrix(const Motion& motion, const Gradients& gradients = {});
 
   /// @param at         K is taken at its positions and rest lengths
   /// @param damped_at  positions (3 x n) that give the springs' directions in D
@@ -32,7 +39,10 @@ class ImplicitMatrix {
   const BlockMatrix& matrix();
 
   const Motion& motion_;
-  Eigen::VectorXd mass_;  ///< times its factor
+  bool has_volume_;
+  std::unique_ptr<MassSpringModel> reduced_;  ///< without the parts whose gradients are dropped
+  const MassSpringModel& model_;            ///< what the matrix knows of
+  Eigen::VectorXd mass_;                    ///< times its factor
   std::optional<SpringBlocks> springs_, damping_;
   std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
   std::vector<Eigen::Matrix3d> contact_;  ///< diagonal blocks of the barrier; empty: none

@@ -1,7 +1,9 @@
 #include "massspring/integrators.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "massspring/block_matrix.h"
@@ -35,6 +37,19 @@ std::unique_ptr<Scheme> make_scheme(Integrator integrator, const Motion& motion,
   throw std::logic_error("unknown integrator");
 }
 
+int order_of(Integrator integrator) {
+  switch (integrator) {
+    case Integrator::Rk4:
+      return 4;
+    case Integrator::Midpoint:
+    case Integrator::Bdf2:
+    case Integrator::TrBdf2:
+      return 2;
+    default:
+      return 1;
+  }
+}
+
 }  // namespace
 
 bool is_explicit(Integrator integrator) {
@@ -46,11 +61,15 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Int
                          double end, const IntegratorOptions& options)
     : motion_(model, forces, end),
       integrator_(integrator),
+      options_(options),
       end_(end),
       supports_(motion_.constraints),
-      largest_extent_(1e6 *
-                      (model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
+      size_((model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
       scheme_(make_scheme(integrator, motion_, options)) {
+  if (options.tolerance > 0 &&
+      (!forces.bodies.empty() || forces.self_thickness || integrator == Integrator::Bdf2))
+    throw std::runtime_error("time.tolerance = " + std::to_string(options.tolerance) +
+                             ", expected 0 with obstacles, self_contact or bdf2");
   if (forces.bodies.empty() || is_explicit(integrator) || integrator == Integrator::ImplicitEuler) return;
   if (integrator == Integrator::Midpoint)
     throw std::runtime_error("time.integrator = midpoint with obstacles, expected another one");
@@ -58,6 +77,70 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Int
 }
 
 StepReport TimeStepper::step(State& state, double h) {
+  if (options_.sleep_below > 0 && stays_at_rest(state, h)) {
+    state.v.setZero();
+    state.t += h;
+    StepReport report;
+    report.is_at_rest = true;
+    return report;
+  }
+  return options_.tolerance > 0 ? step_in_parts(state, h) : step_whole(state, h);
+}
+
+/// Slow, and no force would make any node fast within a second. Damping does not count: it holds back only
+/// what moves.
+bool TimeStepper::stays_at_rest(const State& state, double h) const {
+  constexpr double kWhile = 1;  // s
+  const double slow = options_.sleep_below;
+  if (state.v.colwise().norm().maxCoeff() >= slow) return false;
+  for (const Constraint& c : motion_.constraints)
+    if (!c.velocity.isZero(0)) return false;
+  for (const RigidBody& body : motion_.forces.bodies)
+    if (body.translation(state.t) != body.translation(state.t + h)) return false;
+  Matrix3Xd f;
+  motion_.undamped_forces_at(state, f);
+  filter(motion_.constraints, f);
+  return (f.colwise().norm().transpose().array() * kWhile < slow * motion_.model.mass.array()).all();
+}
+
+StepReport TimeStepper::step_in_parts(State& state, double h) {
+  constexpr double kSafety = 0.9, kShrink = 0.2, kGrow = 2;
+  constexpr double kShortest = 1e-9;  // of the step
+  const double end = state.t + h, order = order_of(integrator_);
+  StepReport total;
+  if (part_ == 0) part_ = h;
+  while (end - state.t > kShortest * h) {
+    const double part = std::min(part_, end - state.t);
+    State whole = state, halves = state;
+    Status status = Status::Ok;
+    for (const auto& [end_state, length] :
+         {std::pair(&whole, part), std::pair(&halves, part / 2), std::pair(&halves, part / 2)}) {
+      const StepReport report = step_whole(*end_state, length);
+      status = std::max(status, report.status);
+      total.newton_iterations += report.newton_iterations;
+      total.linear_iterations += report.linear_iterations;
+      total.residual = report.residual;
+      if (status != Status::Ok) break;
+    }
+    const double error = status == Status::Ok ? (whole.x - halves.x).colwise().norm().maxCoeff() /
+                                                    (std::pow(2, order) - 1) / size_
+                                              : std::numeric_limits<double>::infinity();
+    const double factor =
+        std::clamp(kSafety * std::pow(options_.tolerance / error, 1 / (order + 1)), kShrink, kGrow);
+    const bool is_accepted = error <= options_.tolerance;
+    if (is_accepted) state = halves;
+    if (!is_accepted || part == part_)
+      part_ = factor * part;  // one cut by the end does not tell what more does
+    if (part_ < kShortest * h) {
+      total.status = std::max(status, Status::NotConverged);
+      return total;
+    }
+  }
+  state.t = end;
+  return total;
+}
+
+StepReport TimeStepper::step_whole(State& state, double h) {
   const std::vector<RigidBody>& bodies = motion_.forces.bodies;
   const bool is_linearised = integrator_ == Integrator::ImplicitEuler;
   if (motion_.self_contact) motion_.self_contact->begin_step(state.x);
@@ -83,7 +166,8 @@ StepReport TimeStepper::step(State& state, double h) {
   const Matrix3Xd& X = motion_.model.network.X;
   prescribe(supports_, X, (state.t + h) / end_, x_);
   const double extent = (x_ - X).norm();  // one pass; not finite where any position is not
-  if (!(extent < largest_extent_) || !std::isfinite(v_.squaredNorm())) report.status = Status::Diverged;
+  constexpr double kFarOff = 1e6;
+  if (!(extent < kFarOff * size_) || !std::isfinite(v_.squaredNorm())) report.status = Status::Diverged;
   if (report.status == Status::Diverged) return report;
   state.x.swap(x_);
   state.v.swap(v_);

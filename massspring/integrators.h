@@ -4,13 +4,17 @@
 #include <memory>
 #include <string>
 
+#include "massspring/implicit_matrix.h"
 #include "massspring/model.h"
-#include "massspring/motion.h"
 
 namespace testbed {
 
 struct IntegratorOptions {
   double linear_tolerance = 1e-6;  ///< of the linearised implicit step: |b - A dv| / |b|
+  Gradients gradients = {};        ///< of the linearised implicit step
+  Krylov linear_solver = Krylov::Cg;
+  double tolerance = 0;    ///< error of a part of a step over the body's size; 0: steps are taken whole
+  double sleep_below = 0;  ///< speed (m/s) below which a body that stays so is not stepped
 };
 
 /// One scheme: positions and velocities h seconds after a state whose constrained velocities are those
@@ -40,23 +44,31 @@ bool is_explicit(Integrator integrator);
 class TimeStepper {
  public:
   /// @param end  time at which prescribed displacements are complete (s)
-  /// @throws std::runtime_error for midpoint with obstacles: it ends a step beyond where it solves
+  /// @throws std::runtime_error for midpoint with obstacles: it ends a step beyond where it solves; for a
+  /// tolerance with contacts or bdf2, which remember the step before
   TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator, double end,
               const IntegratorOptions& options = {});
 
   /// Advances the state by h seconds; leaves it unchanged where the step diverges, which is when a position
-  /// or velocity is not finite or the body a million times its size.
+  /// or velocity is not finite or the body a million times its size. With a tolerance in parts, each taken
+  /// whole and in halves, whose difference tells the error [Hairer et al. 1993, II.4].
   StepReport step(State& state, double h);
 
   std::string solver_choice() const { return scheme_->solver_choice(); }
 
  private:
+  StepReport step_whole(State& state, double h);
+  StepReport step_in_parts(State& state, double h);
+  bool stays_at_rest(const State& state, double h) const;
+
   Motion motion_;
   Integrator integrator_;
+  IntegratorOptions options_;
+  double part_ = 0;  ///< length of the next part of a step (s)
   double end_;
   std::vector<Constraint> supports_;
   Touches touches_;
-  double largest_extent_;  ///< m
+  double size_;  ///< of the body's box (m)
   std::unique_ptr<Scheme> scheme_;
   Eigen::Matrix3Xd x_, v_, v_before_;
 };

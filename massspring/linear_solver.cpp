@@ -24,6 +24,10 @@ SolveReport LinearSolver::solve(const LinearSystem& A, const Matrix3Xd& b, Matri
     z.resizeLike(r);
     for (Eigen::Index i = 0; i < r.cols(); ++i) z.col(i).noalias() = diagonal_[i] * r.col(i);
   };
+  if (krylov_ == Krylov::BiCgStab) {
+    choice_ = "bi-conjugate gradients, block Jacobi: asked for";
+    return bi_conjugate_gradients(A.product, precondition, b, x, tolerance, kMaxIterations);
+  }
   const SolveReport report = conjugate_gradients(A.product, precondition, b, x, tolerance, kMaxIterations);
   if (report.iterations > kManyIterations) {
     const std::string many = std::to_string(report.iterations) + " iterations";

@@ -7,6 +7,7 @@
 
 #include "massspring/cholesky.h"
 #include "massspring/conjugate_gradients.h"
+#include "meshing/scene.h"
 
 namespace testbed {
 
@@ -20,9 +21,11 @@ struct LinearSystem {
 
 /// Conjugate gradients, preconditioned by the inverse diagonal blocks until these need too many iterations,
 /// then, where its fill is affordable, by a Cholesky factor that is kept from system to system while it
-/// serves.
+/// serves. Or, to compare, bi-conjugate gradients with the inverse diagonal blocks.
 class LinearSolver {
  public:
+  explicit LinearSolver(Krylov krylov = Krylov::Cg) : krylov_(krylov) {}
+
   /// @param x  the first guess, then the solution
   SolveReport solve(const LinearSystem& A, const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance);
 
@@ -33,6 +36,7 @@ class LinearSolver {
   SolveReport solve_by_factor(const LinearSystem& A, const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x,
                               double tolerance);
 
+  Krylov krylov_;
   std::unique_ptr<BlockCholesky> factor_;
   std::vector<Eigen::Matrix3d> diagonal_;
   std::string choice_ = "block Jacobi: no system was hard so far";

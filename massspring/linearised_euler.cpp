@@ -1,4 +1,3 @@
-#include "massspring/implicit_matrix.h"
 #include "massspring/integrators.h"
 
 namespace testbed {
@@ -11,8 +10,11 @@ using Eigen::Matrix3Xd;
 /// h f_0 + M v - A v.
 class LinearisedEuler : public Scheme {
  public:
-  LinearisedEuler(const Motion& motion, double tolerance)
-      : motion_(motion), tolerance_(tolerance), A_(motion) {}
+  LinearisedEuler(const Motion& motion, const IntegratorOptions& options)
+      : motion_(motion),
+        tolerance_(options.linear_tolerance),
+        A_(motion, options.gradients),
+        solver_(options.linear_solver) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     const MassSpringModel& model = motion_.model;
@@ -44,7 +46,7 @@ class LinearisedEuler : public Scheme {
 }  // namespace
 
 std::unique_ptr<Scheme> make_implicit_euler(const Motion& motion, const IntegratorOptions& options) {
-  return std::make_unique<LinearisedEuler>(motion, options.linear_tolerance);
+  return std::make_unique<LinearisedEuler>(motion, options);
 }
 
 }  // namespace testbed

@@ -169,7 +169,12 @@ void run(const Arguments& arguments) {
     if (h == 0)
       h = is_explicit(scene.time.integrator) ? kSafety * stable_step(model, forces, state)
                                              : scene.time.end / kDefaultSteps;
-    stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end);
+    IntegratorOptions options;
+    options.gradients = {scene.time.volume_gradient, scene.time.bend_gradient};
+    options.linear_solver = scene.time.linear_solver;
+    options.tolerance = scene.time.tolerance;
+    options.sleep_below = scene.time.sleep_below;
+    stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end, options);
     n_steps = std::max(1, static_cast<int>(std::ceil(scene.time.end / h - 1e-9)));
     record["step"] = h;
   }
@@ -199,7 +204,7 @@ void run(const Arguments& arguments) {
   write_row();
   progress.stage("mass-spring: solve");
   StepReport report;
-  int newton_iterations = 0, linear_iterations = 0, n_done = 0;
+  int newton_iterations = 0, linear_iterations = 0, n_done = 0, n_at_rest = 0;
   Status status = Status::Ok;
   const auto has_ended = [&] {
     return n_done == n_steps || status == Status::Diverged || (is_static && status == Status::NotConverged);
@@ -221,6 +226,7 @@ void run(const Arguments& arguments) {
     if (report.status != Status::Ok) status = report.status;
     newton_iterations += report.newton_iterations;
     linear_iterations += report.linear_iterations;
+    n_at_rest += report.is_at_rest;
     ++n_done;
     write_row();
     if (has_ended() || (every > 0 && n_done % every == 0)) write_frame();
@@ -229,6 +235,7 @@ void run(const Arguments& arguments) {
   timer.stop();
 
   record["n_steps_done"] = n_done;
+  if (scene.time.sleep_below > 0) record["n_steps_at_rest"] = n_at_rest;
   record["newton_iterations"] = newton_iterations;
   record["linear_iterations"] = linear_iterations;
   record["residual"] = report.residual;

@@ -47,6 +47,7 @@ struct StepReport {
   int newton_iterations = 0;
   int linear_iterations = 0;
   double residual = 0;  ///< of the last linear solve (dynamic) or of the balance of forces (static), relative
+  bool is_at_rest = false;  ///< nothing moved, so that nothing was solved
 };
 
 /// The model at rest.

@@ -53,10 +53,10 @@ struct SurfaceSource {
 };
 
 struct Material {
-  double E = 1e5;      ///< Young's modulus (Pa), > 0
-  double nu = 0.25;    ///< Poisson's ratio, in (-1, 0.5)
-  double rho = 1000;   ///< density (kg/m3), > 0
-  double damping = 0;  ///< mass-proportional damping (1/s): force -damping * m * v, >= 0
+  double E = 1e5;                ///< Young's modulus (Pa), > 0
+  double nu = 0.25;              ///< Poisson's ratio, in (-1, 0.5)
+  double rho = 1000;             ///< density (kg/m3), > 0
+  double damping = 0;            ///< mass-proportional damping (1/s): force -damping * m * v, >= 0
   double stiffness_damping = 0;  ///< Rayleigh's other part (s): force -stiffness_damping * K v, >= 0
 };
 
@@ -137,12 +137,20 @@ enum class Integrator {
   Bdf2,
   TrBdf2
 };
+/// Method for the linear systems of the linearised implicit step.
+enum class Krylov { Cg, BiCgStab };
 struct TimeOptions {
   TimeMode mode = TimeMode::Static;
   int load_steps = 10;  ///< static: loads grow linearly to full in this many steps
   double step = 0;      ///< dynamic: s; 0 chooses one
   double end = 1;       ///< dynamic: s
   Integrator integrator = Integrator::ImplicitEuler;
+  double tolerance =
+      0;  ///< dynamic: error of a part of a step over the body's size; 0: steps are taken whole
+  double sleep_below = 0;       ///< dynamic: a body slower than this, and staying so, is not stepped (m/s)
+  bool volume_gradient = true;  ///< linearised: in the matrix, else volume forces are taken as they were
+  bool bend_gradient = true;    ///< the same of bending
+  Krylov linear_solver = Krylov::Cg;  ///< linearised
 };
 
 /// Tension of an independent spring compressed below its rest length r; above it both are Hooke's.

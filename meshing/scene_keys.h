@@ -29,6 +29,7 @@ inline const std::vector<std::string> kTimeModes{"static", "dynamic"};
 inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic_euler", "rk4",
                                                    "implicit_euler", "minimising_euler", "midpoint",
                                                    "bdf2",           "tr_bdf2"};
+inline const std::vector<std::string> kKrylov{"cg", "bicgstab"};
 inline const std::vector<std::string> kSamplings{"darts", "relaxed", "mesher"};
 inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
                                                       "delaunay", "pcp",     "completed_pcp"};
@@ -186,6 +187,12 @@ void describe(V& v, TimeOptions& t) {
   v.choice("integrator", t.integrator, kIntegrators,
            "dynamic: explicit_euler, symplectic_euler, rk4; implicit_euler (linearised), minimising_euler, "
            "midpoint, bdf2, tr_bdf2");
+  v("tolerance", t.tolerance, kNotNegative,
+    "divide steps so that each part errs by this fraction of the body's size; 0: never");
+  v("sleep_below", t.sleep_below, kNotNegative, "m/s: a body that stays slower is not stepped; 0: never");
+  v("volume_gradient", t.volume_gradient, "implicit_euler: volume forces change within a step");
+  v("bend_gradient", t.bend_gradient, "implicit_euler: bending forces change within a step");
+  v.choice("linear_solver", t.linear_solver, kKrylov, "implicit_euler: cg or bicgstab");
 }
 
 template <class V>

@@ -221,6 +221,97 @@ TEST(Integrators, DivergenceIsAStatusAndLeavesTheLastSoundState) {
   EXPECT_TRUE(state.x.allFinite() && state.v.allFinite());
 }
 
+TEST(Integrators, ErrorFollowsTheTolerance) {
+  const MassSpringModel model = small_model();
+  const Forces forces = no_forces(model);
+  const State start = lively(model);
+  constexpr double end = 0.32, slope_tolerance = 0.2;  // parts of a step are whole in number
+  const State exact = advance(model, forces, Integrator::Rk4, start, end / 4096, 4096);
+  const std::vector<std::pair<Integrator, double>> orders{{Integrator::SymplecticEuler, 1},
+                                                          {Integrator::ImplicitEuler, 1},
+                                                          {Integrator::TrBdf2, 2},
+                                                          {Integrator::Rk4, 4}};
+  for (const auto& [integrator, order] : orders) {
+    const auto error = [&, integrator = integrator](double tolerance) {
+      IntegratorOptions options{1e-13};
+      options.tolerance = tolerance;
+      TimeStepper stepper(model, forces, integrator, 1, options);
+      State state = start;
+      for (int i = 0; i < 4; ++i) EXPECT_EQ(stepper.step(state, end / 4).status, Status::Ok);
+      EXPECT_DOUBLE_EQ(state.t, end);
+      return (state.x - exact.x).norm();
+    };
+    constexpr double ratio = 256;
+    const double tolerance = order == 4 ? 1e-7 : 1e-4;
+    const double loose = error(tolerance), tight = error(tolerance / ratio);
+    // A part errs by its length to the power order + 1, all of them together by one power less.
+    EXPECT_NEAR(std::log(loose / tight) / std::log(ratio), order / (order + 1), slope_tolerance)
+        << static_cast<int>(integrator);
+  }
+}
+
+TEST(Integrators, AToleranceIsRefusedWhereAStepRemembersTheOneBefore) {
+  const MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  IntegratorOptions options;
+  options.tolerance = 1e-4;
+  EXPECT_THROW(TimeStepper(model, forces, Integrator::Bdf2, 1, options), std::runtime_error);
+  forces.self_thickness = 0.1;
+  EXPECT_THROW(TimeStepper(model, forces, Integrator::MinimisingEuler, 1, options), std::runtime_error);
+}
+
+TEST(Integrators, ABodyAtRestIsNotSteppedUntilAForceActs) {
+  const MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  forces.mass_damping = 20;
+  IntegratorOptions options;
+  options.sleep_below = 1e-3;
+  TimeStepper stepper(model, forces, Integrator::MinimisingEuler, 1, options);
+  State state = lively(model);
+  int n_awake = 0;
+  while (!stepper.step(state, 0.02).is_at_rest && n_awake < 1000) ++n_awake;
+  EXPECT_GT(n_awake, 10);
+  EXPECT_LT(n_awake, 1000);
+  const Matrix3Xd before = state.x;
+  EXPECT_TRUE(stepper.step(state, 0.02).is_at_rest);
+  EXPECT_EQ(state.x, before);
+  state.rest_length *= 1.1;
+  EXPECT_FALSE(stepper.step(state, 0.02).is_at_rest);
+  EXPECT_NE(state.x, before);
+}
+
+TEST(Integrators, ASwingTurningIsNotAtRest) {
+  const Oscillator o;
+  IntegratorOptions options;
+  options.sleep_below = 1e-3;
+  TimeStepper stepper(o.model, o.forces, Integrator::Midpoint, 1, options);
+  State state = o.start;  // at its turning point
+  EXPECT_FALSE(stepper.step(state, 1e-6).is_at_rest);
+}
+
+TEST(Integrators, DroppedGradientsAndEitherLinearSolverLeadToTheSameMotion) {
+  MassSpringModel model = small_model();
+  model.bending = make_bending(model.network.X, model.network.F, 3);
+  model.local_volume = LocalVolume{30, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
+  Forces forces = no_forces(model);
+  forces.volume_pressure = 20;
+  constexpr double end = 0.02, slope_tolerance = 0.1, linear_tolerance = 1e-13;
+  const State start = lively(model), exact = advance(model, forces, Integrator::Rk4, start, end / 1024, 1024);
+  const auto run = [&](bool is_kept, Krylov krylov, int n_steps) {
+    IntegratorOptions options{linear_tolerance, {is_kept, is_kept}, krylov};
+    TimeStepper stepper(model, forces, Integrator::ImplicitEuler, 1, options);
+    State state = start;
+    for (int i = 0; i < n_steps; ++i) EXPECT_EQ(stepper.step(state, end / n_steps).status, Status::Ok);
+    return state.x;
+  };
+  for (bool is_kept : {true, false}) {
+    const Matrix3Xd coarse = run(is_kept, Krylov::Cg, 32), fine = run(is_kept, Krylov::Cg, 64);
+    EXPECT_NEAR(std::log2((coarse - exact.x).norm() / (fine - exact.x).norm()), 1, slope_tolerance);
+    EXPECT_LT((run(is_kept, Krylov::BiCgStab, 32) - coarse).norm(), 1e-10);
+  }
+  EXPECT_GT((run(true, Krylov::Cg, 32) - run(false, Krylov::Cg, 32)).norm(), 1e-6);
+}
+
 TEST(StableStep, IsTheLimitOfSymplecticEuler) {
   const MassSpringModel model = small_model();
   Forces forces = no_forces(model);
