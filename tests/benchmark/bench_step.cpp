@@ -12,8 +12,10 @@
 #include "massspring/calibrate.h"
 #include "massspring/implicit_matrix.h"
 #include "massspring/integrators.h"
+#include "massspring/linear_statics.h"
 #include "meshing/network.h"
 #include "meshing/shapes.h"
+#include "tests/massspring/box_tets.h"
 
 namespace {
 
@@ -191,6 +193,28 @@ void solve(benchmark::State& bench, double E, bool is_eigens) {
   bench.counters["cg_iterations"] = iterations;
 }
 
+/// Coupled springs on a box of tetrahedra, 4 % stretched and sheared: forces, or a linear solve of the
+/// clamped box under its weight, factorisation and all. The edge-coupled ones are linear finite elements.
+void coupled(benchmark::State& bench, const char* model_name, bool is_solve) {
+  constexpr int n = 12;
+  const TetMesh mesh = box_tets(n, n, n, 1. / n, 0.2);
+  const MassSpringModel model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface},
+                                          {}, find_calibration(model_name));
+  const Forces forces = make_forces(model);
+  const Eigen::Matrix3d stretch = (Eigen::Matrix3d() << 1.04, 0.02, 0, 0, 1, 0.03, 0, 0, 0.97).finished();
+  const Eigen::Matrix3Xd x = stretch * mesh.X;
+  Eigen::Matrix3Xd y = Eigen::Matrix3Xd::Zero(3, x.cols());
+  for (auto _ : bench) {
+    if (is_solve)
+      LinearStatics(model, forces.constraints).solve(forces.load, y);
+    else
+      add_forces(*model.tet_springs, x, y);
+    benchmark::DoNotOptimize(y.data());
+  }
+  bench.counters["nodes"] = static_cast<double>(x.cols());
+  bench.counters["patches"] = model.tet_springs->n_patches();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -212,6 +236,11 @@ int main(int argc, char** argv) {
           (std::string("solve/") + (is_eigens ? "eigen" : "ours") + (E == kSoft ? "/soft" : "/stiff"))
               .c_str(),
           solve, E, is_eigens);
+  for (const char* name : {"edge_coupled", "node_averaged"})
+    for (const bool is_solve : {false, true})
+      benchmark::RegisterBenchmark(
+          (std::string("coupled/") + (is_solve ? "solve/" : "forces/") + name).c_str(), coupled, name,
+          is_solve);
   for (const auto& [integrator, name] : {std::pair(Integrator::SymplecticEuler, "symplectic_euler"),
                                          std::pair(Integrator::ImplicitEuler, "implicit_euler")})
     for (const int n : {1000, 10000, 100000, 1000000})
