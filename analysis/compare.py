@@ -111,23 +111,39 @@ def displacement_at(run: Run, time: float) -> Array:
     return (1 - share) * run.frame(after - 1).u + share * run.frame(after).u
 
 
-def trajectory_error(run: Run, reference: Run) -> float:
-    """L2 norm over surface and time of the difference in displacement, over that of the reference's displacement.
+def trajectory_error(run: Run, reference: Run, is_free: bool = False) -> DisplacementError:
+    """Relative difference of two motions: as displacement_error, the L2 norm over surface and time.
 
     The run's frames are interpolated linearly to the reference's times, which is exact where both have the same.
-    Raises RunError for different surfaces or lengths.
+    is_free: rigid motion is removed from both at every time. Raises RunError for different surfaces or lengths.
     """
     check_same_problem(run, reference)
-    weights = vertex_areas(reference.last.X, reference.last.F)
-    squares = []
+    X = reference.last.X
+    weights = vertex_areas(X, reference.last.F)
+    squares, largest = [], []
     for index, time in enumerate(reference.times):
-        u_reference = reference.frame(index).u
-        difference = displacement_at(run, time) - u_reference
-        squares.append([weights @ (field**2).sum(axis=1) for field in (difference, u_reference)])
-    both = np.trapezoid(np.array(squares), reference.times, axis=0)
-    if not both[1] > 0:
+        u, u_reference = displacement_at(run, time), reference.frame(index).u
+        if is_free:
+            u, u_reference = (remove_rigid_motion(X, field, weights) for field in (u, u_reference))
+        both = [(field**2).sum(axis=1) for field in (u - u_reference, u_reference)]
+        squares.append([weights @ square for square in both])
+        largest.append([square.max() for square in both])
+    norms = np.trapezoid(np.array(squares), reference.times, axis=0)
+    if not norms[1] > 0:
         raise RunError("the reference does not deform, so there is nothing to compare with")
-    return float(np.sqrt(both[0] / both[1]))
+    top = np.max(largest, axis=0)
+    return DisplacementError(float(np.sqrt(norms[0] / norms[1])), float(np.sqrt(top[0] / top[1])))
+
+
+def widest_time(run: Run) -> float:
+    """Time of the frame with the largest displacement."""
+    largest = [np.linalg.norm(run.frame(k).u, axis=1).max() for k in range(len(run.times))]
+    return float(run.times[int(np.argmax(largest))])
+
+
+def is_dynamic(run: Run) -> bool:
+    """Whether the run is a motion in time of which there is more than the end."""
+    return scene_of(run).get("time", {}).get("mode") == "dynamic" and len(run.times) > 1
 
 
 def check_same_problem(run: Run, reference: Run) -> None:
@@ -160,10 +176,17 @@ def check_same_problem(run: Run, reference: Run) -> None:
 
 
 def compare_runs(run: Run, reference: Run, is_free: bool) -> dict[str, Any]:
-    """The figures of one spring model against the reference, as they stand in comparison.json."""
+    """The figures of one spring model against the reference, as they stand in comparison.json.
+
+    Displacements are compared at the end, those of a dynamic scene over the whole time.
+    """
     check_same_problem(run, reference)
     a, b = run.last, reference.last
-    displacement = displacement_error(b.X, b.F, a.u, b.u, is_free)
+    displacement = (
+        trajectory_error(run, reference, is_free)
+        if is_dynamic(reference)
+        else displacement_error(b.X, b.F, a.u, b.u, is_free)
+    )
     change = volume_error(*volume_change(run), *volume_change(reference))
     return {
         "status": run.record["status"],

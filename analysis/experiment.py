@@ -13,13 +13,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .compare import compare_runs, describe_alone, describe_reference, volume_change
+from .compare import (
+    compare_runs,
+    describe_alone,
+    describe_reference,
+    displacement_at,
+    is_dynamic,
+    volume_change,
+    widest_time,
+)
 from .film import draw_film, draw_strip
 from .machine import describe
 from .pictures import draw_comparison
 from .plots import plot_errors, plot_times, plot_volume
 from .report import render
-from .runs import RunError, load_run
+from .runs import Frame, RunError, load_run
 from .style import REFERENCE, label_of
 from .warp import draw_playback
 
@@ -183,8 +191,11 @@ def compare(experiment: Experiment) -> dict[str, Any]:
     if reference:
         for name, run in runs.items():
             file = experiment.folder / f"error_{name}.png"
-            draw_comparison(file, run.last, reference.last, experiment.is_free, label_of(name))
-            pictures[f"Deformed surfaces and the error of the {name} springs."] = file
+            time = widest_time(reference) if is_dynamic(reference) else reference.times[-1]
+            here, there = (Frame(r.last.X, displacement_at(r, time), r.last.F) for r in (run, reference))
+            draw_comparison(file, here, there, experiment.is_free, label_of(name))
+            moment = f" at {time:.3g} s" if is_dynamic(reference) else ""
+            pictures[f"Deformed surfaces and the error of the {name} springs{moment}."] = file
     is_static = experiment.scene["time"]["mode"] == "static"
     methods = ({REFERENCE: reference} if reference else {}) | runs
     shown = {name: methods[name] for name in (experiment.calibration, REFERENCE) if name in methods}

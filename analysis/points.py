@@ -72,7 +72,7 @@ class Store:
         Raises RunError when the scene or a program cannot be read.
         """
         ignored = _IGNORED[point.program]
-        scene = _read_toml(point.scene)
+        scene = read_toml(point.scene)
         settings = dict(override.partition("=")[::2] for override in point.overrides)
         surface = settings.get("surface.file") or scene.get("surface", {}).get("file")
         base = Path() if "surface.file" in settings else point.scene.parent
@@ -172,7 +172,8 @@ class Store:
         return Outcome(status, "", **spent)
 
 
-def _read_toml(file: Path) -> dict[str, Any]:
+def read_toml(file: Path) -> dict[str, Any]:
+    """The values of a scene file. Raises RunError where it is none."""
     try:
         return tomllib.loads(file.read_text())
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

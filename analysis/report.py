@@ -275,8 +275,8 @@ def _explained(comparison: dict[str, Any]) -> str:
     )
     return f"""<h2>How to read this</h2>
 <p>Both solvers start from the same surface, vertex by vertex. <b>Displacement error</b>: area-weighted L2 norm over
-the surface nodes of the difference at full load (or at the end), as a fraction of the same norm of the finite-element
-displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
+the surface nodes of the difference at full load, of a dynamic scene over the whole time too, as a fraction of the same
+norm of the finite-element displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
 <b>Volume error</b>: L2 norm over the whole curve of the difference in volume change, as a fraction of the finite
 elements' own; it says little where the reference hardly changes its volume
 ({percent(comparison["reference"]["largest_volume_change"])} here, while its surface sweeps

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from .compare import compare_runs
 from .experiment import ROOT, default_folder, write_text
 from .plots import svg_of
-from .points import Outcome, Point, Store, say
+from .points import Outcome, Point, Store, read_toml, say
 from .report import html_table, page, percent, svg_figure, text_table
 from .runs import RunError, load_run
 from .style import style_of
@@ -72,9 +72,16 @@ def varied(grid: dict[str, list[str]]) -> list[str]:
     return [key for key, values in grid.items() if len(values) > 1] or list(grid)
 
 
+def _overrides(scene: Path, settings: dict[str, str]) -> tuple[str, ...]:
+    """What a point sets in the scene; motions are compared frame by frame, so they keep theirs."""
+    mode = settings.get("time.mode") or read_toml(scene).get("time", {}).get("mode")
+    frames = () if mode == "dynamic" else ("output.frames_every=0",)
+    return (*frames, *(f"{key}={value}" for key, value in settings.items()))
+
+
 def measure(store: Store, scene: Path, settings: dict[str, str]) -> Row:
     """The row of one point: its settings, status, message and figures. A point that fails has a message instead."""
-    overrides = ("output.frames_every=0", *(f"{key}={value}" for key, value in settings.items()))
+    overrides = _overrides(scene, settings)
     runs: list[Outcome] = []
     for program in ("massspring", "fem_reference"):
         runs.append(store.run(Point(program, scene, overrides)))
@@ -235,13 +242,7 @@ def sweep(
     records = {
         program: found.record
         for program in ("massspring", "fem_reference")
-        if (
-            found := store.find(
-                Point(
-                    program, scene, ("output.frames_every=0", *(f"{k}={v}" for k, v in settings[0].items()))
-                )
-            )
-        )
+        if (found := store.find(Point(program, scene, _overrides(scene, settings[0]))))
     }
     write(folder, scene, varied(grid), rows, records)
     return rows

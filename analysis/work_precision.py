@@ -218,7 +218,7 @@ class SceneStudy:
             reference, m.reference_error = self._reference(m.factor, is_quiet)
             run, exact = load_run(m.outcomes[0].folder), load_run(reference.folder)
             if is_dynamic(self.scene):
-                m.error = trajectory_error(run, exact)
+                m.error = trajectory_error(run, exact).l2
             else:
                 m.error = compare_runs(run, exact, exact.record["is_free"])["displacement_error_l2"]
         except RunError as error:
@@ -270,8 +270,8 @@ class SceneStudy:
         in_time, coarse = run(shortest / 4), run(shortest / 2)
         refine = f"reference.refine={self._refinements(coarse)}"
         fine = run(shortest / 4, refine)
-        error_in_time = trajectory_error(load_run(coarse.folder), load_run(in_time.folder)) / 3
-        return fine, error_in_time + trajectory_error(load_run(in_time.folder), load_run(fine.folder))
+        error_in_time = trajectory_error(load_run(coarse.folder), load_run(in_time.folder)).l2 / 3
+        return fine, error_in_time + trajectory_error(load_run(in_time.folder), load_run(fine.folder)).l2
 
 
 Curves = dict[str, list[tuple[float, float]]]

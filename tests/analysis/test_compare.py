@@ -147,7 +147,27 @@ def test_displacement_is_linear_between_frames(ball, tmp_path):
 def test_trajectories_are_compared_over_the_whole_time(ball, tmp_path):
     reference = load_run(write_run(tmp_path / "a", *ball, lambda X: 0.1 * X, times=np.linspace(0, 1, 9)))
     fewer = load_run(write_run(tmp_path / "b", *ball, lambda X: 0.12 * X, times=np.linspace(0, 1, 3)))
-    assert trajectory_error(fewer, reference) == pytest.approx(0.2)
+    assert trajectory_error(fewer, reference) == pytest.approx((0.2, 0.2))
+    turned = load_run(write_run(tmp_path / "c", *ball, lambda X: 0.12 * X + rigid_motion(X)))
+    assert trajectory_error(turned, reference, is_free=True) == pytest.approx((0.2, 0.2))
+    assert trajectory_error(turned, reference).l2 > 1
+
+
+def test_a_motion_that_ends_at_rest_is_compared_on_its_way(ball, tmp_path):
+    X, F = ball
+    runs = []
+    for name, size in (("a", 0.12), ("b", 0.1)):
+        folder = write_run(tmp_path / name, X, F, lambda X, size=size: size * X, times=np.array([0, 1, 2]))
+        (folder / "scene.toml").write_text('[time]\nmode = "dynamic"\n')
+        (folder / "frames" / "frame_000002.vtu").write_bytes(
+            (folder / "frames" / "frame_000000.vtu").read_bytes()
+        )
+        runs.append(load_run(folder))
+    assert compare_runs(*runs, is_free=False)["displacement_error_l2"] == pytest.approx(0.2)
+
+
+def test_a_reference_at_rest_has_no_trajectory(ball, tmp_path):
+    fewer = load_run(write_run(tmp_path / "b", *ball, lambda X: 0.12 * X))
     with pytest.raises(RunError, match="does not deform"):
         trajectory_error(fewer, load_run(write_run(tmp_path / "e", *ball, lambda X: 0 * X)))
 

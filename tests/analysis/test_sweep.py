@@ -68,6 +68,13 @@ def test_table_holds_the_errors_of_the_runs(scene, programs, tmp_path):
     assert not fetched(page)
 
 
+def test_motions_keep_their_frames(scene, programs, tmp_path):
+    run(scene, tmp_path / "out", programs, {"material.nu": ["0.25"]})
+    scene.write_text('[time]\nmode = "dynamic"\n')
+    run(scene, tmp_path / "out", programs, {"material.nu": ["0.25"]})
+    assert ["output.frames_every" in call for call in calls(programs)] == [True, True, False, False]
+
+
 def test_finished_points_never_run_again(scene, programs, tmp_path):
     run(scene, tmp_path / "out", programs)
     assert len(calls(programs)) == 6 + 3  # the reference does not read network.multiplicity
