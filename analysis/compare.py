@@ -135,10 +135,9 @@ def trajectory_error(run: Run, reference: Run, is_free: bool = False) -> Displac
     return DisplacementError(float(np.sqrt(norms[0] / norms[1])), float(np.sqrt(top[0] / top[1])))
 
 
-def widest_time(run: Run) -> float:
-    """Time of the frame with the largest displacement."""
-    largest = [np.linalg.norm(run.frame(k).u, axis=1).max() for k in range(len(run.times))]
-    return float(run.times[int(np.argmax(largest))])
+def widest(run: Run) -> int:
+    """Number of the frame with the largest displacement."""
+    return int(np.argmax([np.linalg.norm(run.frame(k).u, axis=1).max() for k in range(len(run.times))]))
 
 
 def is_dynamic(run: Run) -> bool:
@@ -218,8 +217,8 @@ def describe_alone(run: Run) -> dict[str, Any]:
 
 
 def describe_reference(reference: Run) -> dict[str, Any]:
-    """How much the reference moves: what the relative errors are relative to."""
-    frame = reference.last
+    """How much the reference moves, a dynamic one at its widest: what the relative errors are relative to."""
+    frame = reference.frame(widest(reference)) if is_dynamic(reference) else reference.last
     V0 = volume(frame.X, frame.F)
     swept = np.abs((triangle_normals(frame.X, frame.F) * frame.u[frame.F].mean(axis=1)).sum(axis=1)).sum()
     return {

@@ -20,7 +20,7 @@ from .compare import (
     displacement_at,
     is_dynamic,
     volume_change,
-    widest_time,
+    widest,
 )
 from .film import draw_film, draw_strip
 from .machine import describe
@@ -191,7 +191,7 @@ def compare(experiment: Experiment) -> dict[str, Any]:
     if reference:
         for name, run in runs.items():
             file = experiment.folder / f"error_{name}.png"
-            time = widest_time(reference) if is_dynamic(reference) else reference.times[-1]
+            time = reference.times[widest(reference) if is_dynamic(reference) else -1]
             here, there = (Frame(r.last.X, displacement_at(r, time), r.last.F) for r in (run, reference))
             draw_comparison(file, here, there, experiment.is_free, label_of(name))
             moment = f" at {time:.3g} s" if is_dynamic(reference) else ""

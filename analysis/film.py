@@ -242,7 +242,7 @@ def draw_strip(file: Path, runs: dict[str, Run], n_frames: int = 5) -> None:
     page.paste(footer, (0, page.height - _FOOTER))
     for x in at:
         ImageDraw.Draw(page).line([(x, page.height - _FOOTER + 10), (x, page.height - 50)], fill="lightgrey")
-    page.quantize(256, Image.Quantize.MAXCOVERAGE).save(file, optimize=True)
+    page.save(file, optimize=True)
 
 
 def method_of(run: Run) -> str:
