@@ -11,6 +11,7 @@
 
 #include "fem_reference/implementation.h"
 #include "fem_reference/rigid.h"
+#include "meshing/surface.h"
 
 namespace testbed {
 namespace {
@@ -52,8 +53,8 @@ const std::vector<HeldComponent>& ElasticSolid::held() const {
   return self_->held;
 }
 
-void ElasticSolid::Implementation::find_rigid_motions() {
-  const Eigen::MatrixXd R = rigid_motions(nodes.X);
+void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
+  const Eigen::MatrixXd R = rigid_motions(nodes.X + at);
   Eigen::Matrix<double, 6, 6> moved = Eigen::Matrix<double, 6, 6>::Zero();
   for (const HeldComponent& h : held) {
     const auto row = R.row(3 * h.node + h.component);
@@ -115,7 +116,7 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.held = held;
   s.u.setZero();
   s.factor = 0;
-  s.find_rigid_motions();
+  s.find_rigid_motions(s.u);
   std::fill(s.fine.is_held.begin(), s.fine.is_held.end(), false);
   if (s.coarse) std::fill(s.coarse->is_held.begin(), s.coarse->is_held.end(), false);
   for (const HeldComponent& h : held) {
@@ -175,6 +176,7 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
     report.residual = first > 0 ? residual.norm() / first : 0;
     report.is_converged = report.residual <= kNewtonTolerance && (iteration > 0 || !is_moved);
     if (report.is_converged) break;
+    if (!is_linear) find_rigid_motions(at);
     if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor);
     stage("solve");
     const LinearReport linear =
@@ -201,9 +203,11 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
     // A shorter step would miss prescribed displacements, and a full one may have to climb for them.
     const bool is_free_to_shorten = iteration > 0 || !is_moved;
     const double before = is_free_to_shorten ? potential(at, load_factor) : 0;
+    // Energies are sums over the body of terms of the size of E, near which a small strain's are lost.
+    const double noise = kRounding * std::abs(before) + 1e-15 * material.E * volume(mesh.X, mesh.F);
     const auto is_accepted = [&](double part) {
       const double after = potential(at + part * du, load_factor);
-      return std::isfinite(after) && (!is_free_to_shorten || after <= before + kRounding * std::abs(before));
+      return std::isfinite(after) && (!is_free_to_shorten || after <= before + noise);
     };
     double part = 1;
     while (!is_accepted(part)) {
@@ -213,7 +217,7 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
     at += part * du;
   }
   if (!report.is_converged) return report;
-  remove_rigid_motion(at);
+  if (is_linear) remove_rigid_motion(at);  // a small rotation would strain a body that has moved far
   u = at;
   factor = load_factor;
   measure(u, load_factor, report);
@@ -222,6 +226,7 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
 
 ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   Implementation& s = *self_;
+  s.find_rigid_motions(Matrix3Xd::Zero(3, s.u.cols()));
   s.check_balance();
   if (s.law == ElasticLaw::SmallStrain) return s.find_equilibrium(load_factor, timer);
   constexpr double kSmallestPart = 1.0 / 64;

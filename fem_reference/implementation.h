@@ -41,14 +41,15 @@ struct ElasticSolid::Implementation {
   ElasticLaw law = ElasticLaw::SmallStrain;
   ElasticLoads loads;
   std::vector<HeldComponent> held;
-  Eigen::VectorXd load;   // N at full load, of component c of node i at 3 i + c
-  Eigen::MatrixXd rigid;  // free rigid motions over the degrees of freedom, orthonormal
+  Eigen::VectorXd load;  // N at full load, of component c of node i at 3 i + c
+  Eigen::MatrixXd
+      rigid;  // free rigid motions of the body as deformed, over the degrees of freedom, orthonormal
 
   Eigen::Matrix3Xd u;
   double factor = 0;  // load factor of u
 
   ElasticReport find_equilibrium(double load_factor, StageTimer* timer);
-  void find_rigid_motions();
+  void find_rigid_motions(const Eigen::Matrix3Xd& at);
   void check_balance() const;
   void hold(double increment);
   void find_load();

@@ -1,10 +1,9 @@
 #include "fem_reference/two_level.h"
 
 #include <Eigen/CholmodSupport>
-#include <Eigen/IterativeLinearSolvers>
-#include <functional>
 #include <limits>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "fem_reference/amg.h"
@@ -21,21 +20,30 @@ constexpr int kLargestDirect = 100000;   // unknowns of degree 2 whose factor ta
 constexpr int kPatience = 120;  // iterations worth a direct factor: four times those on good tetrahedra
 constexpr int kMaxIterations = 2000;
 constexpr int kRefinements = 10;  // with a factor of the whole matrix: more gain nothing beyond rounding
-constexpr double kShift = 1e-8;  // of the diagonal, where rigid motions are free
+/// Of the diagonal, where rigid motions are free; the larger ones where a body out of balance would turn.
+constexpr double kShifts[] = {1e-8, 1e-4, 1e-2};
 
 VectorXd without(const Eigen::MatrixXd& columns, const VectorXd& v) {
   return columns.cols() == 0 ? v : v - columns * (columns.transpose() * v).eval();
 }
 
-Rows shifted(Rows lower, bool is_singular) {
-  if (is_singular)
-    for (int i = 0; i < lower.rows(); ++i) lower.valuePtr()[lower.outerIndexPtr()[i + 1] - 1] *= 1 + kShift;
+Rows shifted(Rows lower, double shift) {
+  for (int i = 0; i < lower.rows(); ++i) lower.valuePtr()[lower.outerIndexPtr()[i + 1] - 1] *= 1 + shift;
   return lower;
 }
 
 /// Sparse Cholesky, its symbolic part kept.
 class Cholesky {
  public:
+  bool factorise(const Rows& lower, bool is_singular) {
+    if (!is_singular) return factorise(lower);
+    for (double shift : kShifts)
+      if (factorise(shifted(lower, shift))) return true;
+    return false;
+  }
+  VectorXd solve(const VectorXd& b) const { return factor_.solve(b); }
+
+ private:
   bool factorise(const Rows& lower) {
     const Eigen::SparseMatrix<double> upper = lower.transpose();
     if (!is_analysed_) {
@@ -46,22 +54,9 @@ class Cholesky {
     factor_.factorize(upper);
     return factor_.info() == Eigen::Success;
   }
-  VectorXd solve(const VectorXd& b) const { return factor_.solve(b); }
 
- private:
   Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>, Eigen::Upper> factor_;
   bool is_analysed_ = false;
-};
-
-/// A function as Eigen's solver wants its preconditioner.
-struct Preconditioner {
-  std::function<VectorXd(const VectorXd&)> apply;
-  template <class Matrix>
-  Preconditioner& compute(const Matrix&) {
-    return *this;
-  }
-  VectorXd solve(const VectorXd& r) const { return apply(r); }
-  static Eigen::ComputationInfo info() { return Eigen::Success; }
 };
 
 }  // namespace
@@ -78,15 +73,16 @@ struct TwoLevelSolver::Levels {
 
   bool factorise(const SystemMatrix& fine, const SystemMatrix& degree_1, bool is_singular) {
     is_ready = false;
-    if (direct) return is_ready = direct->factorise(shifted(fine.lower, is_singular));
-    const Rows matrix = shifted(degree_1.lower, is_singular);
-    if (matrix.rows() <= kLargestCholesky) return is_ready = cholesky.factorise(matrix);
+    if (direct) return is_ready = direct->factorise(fine.lower, is_singular);
+    if (degree_1.lower.rows() <= kLargestCholesky)
+      return is_ready = cholesky.factorise(degree_1.lower, is_singular);
     const Space& space = coarse_space ? *coarse_space : fine_space;
     const Eigen::MatrixXd by_node = rigid_motions(nodes.X.leftCols(nodes.n_vertices));
     Eigen::MatrixXd motions(by_node.rows(), 6);
     for (int k = 0; k < motions.rows(); ++k) motions.row(space.dof_of[k]) = by_node.row(k);
     multigrid.reset();
-    multigrid = std::make_unique<AlgebraicMultigrid>(matrix, std::move(motions));
+    multigrid = std::make_unique<AlgebraicMultigrid>(
+        is_singular ? shifted(degree_1.lower, kShifts[0]) : degree_1.lower, std::move(motions));
     return is_ready = true;
   }
 
@@ -131,20 +127,34 @@ struct TwoLevelSolver::Levels {
     return z + d;
   }
 
+  /// Conjugate gradients in the space orthogonal to `rigid`, which a tangent out of balance does not take to
+  /// zero.
   LinearReport iterate(const SystemMatrix& fine, const Eigen::MatrixXd& rigid, const VectorXd& b,
                        double tolerance, int max_iterations) const {
-    Eigen::ConjugateGradient<Rows, Eigen::Lower, Preconditioner> cg;
-    cg.preconditioner().apply = [&](const VectorXd& r) { return without(rigid, apply(fine, r)); };
-    cg.setTolerance(tolerance);
-    cg.setMaxIterations(max_iterations);
-    cg.compute(fine.lower);
+    const auto K = fine.lower.selfadjointView<Eigen::Lower>();
     LinearReport report;
-    report.x = without(rigid, cg.solve(b));
-    report.iterations = static_cast<int>(cg.iterations());
-    report.residual = cg.error();
+    report.x = VectorXd::Zero(b.size());
+    VectorXd r = b, z = without(rigid, apply(fine, r)), p = z, Kp(b.size());
+    const double size = b.norm();
+    double rz = r.dot(z);
+    while (r.norm() > tolerance * size && report.iterations < max_iterations) {
+      Kp.noalias() = K * p;
+      Kp = without(rigid, Kp);
+      const double curvature = p.dot(Kp);
+      report.is_definite = curvature > 0;
+      if (!report.is_definite) break;
+      const double alpha = rz / curvature;
+      report.x += alpha * p;
+      r -= alpha * Kp;
+      z = without(rigid, apply(fine, r));
+      const double rz_before = std::exchange(rz, r.dot(z));
+      p = z + rz / rz_before * p;
+      ++report.iterations;
+    }
+    report.residual = size > 0 ? r.norm() / size : 0;
     // No solver does better than the rounding of its products [Rigal & Gaches 1967].
     const double rounding = std::numeric_limits<double>::epsilon() * fine.lower.norm() * report.x.norm();
-    report.is_converged = report.residual <= tolerance || report.residual * b.norm() <= rounding;
+    report.is_converged = report.residual <= tolerance || r.norm() <= rounding;
     return report;
   }
 
