@@ -5,6 +5,8 @@
 #include <Eigen/CholmodSupport>
 #include <Eigen/SparseCore>
 
+extern "C" void openblas_set_num_threads(int) __attribute__((weak));  // absent from other BLAS libraries
+
 namespace testbed {
 
 struct BlockCholesky::Factor {
@@ -24,6 +26,8 @@ BlockCholesky::BlockCholesky(const BlockMatrix& A) : factor_(std::make_unique<Fa
       for (int k = A.diagonal[i]; k < A.row_start[i + 1]; ++k)
         for (int r = A.column[k] == i ? c : 0; r < 3; ++r) lower.insert(3 * A.column[k] + r, 3 * i + c) = 0;
   lower.makeCompressed();
+  // On two threads BLAS sums in another order: other bits, and seconds that are no longer those of one.
+  if (openblas_set_num_threads) openblas_set_num_threads(1);
   factor_->llt.cholmod().print = 0;
   factor_->llt.analyzePattern(lower);
   update(A);

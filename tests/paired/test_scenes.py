@@ -1,13 +1,15 @@
 """The shipped scenes from end to end: both programs, the comparison, the files they leave."""
 
 import json
+import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.compare import remove_rigid_motion, vertex_areas
-from analysis.experiment import ROOT, compare, run_solvers
+from analysis.experiment import PROGRAMS, ROOT, compare, run_solvers
 from analysis.runs import load_run
 
 SCENES = ROOT / "analysis" / "scenes"
@@ -119,3 +121,15 @@ def test_changed_list_of_models_is_seen_by_a_finished_experiment(tmp_path):
     run_pair("ball_pressure", tmp_path, *few, "comparison.calibrations=[]")
     experiment = run_pair("ball_pressure", tmp_path, *few, 'comparison.calibrations=["edge_coupled"]')
     assert (experiment.massspring_folder("edge_coupled") / "run.json").exists()
+
+
+def test_springs_give_the_same_bits_on_one_thread_and_two(tmp_path):
+    frames = []
+    for n_threads in ("1", "2"):
+        out = tmp_path / n_threads
+        command = [PROGRAMS / "massspring", SCENES / "bar_sag.toml", "--out", out, "--quiet", "--no-diagnostics"]
+        threads = {"OMP_NUM_THREADS": n_threads, "OPENBLAS_NUM_THREADS": n_threads}
+        subprocess.run(command, check=True, env={**os.environ, **threads})
+        frames.append(load_run(out).last.u)
+    assert np.abs(frames[0]).max() > 0
+    assert (frames[0] == frames[1]).all()
