@@ -130,7 +130,7 @@ def study_work_precision(arguments: argparse.Namespace, folder: Path) -> Result:
 
 def study_scaling(arguments: argparse.Namespace, folder: Path) -> Result:
     """Seconds, memory and non-zeros over the number of nodes."""
-    sizes, repetitions = ([300.0, 1000.0], 2) if arguments.quick else ([1e3, 1e4, 1e5, 1e6], 3)
+    sizes, repetitions = ([300.0, 1000.0], 2) if arguments.quick else ([1e3, 1e4, 1e5, 2e6], 3)
     repetitions = arguments.repetitions or repetitions
     with alone(arguments.quiet):
         measured = scaling.measure(
