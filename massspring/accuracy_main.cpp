@@ -27,6 +27,7 @@ struct Options {
   std::vector<std::string> surfaces, models;
   std::vector<double> nu{0, 0.25, 0.3, 0.45, 0.49}, spacings{0.7};
   std::vector<std::uint64_t> seeds{1};
+  double link_share = 0;
 };
 
 constexpr const char* header =
@@ -107,7 +108,7 @@ std::string text(double value) {
 }
 
 /// All loads of one model on one network.
-void measure(const SpringNetwork& network, const std::string& name, double nu,
+void measure(const SpringNetwork& network, const std::string& name, double nu, double link_share,
              const std::string& mesh_columns, const std::string& mesh_key, Table& table) {
   std::vector<std::string> missing;
   for (const std::string& load : exact_field_names())
@@ -121,7 +122,10 @@ void measure(const SpringNetwork& network, const std::string& name, double nu,
   material.nu = nu;
   std::size_t n_springs = 0;
   try {
-    const MassSpringModel model = calibrate(network, material, find_calibration(name));
+    const Calibration& calibration = find_calibration(name);
+    const MassSpringModel model = link_share > 0
+                                      ? calibrate_with_links(network, material, calibration, link_share)
+                                      : calibrate(network, material, calibration);
     n_springs = model.springs ? model.springs->E.cols() : network.E.cols();
     statics.emplace(model, hold_rigid_motion(network.X));
   } catch (const std::runtime_error& error) {
@@ -174,7 +178,8 @@ int run(const Options& options) {
         const std::string columns = key + ',' + std::to_string(network.n_surface) + ',' +
                                     std::to_string(network.X.cols()) + ',' + std::to_string(network.T.cols());
         for (double nu : options.nu)
-          for (const std::string& model : options.models) measure(network, model, nu, columns, key, table);
+          for (const std::string& model : options.models)
+            measure(network, model, nu, options.link_share, columns, key, table);
       }
   }
   return 0;
@@ -198,6 +203,9 @@ int main(int argc, char** argv) {
   app.add_option("--nu", options.nu, "Poisson's ratios");
   app.add_option("--spacing", options.spacings, "of the mesher's inner nodes, over the surface's nearby");
   app.add_option("--seed", options.seeds, "0: the mesher's own inner nodes; others: random inner nodes");
+  app.add_option(
+      "--link-share", options.link_share,
+      "of the material that PCP links stand for beside coupled springs; a file of its own for each");
   app.add_option("--model", options.models, "spring models; all if absent");
   CLI11_PARSE(app, argc, argv);
   try {

@@ -75,6 +75,28 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
   return model;
 }
 
+MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
+                                     const Calibration& calibration, double share) {
+  const auto [lambda, mu] = lame_of(material);
+  const std::string found = "network.link_share = " + std::to_string(share);
+  if (share * mu > lambda * (1 + 1e-12))
+    throw std::runtime_error(found + ", expected at most lambda/mu = " + std::to_string(lambda / mu) +
+                             ": links alone have nu = 1/4");
+  const double coupled_lambda = std::max(lambda - share * mu, 0.), coupled_mu = (1 - share) * mu;
+  Material coupled = material, linked = material;
+  coupled.nu = coupled_lambda / (2 * (coupled_lambda + coupled_mu));
+  coupled.E = 2 * coupled_mu * (1 + coupled.nu);
+  linked.nu = 0.25;
+  linked.E = 2.5 * share * mu;
+  MassSpringModel model = calibrate(network, coupled, calibration);
+  if (!model.tet_springs || model.springs)
+    throw std::runtime_error(found + ", expected 0 with " + calibration.name +
+                             " springs: they are not coupled");
+  model.springs = calibrate(network, linked, find_calibration("uniform")).springs;
+  model.material = material;
+  return model;
+}
+
 void set_springs(MassSpringModel& model, const Eigen::Matrix2Xi& E, const Eigen::VectorXd& stiffness) {
   model.network.E = E;
   model.springs = Springs{E, stiffness, 0};

@@ -68,7 +68,9 @@ Eigen::VectorXd add_diagnostics(const MassSpringModel& model, nlohmann::ordered_
 /// The solid of a scene, with its skin and volumes.
 /// @throws std::runtime_error when parts of the scene do not go together.
 MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const Calibration& calibration) {
-  MassSpringModel model = calibrate(network, scene.material, calibration);
+  const double share = scene.network.link_share;
+  MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
+                                    : calibrate(network, scene.material, calibration);
   if (model.springs) {
     model.springs->law = scene.network.spring_law;
     model.springs->damping = scene.network.spring_damping;

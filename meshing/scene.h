@@ -171,7 +171,8 @@ struct NetworkOptions {
   std::string connectivity = "pcp";  ///< name among connectivity_names() of meshing/connect.h
   int neighbours = 8;                ///< completed_pcp: nearest neighbours of every node
   SpringLaw spring_law = SpringLaw::Hooke;
-  double spring_damping = 0;                  ///< k_d of every independent spring (N s/m)
+  double spring_damping = 0;  ///< k_d of every independent spring (N s/m)
+  double link_share = 0;      ///< of the material that the network's links stand for beside coupled springs
   std::string calibration = "node_averaged";  ///< name of the spring model
 };
 

@@ -210,6 +210,8 @@ void describe(V& v, NetworkOptions& n) {
   v("calibration", n.calibration, "name of the spring model");
   v.choice("spring_law", n.spring_law, kSpringLaws,
            "of independent springs in compression: hooke, or definite, which no force flattens");
+  v("link_share", n.link_share, kFraction,
+    "of the material's shear stiffness that the network's links have beside coupled springs");
   v("spring_damping", n.spring_damping, kNotNegative, "k_d of independent springs (N s/m)");
 }
 

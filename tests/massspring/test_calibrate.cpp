@@ -120,6 +120,27 @@ TEST(Calibrate, DilatationTermRaisesTheBulkModulusOfSprings) {
     EXPECT_NEAR(volume_work(nu), 1, 1e-3) << nu;  // third-order terms of strain 1e-5
 }
 
+TEST(Calibrate, LinksBesideCoupledSpringsKeepTheBulkModulus) {
+  constexpr double kStrain = 1e-5, share = 0.3;
+  const SpringNetwork network = network_of(box_tets(4, 3, 3, 0.4, 0.2));
+  for (double nu : {0.25, 0.45}) {
+    const Calibration& calibration = find_calibration("node_averaged");
+    const MassSpringModel model = calibrate_with_links(network, material_of(nu), calibration, share);
+    State state = initial_state(model);
+    state.x *= 1 + kStrain;
+    const double V = lumped_mass(network.X, network.T, 1).sum();
+    const double expected = 4.5 * V * kStrain * kStrain * model.material.E / (3 * (1 - 2 * nu));
+    EXPECT_NEAR(elastic_energy(model, state) / expected, 1, 1e-3) << nu;  // third-order terms
+    const double by_links = energy(*model.springs, state.rest_length, state.x) / expected;
+    const auto [lambda, mu] = lame_of(model.material);
+    EXPECT_NEAR(by_links, share * 5 * mu / (3 * lambda + 2 * mu), 1e-3) << nu;
+  }
+  EXPECT_THROW(calibrate_with_links(network, material_of(0.1), find_calibration("node_averaged"), share),
+               std::runtime_error);
+  EXPECT_THROW(calibrate_with_links(network, material_of(0.3), find_calibration("van_gelder"), share),
+               std::runtime_error);
+}
+
 TEST(Calibrate, RefusesByNameWhatItCannotDo) {
   EXPECT_NE(refusal_of("van_gelder", 0.2).find("0.25"), std::string::npos);
   EXPECT_NE(refusal_of("moment", 0.2).find("0.25"), std::string::npos);
