@@ -91,7 +91,8 @@ void ElasticSolid::Implementation::find_load() {
 /// Tangent at `at`, whose columns are the nodes. Returns the out-of-balance forces load - dW/du, less those
 /// of prescribed values.
 Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatrix& into,
-                                                               const Matrix3Xd& at, double load_factor) {
+                                                               const Matrix3Xd& at, double load_factor,
+                                                               bool with_pressure_stiffness) {
   into.reset(on);
   Eigen::VectorXd force(into.prescribed.size());
   for (int i = 0; i < force.size(); ++i) force(i) = load_factor * load(on.flat_of[i]);
@@ -131,7 +132,8 @@ Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, 
                     [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
                       std::vector<int> ranks;
                       for (int node : face) ranks.push_back(static_cast<int>(on.dof_of[3 * node] / 3));
-                      into.add_cell(ranks, (p * v.hessian).eval(), (-p * v.gradient).eval(), force);
+                      into.add_cell(ranks, ((with_pressure_stiffness ? p : 0) * v.hessian).eval(),
+                                    (-p * v.gradient).eval(), force);
                     });
   for (int i = 0; i < force.size(); ++i)
     if (into.is_held[i]) force(i) = 0;

@@ -179,9 +179,18 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
     if (!is_linear) find_rigid_motions(at);
     if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor);
     stage("solve");
-    const LinearReport linear =
-        solver->solve(fine, coarse ? *coarse : fine, rigid, residual,
-                      is_linear ? kLinearTolerance : std::clamp(kForcing * report.residual, 1e-6, kForcing));
+    const auto solve = [&] {
+      return solver->solve(
+          fine, coarse ? *coarse : fine, rigid, residual,
+          is_linear ? kLinearTolerance : std::clamp(kForcing * report.residual, 1e-6, kForcing));
+    };
+    LinearReport linear = solve();
+    if (loads.follower_pressure && !(linear.is_converged && linear.x.dot(residual) > 0)) {
+      // The stress that makes the tangent definite is still to come. The body's part alone also descends.
+      assemble_tangent(space, fine, at, load_factor, false);
+      if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor, false);
+      linear = solve();
+    }
     if (!linear.is_definite && is_linear)
       throw std::runtime_error(
           "the stiffness matrix is not positive definite, expected supports and sound tetrahedra");
@@ -240,7 +249,7 @@ ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
     report.newton_iterations += total.newton_iterations;
     report.linear_iterations += total.linear_iterations;
     total = report;
-    if (!report.is_converged) part /= 2;
+    part = report.is_converged ? std::min(1.0, 2 * part) : part / 2;
   } while (s.factor != load_factor && part >= kSmallestPart);
   return total;
 }

@@ -54,7 +54,7 @@ struct ElasticSolid::Implementation {
   void hold(double increment);
   void find_load();
   Eigen::VectorXd assemble_tangent(const Space& on, SystemMatrix& into, const Eigen::Matrix3Xd& at,
-                                   double load_factor);
+                                   double load_factor, bool with_pressure_stiffness = true);
   /// Calls use(follower pressure at a load factor, nodes, their EnclosedVolume at `at`) for every boundary
   /// triangle of 3 or 6 nodes that has one.
   template <class Use>

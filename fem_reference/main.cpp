@@ -1,5 +1,6 @@
 // The reference program: scene in, frames, curves and a record out.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <map>
@@ -7,6 +8,7 @@
 
 #include "fem_reference/dynamics.h"
 #include "fem_reference/elasticity.h"
+#include "fem_reference/memory.h"
 #include "fem_reference/problem.h"
 #include "fem_reference/richardson.h"
 #include "meshing/files.h"
@@ -220,6 +222,9 @@ bool run(const Arguments& arguments) {
   TetOptions options;
   options.interior_size = scene.reference.interior_size;
   const TetMesh mesh = tetrahedralize(surface, options);
+  const bool is_factor = scene.time.mode == TimeMode::Dynamic || arguments.n_frequencies > 0;
+  check_memory(mesh.T.cols(), scene.reference.refine + std::max(0, arguments.n_levels - 1),
+               scene.reference.degree, is_factor ? Memory::Factor : Memory::Iterations, memory_available());
 
   timer.start("setup");
   progress.stage("reference: setup");

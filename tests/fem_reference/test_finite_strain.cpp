@@ -5,9 +5,13 @@
 
 #include "fem_reference/elasticity.h"
 #include "fem_reference/laws.h"
+#include "meshing/shapes.h"
 #include "meshing/surface.h"
+#include "meshing/tetrahedralize.h"
+#include "tests/fem_reference/root.h"
 #include "tests/fem_reference/tets.h"
 #include "tests/massspring/box_tets.h"
+#include "tests/meshing/surfaces.h"
 
 namespace testbed {
 namespace {
@@ -158,6 +162,86 @@ TEST(FiniteStrain, MovesPrescribedNodesAllTheWay) {
   for (const HeldComponent& h : held)
     EXPECT_NEAR(solid.displacement()(h.component, h.node), h.displacement, 1e-12);
   EXPECT_GT(report.max_strain, 0.1);
+}
+
+/// Radial displacement at radii 1 and 2 of a thick sphere under a pressure p from within that follows it: its
+/// equilibrium d(R^2 P_r)/dR = 2 R P_t by the method of shooting.
+Eigen::Vector2d widened_sphere(double p) {
+  const LameConstants lame(kMaterial);
+  const auto stress = [&](double radial, double tangential) -> Vector3d {
+    return respond(ElasticLaw::NeoHookean, lame, Vector3d(radial, tangential, tangential).asDiagonal(), 0,
+                   false)
+        .P.diagonal();
+  };
+  const auto radial_stretch = [&](double P, double tangential) {
+    return root([&](double s) { return stress(s, tangential)(0) - P; }, 0.2, 2);
+  };
+  constexpr int kSteps = 20;
+  const auto shoot = [&](double inner) {  // deformed radii and, last, the stress that should be zero
+    Eigen::Vector2d state(inner, -p * inner * inner);  // r and R^2 P_r
+    const auto slope = [&](double R, const Eigen::Vector2d& y) -> Eigen::Vector2d {
+      const double radial = radial_stretch(y(1) / (R * R), y(0) / R);
+      return {radial, 2 * R * stress(radial, y(0) / R)(1)};
+    };
+    const double h = 1.0 / kSteps;
+    for (int n = 0; n < kSteps; ++n) {
+      const double R = 1 + n * h;
+      const Eigen::Vector2d a = slope(R, state), b = slope(R + h / 2, state + h / 2 * a),
+                            c = slope(R + h / 2, state + h / 2 * b), d = slope(R + h, state + h * c);
+      state += h / 6 * (a + 2 * b + 2 * c + d);
+    }
+    return state;
+  };
+  const double inner = root([&](double r) { return shoot(r)(1); }, 1, 1.6);
+  return {inner - 1, shoot(inner)(0) - 2};
+}
+
+// The inscribed polyhedra's error falls as their edges squared and is extrapolated away.
+TEST(FiniteStrain, WidensAThickSphereAsItsEquationSays) {
+  constexpr double p = 150;
+  const Eigen::Array2d exact = widened_sphere(p);
+  EXPECT_GT(exact(0), 0.1);  // far from small
+  std::vector<Eigen::Array2d> u;
+  for (int n : {42, 162}) {
+    const SurfaceMesh outer = make_shape("ball", n, {4, 4, 4}), inner = make_shape("ball", n, {2, 2, 2});
+    TetOptions options;
+    options.interior_size = 3.8 / std::sqrt(n);
+    const TetMesh mesh = tetrahedralize(join(outer, inside_out(inner)), options);
+    ElasticLoads loads;
+    loads.follower_pressure = [first = outer.F.cols()](int f) { return f < first ? 0 : p; };
+    ElasticSolid solid(mesh, 2);
+    solid.assemble(kMaterial, ElasticLaw::NeoHookean, loads, {});
+    const ElasticReport report = solid.solve();
+    ASSERT_TRUE(report.is_converged);
+    const int n_outer = static_cast<int>(outer.X.cols()), n_inner = static_cast<int>(inner.X.cols());
+    const Eigen::RowVectorXd radial =
+        solid.displacement()
+            .leftCols(n_outer + n_inner)
+            .cwiseProduct(mesh.X.leftCols(n_outer + n_inner).colwise().normalized())
+            .colwise()
+            .sum();
+    u.push_back({radial.tail(n_inner).mean(), radial.head(n_outer).mean()});
+  }
+  const Eigen::Array2d extrapolated = (4 * u[1] - u[0]) / 3;
+  for (int k = 0; k < 2; ++k) EXPECT_NEAR(extrapolated(k) / exact(k), 1, 2e-3);
+}
+
+// Under inflation the tangent of an unstressed bar is not definite. Load parts alone took 200 iterations.
+TEST(FiniteStrain, InflatesASlenderBarInFewIterations) {
+  const TetMesh mesh = box_tets(8, 2, 2, 0.5);
+  for (int degree : {1, 2}) {
+    ElasticSolid solid(mesh, degree);
+    std::vector<HeldComponent> held;
+    for (int i = 0; i < solid.X().cols(); ++i)
+      for (int c = 0; c < 3 && solid.X()(0, i) == 0; ++c) held.push_back({i, c, 0});
+    ElasticLoads loads;
+    loads.follower_pressure = [](int) { return -250; };
+    solid.assemble(kMaterial, ElasticLaw::NeoHookean, loads, held);
+    const ElasticReport report = solid.solve();
+    EXPECT_TRUE(report.is_converged);
+    EXPECT_GT(report.max_strain, 0.1);
+    EXPECT_LE(report.newton_iterations, 12);
+  }
 }
 
 }  // namespace
