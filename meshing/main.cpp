@@ -84,7 +84,7 @@ void add_shape(CLI::App& app) {
   };
   auto* command = app.add_subcommand("shape", "Generate a closed surface");
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("name", arguments->name, "ball, torus, bar, handle or head")
+  command->add_option("name", arguments->name, "ball, hollow_ball, torus, bar, handle or head")
       ->required()
       ->check(CLI::IsMember(shape_names()));
   command->add_option("out", arguments->out, "file to write (.obj or .off)")->required();

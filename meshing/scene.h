@@ -45,7 +45,7 @@ struct Region {
 
 struct SurfaceSource {
   std::string file;      ///< path, relative to the scene file; empty when `shape` is given
-  std::string shape;     ///< ball, torus, bar, handle or head
+  std::string shape;     ///< of shape_names()
   int n_vertices = 642;  ///< wanted number of vertices of a generated shape; the nearest possible is made
   Eigen::Vector3d size{0, 0, 0};  ///< bounding box of a generated shape (m); 0: the shape's own
   double scale = 1;               ///< factor on all coordinates, before normalise

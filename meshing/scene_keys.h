@@ -93,7 +93,7 @@ void describe(V& v, Region& region) {
 template <class V>
 void describe(V& v, SurfaceSource& s) {
   v.path("file", s.file, "closed surface: .obj .off .ply .stl .vtp .vtu, relative to this file");
-  v.choice("shape", s.shape, shape_names(), "or a generated one: ball, torus, bar, handle, head");
+  v.choice("shape", s.shape, shape_names(), "or a generated one: ball, hollow_ball, torus, bar, handle, head");
   v("n_vertices", s.n_vertices, kAtLeastOne, "of a generated shape, about");
   v("size", s.size, kNotNegative, "bounding box of a generated shape (m), 0: its own");
   v("scale", s.scale, kPositive, "factor on all coordinates");

@@ -256,28 +256,41 @@ SurfaceMesh make_head(int n_vertices) {
   return zip_rings(sizes, point, project({0, 0, -1}), project({0, 0, 1}));
 }
 
+/// A ball around a cavity of half its radius, each with half of the vertices.
+SurfaceMesh make_hollow_ball(int n_vertices) {
+  SurfaceMesh mesh = make_ball(n_vertices / 2);
+  const Eigen::Matrix3Xd X = mesh.X;
+  const Eigen::Matrix3Xi F = mesh.F.array() + static_cast<int>(X.cols());
+  mesh.X.conservativeResize(3, 2 * X.cols());
+  mesh.X.rightCols(X.cols()) = X / 2;
+  mesh.F.conservativeResize(3, 2 * F.cols());
+  mesh.F.rightCols(F.cols()) = F.colwise().reverse();  // out of the solid
+  return mesh;
+}
+
 }  // namespace
 
 const std::vector<std::string>& shape_names() {
-  static const std::vector<std::string> names = {"ball", "torus", "bar", "handle", "head"};
+  static const std::vector<std::string> names = {"ball", "hollow_ball", "torus", "bar", "handle", "head"};
   return names;
 }
 
 SurfaceMesh make_shape(const std::string& name, int n_vertices, const Eigen::Vector3d& size) {
-  const std::map<std::string, int> fewest = {
-      {"ball", 12}, {"torus", 36}, {"bar", 8}, {"handle", 80}, {"head", 20}};
+  const std::map<std::string, int> fewest = {{"ball", 12}, {"hollow_ball", 24}, {"torus", 36},
+                                             {"bar", 8},   {"handle", 80},      {"head", 20}};
   const auto entry = fewest.find(name);
   if (entry == fewest.end())
-    throw std::runtime_error("shape '" + name + "', expected ball, torus, bar, handle or head");
+    throw std::runtime_error("shape '" + name + "', expected ball, hollow_ball, torus, bar, handle or head");
   if (n_vertices < entry->second)
     throw std::runtime_error("shape " + name + " with " + std::to_string(n_vertices) +
                              " vertices, expected at least " + std::to_string(entry->second));
   const Eigen::Vector3d bar_size = (size.array() > 0).select(size, Eigen::Vector3d(4, 1, 1));
-  SurfaceMesh mesh = name == "ball"     ? make_ball(n_vertices)
-                     : name == "torus"  ? make_torus(n_vertices)
-                     : name == "bar"    ? make_bar(n_vertices, bar_size)
-                     : name == "handle" ? make_handle(n_vertices)
-                                        : make_head(n_vertices);
+  SurfaceMesh mesh = name == "ball"          ? make_ball(n_vertices)
+                     : name == "hollow_ball" ? make_hollow_ball(n_vertices)
+                     : name == "torus"       ? make_torus(n_vertices)
+                     : name == "bar"         ? make_bar(n_vertices, bar_size)
+                     : name == "handle"      ? make_handle(n_vertices)
+                                             : make_head(n_vertices);
   const Eigen::Vector3d own = mesh.X.rowwise().maxCoeff() - mesh.X.rowwise().minCoeff();
   mesh.X.array().colwise() *= (size.array() > 0).select(size.array() / own.array(), 1);
   return mesh;

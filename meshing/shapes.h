@@ -8,7 +8,7 @@
 
 namespace testbed {
 
-/// Names accepted by make_shape: ball, torus, bar, handle, head.
+/// Names accepted by make_shape: ball, hollow_ball, torus, bar, handle, head.
 const std::vector<std::string>& shape_names();
 
 /// A closed surface of about `n_vertices` vertices (the nearest number that the shape can have), its bounding

@@ -83,6 +83,12 @@ TEST(Shapes, TrianglesOfRoundShapesAreWellFormed) {
   }
 }
 
+TEST(Shapes, HollowBallHasACavityOfAnEighthOfItsVolume) {
+  const SurfaceMesh mesh = make_shape("hollow_ball", 324), ball = make_shape("ball", 162);
+  EXPECT_EQ(mesh.X.cols(), 324);
+  EXPECT_NEAR(volume(mesh.X, mesh.F), 7.0 / 8 * volume(ball.X, ball.F), 1e-12);
+}
+
 TEST(Shapes, RefuseWhatTheyCannotMake) {
   EXPECT_THROW(make_shape("cube", 100), std::runtime_error);
   EXPECT_THROW(make_shape("head", 5), std::runtime_error);
