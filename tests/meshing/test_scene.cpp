@@ -188,15 +188,16 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
   EXPECT_EQ(error_of(ball + "[material]\nyoung = 1\n"),
             "scene.toml:4: material.young = 1: unknown key (known: E, nu, rho, damping, stiffness_damping)");
   EXPECT_EQ(error_of(ball + "[material]\nrh = 1\n"),
-            "scene.toml:4: material.rh = 1: unknown key, did you mean rho? (known: E, nu, rho, damping, stiffness_damping)");
+            "scene.toml:4: material.rh = 1: unknown key, did you mean rho? (known: E, nu, rho, damping, "
+            "stiffness_damping)");
   EXPECT_EQ(error_of(ball + "[materials]\nE = 1\n").substr(0, 65),
             "scene.toml:3: materials = table: unknown key, did you mean materi");
   EXPECT_EQ(error_of(ball + "[time]\nmode = \"slow\"\n"),
             "scene.toml:4: time.mode = \"slow\": unknown name (known: static, dynamic)");
-  EXPECT_EQ(
-      error_of("[surface]\nshape = \"bal\"\n"),
-      "scene.toml:2: surface.shape = \"bal\": unknown name, did you mean ball? (known: ball, torus, bar, "
-      "handle, head)");
+  EXPECT_EQ(error_of("[surface]\nshape = \"bal\"\n"),
+            "scene.toml:2: surface.shape = \"bal\": unknown name, did you mean ball? (known: ball, "
+            "hollow_ball, torus, bar, "
+            "handle, head)");
   EXPECT_EQ(error_of(ball + "[output]\nfields = [\"displacment\"]\n"),
             "scene.toml:4: output.fields = \"displacment\": unknown name, did you mean displacement? (known: "
             "displacement, velocity)");
