@@ -20,9 +20,10 @@ TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, b
     tets.size = interior_size(surface, options.spacing);
     return tetrahedralize(surface, tets, report);
   }
-  tets.interior =
-      sample_interior(surface, {options.phi, options.psi, options.k, options.seed,
-                                options.sampling == "relaxed" ? Sampling::Relaxed : Sampling::Darts});
+  tets.interior = sample_interior(surface, {options.phi, options.psi, options.k, options.seed,
+                                            options.sampling == "relaxed"  ? Sampling::Relaxed
+                                            : options.sampling == "graded" ? Sampling::Graded
+                                                                           : Sampling::Darts});
   if (needs_tetrahedra) {
     const double body = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm();
     tets.size = Eigen::VectorXd::Constant(surface.X.cols(), body);  // no more nodes than the mesher needs

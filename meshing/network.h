@@ -10,8 +10,10 @@
 namespace testbed {
 
 enum class Sampling {
-  Darts,   ///< the paper's: random points that pass the three tests of figure 4
-  Relaxed  ///< then moved towards the centres of their cells: more even, the distance phi no longer guaranteed
+  Darts,    ///< the paper's: random points that pass the three tests of figure 4
+  Relaxed,  ///< then moved towards the centres of their cells: more even, the distance phi no longer
+            ///< guaranteed
+  Graded    ///< moved likewise, to be as dense as the surface nearby
 };
 
 /// Lengths are in the normalised box, whose smallest side is 1 [paper 4.2].
@@ -28,14 +30,15 @@ struct SampleOptions {
 /// @throws std::runtime_error for options out of range or a grid too fine to store.
 Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& options);
 
-/// The options with phi and psi filled in: the mean surface edge (less in a body thinner than that) and half of
-/// that.
+/// The options with phi and psi filled in: the mean surface edge (less in a body thinner than that) and half
+/// of that.
 SampleOptions fill_spacing(const SurfaceMesh& surface, SampleOptions options);
 
-/// Moves internal nodes (3 x k) by ten Lloyd steps towards a centroidal Voronoi distribution in the body, the surface's vertices
-/// being sites that stay; no node rises above least_depth (m) [Lloyd 1982].
-Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior, double least_depth,
-                                std::uint64_t seed);
+/// Moves internal nodes (3 x k) by Lloyd steps towards a centroidal Voronoi distribution in the body, the
+/// surface's vertices being sites that stay; no node rises above least_depth (m) [Lloyd 1982].
+/// @param is_graded  as dense as the surface nearby, else evenly
+Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
+                                double least_depth, std::uint64_t seed, bool is_graded);
 
 /// How to read the pseudocode of figure 8.
 enum class PcpReading {

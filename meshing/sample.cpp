@@ -163,7 +163,8 @@ Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions
     }
   }
   const Eigen::Matrix3Xd darts = in_morton_order(grid.nodes(), box);
-  return options.sampling == Sampling::Darts ? darts : relax_interior(surface, darts, psi, options.seed);
+  if (options.sampling == Sampling::Darts) return darts;
+  return relax_interior(surface, darts, psi, options.seed, options.sampling == Sampling::Graded);
 }
 
 }  // namespace testbed

@@ -166,7 +166,7 @@ struct NetworkOptions {
   std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
   int multiplicity = 5;       ///< springs projected by each white node, >= 3
   std::uint64_t seed = 1;
-  std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed or mesher
+  std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed, graded or mesher
   double spacing = 0.7;              ///< mesher: edges inside over the surface's nearby
   std::string connectivity = "pcp";  ///< name among connectivity_names() of meshing/connect.h
   int neighbours = 8;                ///< completed_pcp: nearest neighbours of every node

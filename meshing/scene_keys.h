@@ -30,7 +30,7 @@ inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic
                                                    "implicit_euler", "minimising_euler", "midpoint",
                                                    "bdf2",           "tr_bdf2"};
 inline const std::vector<std::string> kKrylov{"cg", "bicgstab"};
-inline const std::vector<std::string> kSamplings{"darts", "relaxed", "mesher"};
+inline const std::vector<std::string> kSamplings{"darts", "relaxed", "graded", "mesher"};
 inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
                                                       "delaunay", "pcp",     "completed_pcp"};
 inline const std::vector<std::string> kSpringLaws{"hooke", "definite"};
@@ -202,7 +202,7 @@ void describe(V& v, NetworkOptions& n) {
   v("k", n.k, kNotNegative, "internal nodes wanted; absent: as many as fit");
   v("multiplicity", n.multiplicity, kAtLeastThree, "springs projected by each white node");
   v("seed", n.seed, kNotNegative, "of the random nodes");
-  v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed, mesher");
+  v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed, graded, mesher");
   v("spacing", n.spacing, kPositive, "mesher: edges inside over the surface's nearby, less in thin bodies");
   v.choice("connectivity", n.connectivity, kConnectivities,
            "surface, central, complete, delaunay, pcp, completed_pcp");

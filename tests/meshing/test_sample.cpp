@@ -92,6 +92,19 @@ TEST(SampleInterior, RefusesOptionsOutOfRange) {
   EXPECT_THROW(sample_interior(ball, options_of(1e-5, 0.1)), std::runtime_error);
 }
 
+TEST(SampleInterior, GradedNodesAreDenseWhereTheSurfaceIs) {
+  SurfaceMesh ball = make_shape("ball", 642);  // edges at its top a third as long as at its bottom
+  ball.X = (ball.X.colwise() + Eigen::Vector3d(0, 0, 0.5)).colwise().normalized();
+  SampleOptions options = options_of(0.03, 0.02, 600);
+  const auto top_over_bottom = [&](Sampling sampling) {
+    options.sampling = sampling;
+    const Eigen::Matrix3Xd X = sample_interior(ball, options);
+    return static_cast<double>((X.row(2).array() > 0.4).count()) / (X.row(2).array() < -0.4).count();
+  };
+  EXPECT_NEAR(top_over_bottom(Sampling::Relaxed), 1, 0.3);
+  EXPECT_GT(top_over_bottom(Sampling::Graded), 3);
+}
+
 TEST(SampleInterior, RelaxedNodesLieMoreEvenlyAndDeepEnough) {
   const SurfaceMesh ball = make_shape("ball", 642);
   SampleOptions options = options_of(0.03, 0.05, 400);
