@@ -11,7 +11,7 @@ namespace testbed {
 
 TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
                     TetReport* report) {
-  const std::vector<std::string> known{"darts", "relaxed", "mesher"};
+  const std::vector<std::string> known{"darts", "relaxed", "graded", "mesher"};
   if (std::find(known.begin(), known.end(), options.sampling) == known.end())
     throw std::runtime_error("network.sampling = '" + options.sampling + "'" +
                              suggestion(options.sampling, known));
