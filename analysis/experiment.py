@@ -129,7 +129,8 @@ def run_solvers(
         status = run("massspring", out, f"network.calibration={calibration}")
         outcome = f"exit status {status}"
         if status == 0:
-            outcome = json.loads((out / "run.json").read_text())["status"]
+            record = json.loads((out / "run.json").read_text())
+            outcome = ", ".join(part for part in (record["status"], record.get("reason")) if part)
         if outcome != "ok":
             experiment.failed[calibration] = outcome
     return experiment

@@ -19,9 +19,12 @@ class StagedScheme : public Scheme {
   ImplicitStage stage_;
 };
 
-StepReport sum(const StepReport& first, const StepReport& second) {
-  return {std::max(first.status, second.status), first.newton_iterations + second.newton_iterations,
-          first.linear_iterations + second.linear_iterations, std::max(first.residual, second.residual)};
+StepReport sum(StepReport first, const StepReport& second) {
+  first.status = std::max(first.status, second.status);
+  first.newton_iterations += second.newton_iterations;
+  first.linear_iterations += second.linear_iterations;
+  first.residual = std::max(first.residual, second.residual);
+  return first;
 }
 
 /// x_1 = x_0 + h v_1, v_1 = v_0 + h M^-1 f_1. First order, never gains energy.

@@ -66,6 +66,8 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Int
       supports_(motion_.constraints),
       size_((model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
       scheme_(make_scheme(integrator, motion_, options)) {
+  if (size_ == 0)
+    throw std::runtime_error("all nodes lie in one point, expected a body: its size tells far from near");
   if (options.tolerance > 0 &&
       (!forces.bodies.empty() || forces.self_thickness || integrator == Integrator::Bdf2))
     throw std::runtime_error("time.tolerance = " + std::to_string(options.tolerance) +

@@ -45,7 +45,7 @@ class TimeStepper {
  public:
   /// @param end  time at which prescribed displacements are complete (s)
   /// @throws std::runtime_error for midpoint with obstacles: it ends a step beyond where it solves; for a
-  /// tolerance with contacts or bdf2, which remember the step before
+  /// tolerance with contacts or bdf2, which remember the step before; for a body without extent
   TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator, double end,
               const IntegratorOptions& options = {});
 

@@ -30,7 +30,12 @@ class LinearisedEuler : public Scheme {
     const SolveReport linear = solver_.solve(A_.system(), b_, dv_, tolerance_);  // from the last step's dv
     v = state.v + dv_;
     x = state.x + h * v;
-    return {linear.is_converged ? Status::Ok : Status::NotConverged, 1, linear.iterations, linear.residual};
+    StepReport report;
+    if (!linear.is_converged) report.status = Status::NotConverged;
+    report.newton_iterations = 1;
+    report.linear_iterations = linear.iterations;
+    report.residual = linear.residual;
+    return report;
   }
 
   std::string solver_choice() const override { return solver_.choice(); }

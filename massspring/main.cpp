@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
+#include <sstream>
 
 #include "massspring/calibrate.h"
 #include "massspring/collapse.h"
@@ -244,6 +245,13 @@ void run(const Arguments& arguments) {
   if (stepper && !stepper->solver_choice().empty()) record["solver"] = stepper->solver_choice();
   record["seconds"] = timer.seconds();
   record["status"] = name_of(status);
+  if (is_static && status != Status::Ok) {
+    std::ostringstream reason;
+    reason << "load factor " << state.t << ", step " << n_done << " of " << n_steps << ": "
+           << (report.reason.empty() ? name_of(status) : report.reason);
+    record["reason"] = reason.str();
+    std::cerr << reason.str() << '\n';
+  }
   recorder.finish(record);
 }
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "massspring/bending.h"
@@ -48,6 +49,7 @@ struct StepReport {
   int linear_iterations = 0;
   double residual = 0;  ///< of the last linear solve (dynamic) or of the balance of forces (static), relative
   bool is_at_rest = false;  ///< nothing moved, so that nothing was solved
+  std::string reason;       ///< why a static load step found no equilibrium
 };
 
 /// The model at rest.

@@ -151,18 +151,29 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   constexpr int kMaxNewton = 100, kPatience = 100, kMaxLinear = 2000, kMaxHalvings = 30;
 
   prescribe(forces_.constraints, model_.network.X, load_factor, state.x);
+  const Matrix3Xd start = state.x;
+  const double far =
+      (start.rowwise().maxCoeff() - start.rowwise().minCoeff()).norm();  // supports' motion included
   StepReport report;
   double scale = 0;
   for (Matrix3Xd r = residual(state, load_factor);; r = residual(state, load_factor)) {
     // The largest forces met on the way: those at the end vanish where supports only move a body.
-    scale = std::max(scale, load_factor * forces_.load.norm() + elastic_forces(model_, state).norm());
+    scale =
+        std::max({scale, load_factor * forces_.load.norm() + elastic_forces(model_, state).norm(), r.norm()});
     report.residual = scale > 0 ? r.norm() / scale : 0;
     if (!std::isfinite(report.residual)) {
       report.status = Status::Diverged;
       return report;
     }
     if (report.residual <= kTolerance) return report;
-    if (report.newton_iterations == kMaxNewton) break;
+    if (report.newton_iterations == kMaxNewton) {
+      report.reason = std::to_string(kMaxNewton) + " Newton iterations did not balance the forces";
+      break;
+    }
+    if ((state.x - start).colwise().norm().maxCoeff() > far) {
+      report.reason = "the body runs away by more than its size: no equilibrium is near";
+      break;
+    }
 
     const std::optional<Matrix3Xd> g = volume_stiffness_root(model_, forces_, state);
     std::vector<VolumeCurvature> curvatures;
@@ -215,6 +226,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     }
     if (!is_accepted) {
       state.x = x;
+      report.reason = "no step along Newton's direction lowers the energy";
       break;
     }
   }

@@ -21,7 +21,8 @@ class QuasiStaticSolver {
   /// force and torque.
   QuasiStaticSolver(const MassSpringModel& model, const Forces& forces);
 
-  /// Moves `state` to equilibrium at `load_factor` times the full loads and prescribed displacements.
+  /// Moves `state` to equilibrium at `load_factor` times the full loads and prescribed displacements. Beyond
+  /// a limit point, where the energy has no minimum, ends once the body has run away by its own size.
   StepReport solve(double load_factor, State& state);
 
   int n_free_rigid_motions() const { return n_free_rigid_motions_; }

@@ -328,5 +328,12 @@ TEST(StableStep, IsTheLimitOfSymplecticEuler) {
   }
 }
 
+TEST(TimeStepper, RefusesABodyWithoutExtent) {
+  MassSpringModel model = small_model();
+  model.network.X.colwise() = Eigen::Vector3d(1, 2, 3);
+  const Forces forces = no_forces(model);
+  EXPECT_THROW(TimeStepper(model, forces, Integrator::MinimisingEuler, 1), std::runtime_error);
+}
+
 }  // namespace
 }  // namespace testbed

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "massspring/quasi_static.h"
+#include "meshing/surface.h"
 
 namespace testbed {
 namespace {
@@ -88,6 +89,35 @@ TEST(QuasiStatic, RefusesLoadsThatWouldDriveAFreeBodyAndNamesThem) {
         << error.what();
     EXPECT_NE(std::string(error.what()).find("net force (0 0 7) N"), std::string::npos) << error.what();
   }
+}
+
+// Six springs of a regular tetrahedron, side l, blown up by p: 6 k (l - l_0) = p dV/dl = p l^2/(2 sqrt 2),
+// which has no solution beyond p = 3 sqrt 2 k/l_0, where l = 2 l_0.
+TEST(QuasiStatic, BeyondALimitPointEndsSoonAndSaysWhy) {
+  const double s = 1 / std::sqrt(2.0), limit = 3 * std::sqrt(2.0) * kStiffness;
+  MassSpringModel model = tied_node(3);
+  model.network.X.resize(3, 4);
+  model.network.X << s, s, 0, 0,  //
+      s, 0, s, 0,                 //
+      s, 0, 0, s;
+  model = springs_between(model.network.X - Eigen::Matrix3Xd::Constant(3, 4, s / 2),
+                          model.springs->E.leftCols<6>());
+  Forces forces = no_load(model);
+  Eigen::Matrix3Xi F(3, 4);
+  F << 1, 0, 0, 0,  //
+      2, 1, 3, 2,   //
+      3, 3, 2, 1;
+  if (volume(model.network.X, F) < 0) F.row(0).swap(F.row(1));
+  forces.followers.push_back({-limit, F});
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  ASSERT_EQ(solver.solve(0.9, state).status, Status::Ok);
+  const double l = (state.x.col(0) - state.x.col(1)).norm();
+  EXPECT_NEAR(4 * (l - 1) / (l * l), 0.9, kTolerance);
+  const StepReport report = solver.solve(1.1, state);
+  EXPECT_EQ(report.status, Status::NotConverged);
+  EXPECT_LT(report.newton_iterations, 100);
+  EXPECT_NE(report.reason.find("runs away"), std::string::npos) << report.reason;
 }
 
 }  // namespace
