@@ -128,6 +128,10 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.find_load();
 }
 
+void ElasticSolid::set_tolerance(double tolerance) {
+  self_->tolerance = tolerance;
+}
+
 void ElasticSolid::relieve_inertia() {
   Eigen::MatrixXd motions(n_dofs(), n_free_rigid_motions());
   for (int k = 0; k < n_dofs(); ++k) motions.row(k) = self_->rigid.row(self_->space.dof_of[k]);
@@ -155,7 +159,7 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
   const bool is_linear = law == ElasticLaw::SmallStrain;
   const bool is_moved =
       std::any_of(held.begin(), held.end(), [](const HeldComponent& h) { return h.displacement != 0; });
-  constexpr double kLinearTolerance = 1e-13, kNewtonTolerance = 1e-9;
+  constexpr double kNewtonTolerance = 1e-9;
   // A step need not be more exact than Newton's method is there [Eisenstat & Walker 1996].
   constexpr double kForcing = 0.01;
   constexpr double kRounding = 1e-12, kShortestStep = 1e-4;
@@ -180,9 +184,8 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
     if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor);
     stage("solve");
     const auto solve = [&] {
-      return solver->solve(
-          fine, coarse ? *coarse : fine, rigid, residual,
-          is_linear ? kLinearTolerance : std::clamp(kForcing * report.residual, 1e-6, kForcing));
+      return solver->solve(fine, coarse ? *coarse : fine, rigid, residual,
+                           is_linear ? tolerance : std::clamp(kForcing * report.residual, 1e-6, kForcing));
     };
     LinearReport linear = solve();
     if (loads.follower_pressure && !(linear.is_converged && linear.x.dot(residual) > 0)) {

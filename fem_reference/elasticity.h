@@ -65,6 +65,8 @@ class ElasticSolid {
   /// Adds to the load the inertia of the free rigid motions that it drives: what deforms a body that moves
   /// freely, seen from the body.
   void relieve_inertia();
+  /// Residual, relative to the load, at which the linear solve of small strain stops; 1e-13 unless set.
+  void set_tolerance(double tolerance);
   /// Number of rigid motions that the held components leave free; they are kept out of the solution.
   int n_free_rigid_motions() const;
 

@@ -39,6 +39,7 @@ struct ElasticSolid::Implementation {
 
   Material material;
   ElasticLaw law = ElasticLaw::SmallStrain;
+  double tolerance = 1e-13;
   ElasticLoads loads;
   std::vector<HeldComponent> held;
   Eigen::VectorXd load;  // N at full load, of component c of node i at 3 i + c

@@ -111,6 +111,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   solid.assemble(scene.material, scene.reference.law, loads_of(scene, surface, n_children),
                  held_by(scene, surface, boundaries));
   if (scene.reference.inertia_relief) solid.relieve_inertia();
+  solid.set_tolerance(scene.reference.tolerance);
   return solid;
 }
 

@@ -189,6 +189,7 @@ struct ReferenceOptions {
   /// Newmark's average acceleration, which damps none.
   std::optional<double> spectral_radius;
   bool inertia_relief = false;  ///< static: inertia balances loads that drive free rigid motions
+  double tolerance = 1e-13;     ///< static, small strain: of the residual, relative to the load
 };
 
 struct ComparisonOptions {

@@ -225,6 +225,7 @@ void describe(V& v, ReferenceOptions& r) {
   v("spectral_radius", r.spectral_radius, kUpToOne,
     "of generalised-alpha at the highest frequencies; absent: Newmark, which damps none");
   v("inertia_relief", r.inertia_relief, "static: inertia balances loads that drive free rigid motions");
+  v("tolerance", r.tolerance, kPositive, "static, small strain: of the residual, relative to the load");
 }
 
 template <class V>

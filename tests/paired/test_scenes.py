@@ -135,6 +135,20 @@ def test_springs_give_the_same_bits_on_one_thread_and_two(tmp_path):
     assert (frames[0] == frames[1]).all()
 
 
+def test_reference_stops_at_its_tolerance(tmp_path):
+    runs = []
+    for tolerance in ("1e-13", "1e-3"):
+        command = [PROGRAMS / "fem_reference", SCENES / "bar_sag.toml", "--quiet", "--out", tmp_path / tolerance]
+        subprocess.run([*command, "--set", f"reference.tolerance={tolerance}"], check=True)
+        runs.append(load_run(tmp_path / tolerance))
+    exact, loose = runs
+    assert exact.record["residual"] <= 1e-13 < 1e-6 < loose.record["residual"] <= 1e-3
+    assert loose.record["linear_iterations"] < exact.record["linear_iterations"]
+    # Measured 2e-8: conjugate gradients have the smooth part of the motion first.
+    difference = np.abs(loose.last.u - exact.last.u).max() / np.abs(exact.last.u).max()
+    assert 0 < difference < 1e-5
+
+
 CUBE = """
 [surface]
 shape = "bar"
