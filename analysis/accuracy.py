@@ -1,7 +1,9 @@
-"""Accuracy study: every spring model against exact elastic fields, beside linear finite elements on the same nodes.
+"""Accuracy study: every spring model against exact elastic fields, and against quadratic elements where there is no exact
+field, beside linear finite elements on the same nodes.
 
 python -m analysis.accuracy (started by ./testbed accuracy): runs build/bin/accuracy, which continues an unfinished
-table, then prints a summary and draws error against node count and the ratios to linear elements.
+table, and at the same time the loads of accuracy_loads.py, whose finished runs are kept. Then prints summaries and draws
+error against node count and the ratios to linear elements.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import csv
 import subprocess
 import sys
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -18,8 +21,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from .accuracy_loads import Loads
 from .experiment import write_text
 from .plots import svg_of
+from .runs import RunError
 from .style import label_of, style_of
 
 _ROOT = Path(__file__).resolve().parent.parent
@@ -57,15 +62,19 @@ def batches(meshes: Path, quick: bool) -> list[dict[str, list[str]]]:
     return [batch for batch in study if batch["surface"]]
 
 
+_EXACT = "error over that of linear elements on the same nodes (bending, torsion, cubic harmonic), and worst patch test"
+_LOADS = "the same of other loads, against quadratic elements; undecided: within three times their own error"
 _RESOLUTIONS = {"ball": (162, 642, 2562), "bar": (300, 1200, 4800), "torus": (400, 1600, 6400)}
 
 
 def run_program(table: Path, quick: bool) -> None:
+    """Raises RunError when the program fails."""
     for batch in batches(_MESHES, quick):
         options = [word for option, values in batch.items() for word in (f"--{option}", *values)]
-        command = [str(_ROOT / "build/bin/accuracy"), "--out", str(table), *options]
-        if subprocess.run(command, check=False).returncode != 0:
-            raise SystemExit("error: the accuracy program failed; its message stands above")
+        # The program dies with this process, so that a killed study leaves nobody working.
+        command = ["setpriv", "--pdeathsig", "KILL", str(_ROOT / "build/bin/accuracy"), "--out", str(table)]
+        if subprocess.run([*command, *options], check=False).returncode != 0:
+            raise RunError("the accuracy program failed; its message stands above")
 
 
 def read_table(file: Path) -> list[Row]:
@@ -77,8 +86,8 @@ def case_of(row: Row) -> Case:
     return row["surface"], row["spacing"], row["seed"], row["nu"], row["load"]
 
 
-def summarise(rows: list[Row]) -> list[dict[str, Any]]:
-    """Per model and nu: error over linear elements' on the same nodes (quadratic fields), worst patch test."""
+def summarise(rows: list[Row], by: str = "nu") -> list[dict[str, Any]]:
+    """Per model and value of the column `by`: error over linear elements' on the same nodes, worst patch test."""
     linear = {
         case_of(r): float(r["error_l2"])
         for r in rows
@@ -87,9 +96,12 @@ def summarise(rows: list[Row]) -> list[dict[str, Any]]:
     ratios: dict[tuple[str, str], list[float]] = defaultdict(list)
     patches: dict[tuple[str, str], list[float]] = defaultdict(list)
     refused: dict[tuple[str, str], int] = defaultdict(int)
+    undecided: dict[tuple[str, str], int] = defaultdict(int)
     for row in rows:
-        key = row["model"], row["nu"]
-        if row["status"] != "ok":
+        key = row["model"], row[by]
+        if row["status"] == "undecided":
+            undecided[key] += 1
+        elif row["status"] != "ok":
             refused[key] += 1
         elif row["load"] in PATCH_LOADS:
             patches[key].append(float(row["error_l2"]))
@@ -98,16 +110,17 @@ def summarise(rows: list[Row]) -> list[dict[str, Any]]:
     return [
         {
             "model": model,
-            "nu": nu,
+            "of": value,
             "cases": len(values),
             "median": median(values) if values else None,
             "at_most_third": float(np.mean(np.array(values) <= 1 / 3)) if values else None,
             "largest": max(values, default=None),
-            "worst_patch": max(patches[model, nu], default=None),
-            "refused": refused[model, nu],
+            "worst_patch": max(patches[model, value], default=None),
+            "refused": refused[model, value],
+            "undecided": undecided[model, value],
         }
-        for model, nu in sorted({(r["model"], r["nu"]) for r in rows})
-        for values in [ratios[model, nu]]
+        for model, value in sorted({(r["model"], r[by]) for r in rows})
+        for values in [ratios[model, value]]
     ]
 
 
@@ -116,19 +129,19 @@ def slope_of(nodes: list[float], errors: list[float]) -> float:
     return float(-3 * np.polyfit(np.log(nodes), np.log(errors), 1)[0])
 
 
-def text_of(summary: list[dict[str, Any]]) -> str:
+def text_of(title: str, by: str, summary: list[dict[str, Any]]) -> str:
     lines = [
-        "error over that of linear elements on the same nodes (bending, torsion, cubic harmonic), and worst patch test",
-        f"{'model':14} {'nu':>5} {'cases':>6} {'median':>7} {'<= 1/3':>7} {'largest':>8} {'patch':>8} {'refused':>8}",
+        title,
+        f"{'model':14} {by:>9} {'cases':>6} {'median':>7} {'<= 1/3':>7} {'largest':>8} {'patch':>8} {'refused':>8} {'undecided':>10}",
     ]
 
     def number(value: float | None, width: int, form: str) -> str:
         return f"{'-':>{width}}" if value is None else f"{value:{width}{form}}"
 
     lines += [
-        f"{s['model']:14} {s['nu']:>5} {s['cases']:6d} {number(s['median'], 7, '.3f')} "
+        f"{s['model']:14} {s['of']:>9} {s['cases']:6d} {number(s['median'], 7, '.3f')} "
         f"{number(s['at_most_third'], 7, '.0%')} {number(s['largest'], 8, '.3f')} "
-        f"{number(s['worst_patch'], 8, '.0e')} {s['refused']:8d}"
+        f"{number(s['worst_patch'], 8, '.0e')} {s['refused']:8d} {s['undecided']:10d}"
         for s in summary
     ]
     return "\n".join(lines)
@@ -210,13 +223,25 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
     table = options.out / "accuracy.csv"
-    run_program(table, options.quick)
+    try:
+        with ThreadPoolExecutor() as pool:  # the program on one core, the loads' runs on the other
+            exact = pool.submit(run_program, table, options.quick)
+            loads = Loads(options.out, _MESHES, is_quiet=False).run(options.quick)
+            exact.result()
+    except RunError as error:
+        raise SystemExit(f"error: {error}") from None
     rows = read_table(table)
-    text = text_of(summarise(rows))
+    text = "\n\n".join(
+        [
+            text_of(_EXACT, "nu", summarise(rows)),
+            text_of(_LOADS, "nu", summarise(loads)),
+            text_of("the same by load", "load", summarise(loads, "load")),
+        ]
+    )
     write_text(options.out / "summary.txt", text + "\n")
     write_text(options.out / "ratios.svg", plot_ratios(rows))
     write_text(options.out / "convergence.svg", plot_convergence(rows))
-    print(f"{text}\n\ntable and plots: {options.out}")
+    print(f"{text}\n\ntables and plots: {options.out}")
     return 0
 
 

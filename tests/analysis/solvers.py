@@ -21,6 +21,9 @@ nu = settings.get("material.nu", "0.25")
 if nu == "0.6":
     sys.exit("error: scene.toml: material.nu = 0.6, expected less than 0.5")
 source = home + "/" + name + ("_diverged" if nu == "diverge" else "_" + nu if name == "massspring" else "")
+refined = source + "_refine_" + settings.get("reference.refine", "")
+if os.path.isdir(refined):
+    source = refined
 shutil.copytree(source, out, dirs_exist_ok=True)
 """
 

@@ -33,6 +33,19 @@ def test_refused_models_are_counted_not_averaged() -> None:
     assert (uniform["cases"], uniform["refused"], uniform["median"]) == (0, 1, None)
 
 
+def test_undecided_cases_are_counted_not_averaged() -> None:
+    rows = [
+        row("edge_coupled", "end_shear", 0.2),
+        row("node_averaged", "end_shear", 0.02),
+        row("edge_coupled", "clamp", 0.2),
+        row("node_averaged", "clamp", 0.01, status="undecided"),
+    ]
+    by_load = {(s["model"], s["of"]): s for s in summarise(rows, "load")}
+    shear, clamp = (by_load["node_averaged", load] for load in ("end_shear", "clamp"))
+    assert (shear["median"], shear["undecided"]) == (pytest.approx(0.1), 0)
+    assert (clamp["median"], clamp["undecided"], clamp["refused"]) == (None, 1, 0)
+
+
 def test_slope_is_in_the_spacing() -> None:
     nodes = [100.0, 800.0, 6400.0]  # spacing halves each time
     assert slope_of(nodes, [0.4, 0.1, 0.025]) == pytest.approx(2)
