@@ -15,9 +15,24 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto
 h1 { margin-bottom: 0; } .finding { font-size: 1.25rem; margin-top: .5rem; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 th, td { padding: .25rem .75rem; border-bottom: 1px solid #ddd; text-align: right; }
-th:first-child, td:first-child { text-align: left; }
+th { cursor: pointer; } th:first-child, td:first-child { text-align: left; }
 img { max-width: 100%; } pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: .85rem; }
 figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: .9rem; }
+"""
+
+
+# A click on a table's head sorts its rows by that column, by the number that a cell begins with; cells of words come last.
+_SCRIPT = """
+const number = row => parseFloat(row.cells[column].textContent), text = row => row.cells[column].textContent;
+let column = 0;
+for (const head of document.querySelectorAll("th")) head.onclick = () => {
+  column = head.cellIndex;
+  const table = head.closest("table"), rows = [...table.rows].slice(1), words = r => isNaN(number(r));
+  const sign = table.dataset.sorted === String(column) ? -1 : 1;
+  table.dataset.sorted = sign > 0 ? String(column) : "";
+  rows.sort((a, b) => words(a) - words(b) || sign * (words(a) ? text(a).localeCompare(text(b)) : number(a) - number(b)));
+  for (const row of rows) row.parentNode.append(row);
+};
 """
 
 
@@ -239,7 +254,7 @@ def page(heading: str, sentence: str, parts: list[str], protocol: dict[str, str]
 {"".join(parts)}
 <h2>Protocol</h2>
 {"".join(details)}
-</body></html>
+<script>{_SCRIPT}</script></body></html>
 """
 
 

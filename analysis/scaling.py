@@ -152,8 +152,11 @@ def plot_seconds(sizes: list[Size]) -> str:
     for axis, title in zip(axes, ("springs", "finite elements")):
         axis.set_title(title, fontsize=11)
         axis.set_xlabel("nodes")
-        if axis.lines:
-            axis.legend(fontsize=7, title="(slope)", title_fontsize=7)
+        axis.tick_params(axis="x", which="minor", labelbottom=False)
+        if axis.lines:  # below the plot, where it covers no line
+            axis.legend(
+                fontsize=8, title="(slope)", title_fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12)
+            )
     axes[0].set_ylabel("time (s)")
     return svg_of(figure)
 

@@ -10,7 +10,7 @@ from pages import fetched
 from PIL import Image
 from synthetic import write_run
 
-from analysis.experiment import Experiment, compare, default_folder, fingerprint, is_refinable
+from analysis.experiment import Experiment, compare, default_folder, fingerprint, refinement
 from analysis.pictures import draw_comparison, magnification, seen_size
 from analysis.plots import plot_errors
 from analysis.report import finding, percent, text_tables
@@ -75,16 +75,13 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
         assert part in page
 
 
-def refine_reference(experiment, error):
-    folder = experiment.folder / "reference_refined"
-    folder.mkdir()
-    (folder / "run.json").write_text(
-        json.dumps({"convergence": {"status": "ok", "estimated_error_l2": error}})
-    )
+def refine_reference(experiment, ball, error):
+    convergence = {"status": "ok", "estimated_error_l2": error}
+    write_run(experiment.folder / "reference_refined", *ball, lambda X: -0.01 * X, convergence=convergence)
 
 
-def test_differences_near_the_error_of_the_reference_are_named(experiment):
-    refine_reference(experiment, 0.05)
+def test_differences_near_the_error_of_the_reference_are_named(experiment, ball):
+    refine_reference(experiment, ball, 0.05)
     comparison = compare(experiment)
     assert "by 20 % (at worst 20 %; the reference's own error is some 5 %) and" in finding(comparison)
     page = (experiment.folder / "report.html").read_text()
@@ -97,19 +94,39 @@ def test_differences_near_the_error_of_the_reference_are_named(experiment):
     "error, words",
     [(0.019, "less than a tenth of every difference"), (1e-14, "is rounding"), (None, "is not estimated")],
 )
-def test_error_of_the_reference_is_stated(error, words, experiment):
+def test_error_of_the_reference_is_stated(error, words, experiment, ball):
     if error:
-        refine_reference(experiment, error)
+        refine_reference(experiment, ball, error)
     compare(experiment)
     assert words in (experiment.folder / "report.html").read_text()
 
 
-def test_references_of_linear_statics_are_refined_while_they_are_small():
-    scene = {"time": {"mode": "static"}, "reference": {"law": "small_strain"}}
-    assert is_refinable(scene, {"n_dofs": 60_000})
-    assert not is_refinable(scene, {"n_dofs": 70_000})
-    assert not is_refinable(scene | {"time": {"mode": "dynamic"}}, {"n_dofs": 100})
-    assert not is_refinable(scene | {"reference": {"law": "neo_hookean"}}, {"n_dofs": 100})
+def test_error_of_other_references_is_twice_what_a_refinement_changes(experiment, ball):
+    write_run(experiment.folder / "reference_refined", *ball, lambda X: -0.0125 * X)
+    assert compare(experiment)["reference"]["estimated_error_l2"] == pytest.approx(2 * 0.2, rel=1e-6)
+
+
+def test_refinement_that_failed_estimates_nothing(experiment, ball):
+    write_run(experiment.folder / "reference_refined", *ball, lambda X: X, status="not_converged")
+    assert compare(experiment)["reference"]["estimated_error_l2"] is None
+
+
+def test_references_are_refined_while_they_are_small():
+    scene = {
+        "time": {"mode": "static"},
+        "reference": {"law": "small_strain", "refine": 1},
+        "output": {"frames_every": 3},
+    }
+    assert refinement(scene, {"n_dofs": 60_000})[-2:] == ["--converge", "2"]
+    assert not refinement(scene, {"n_dofs": 70_000})
+    newton = scene | {"reference": {"law": "neo_hookean", "refine": 1}}
+    assert "reference.refine=2" in refinement(newton, {"n_dofs": 30_000})
+    assert not refinement(newton, {"n_dofs": 35_000})
+    moving = scene | {"time": {"mode": "dynamic"}}
+    words = refinement(moving, {"n_dofs": 12_000, "step": 0.1, "n_steps": 500})
+    assert {"reference.refine=2", "time.step=0.05", "output.frames_every=6"} < set(words)
+    assert not refinement(moving, {"n_dofs": 13_000, "step": 0.1, "n_steps": 500})
+    assert not refinement(moving, {"n_dofs": 12_000, "step": 0.1, "n_steps": 501})
 
 
 def test_error_bars_have_a_band_for_the_reference():
