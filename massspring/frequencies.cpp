@@ -1,6 +1,6 @@
 #include "massspring/frequencies.h"
 
-#include <Spectra/SymEigsSolver.h>
+#include <Spectra/SymGEigsShiftSolver.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,45 +12,50 @@ namespace testbed {
 namespace {
 
 using Eigen::Matrix3Xd;
+using NodeVectors = Eigen::Map<const Matrix3Xd>;
 
-/// M^1/2 (K + s M)^-1 M^1/2 on the free directions, as Spectra asks for it.
+/// (K + s M)^-1 on the free directions, as Spectra asks for it.
 class Inverse {
  public:
   using Scalar = double;
-  Inverse(const BlockCholesky& factor, const Eigen::VectorXd& mass,
-          const std::vector<Constraint>& constraints)
-      : factor_(factor), root_(mass.cwiseSqrt()), constraints_(constraints) {}
-  Eigen::Index rows() const { return 3 * root_.size(); }
+  Inverse(const BlockCholesky& factor, int n_nodes, const std::vector<Constraint>& constraints)
+      : factor_(factor), n_nodes_(n_nodes), constraints_(constraints) {}
+  Eigen::Index rows() const { return 3 * n_nodes_; }
   Eigen::Index cols() const { return rows(); }
+  void set_shift(double) {}  // in the factor already
   void perform_op(const double* x, double* y) const {
-    Matrix3Xd b = Eigen::Map<const Matrix3Xd>(x, 3, root_.size()) * root_.asDiagonal(), solution;
+    Matrix3Xd b = NodeVectors(x, 3, n_nodes_), solution;
     filter(constraints_, b);
     factor_.solve(b, solution);
     filter(constraints_, solution);
-    Eigen::Map<Matrix3Xd>(y, 3, root_.size()) = solution * root_.asDiagonal();
+    Eigen::Map<Matrix3Xd>(y, 3, n_nodes_) = solution;
   }
 
  private:
   const BlockCholesky& factor_;
-  Eigen::VectorXd root_;
+  int n_nodes_;
   const std::vector<Constraint>& constraints_;
 };
 
-/// Integral of rho |u|^2 (kg m2), u linear in every tetrahedron.
-double spread_norm(const MassSpringModel& model, const Matrix3Xd& u) {
-  double sum = 0;
-  for (const auto& t : model.network.T.colwise()) {
-    const auto corners = u(Eigen::all, t);
-    sum += rest_volume(model.network.X, t) / 20 *
-           (corners.squaredNorm() + corners.rowwise().sum().squaredNorm());
+/// M, likewise.
+class Mass {
+ public:
+  using Scalar = double;
+  explicit Mass(const MassSpringModel& model) : model_(model) {}
+  Eigen::Index rows() const { return 3 * model_.mass.size(); }
+  Eigen::Index cols() const { return rows(); }
+  void perform_op(const double* x, double* y) const {
+    Eigen::Map<Matrix3Xd>(y, 3, model_.mass.size()) = momenta(model_, NodeVectors(x, 3, model_.mass.size()));
   }
-  return model.material.rho * sum;
-}
+
+ private:
+  const MassSpringModel& model_;
+};
 
 }  // namespace
 
-NaturalFrequencies natural_frequencies(const MassSpringModel& model,
-                                       const std::vector<Constraint>& constraints, int n) {
+Eigen::VectorXd natural_frequencies(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                                    int n) {
   constexpr double kShift = 1e-8;  // of the highest eigenvalue: far below the first elastic one
   constexpr double kZero = 1e-6;   // of the last eigenvalue found
   constexpr double kTolerance = 1e-10;
@@ -62,27 +67,24 @@ NaturalFrequencies natural_frequencies(const MassSpringModel& model,
     highest = std::max(highest, K.block[K.diagonal[i]].trace() / model.mass(i));
   const double shift = kShift * highest;
   for (int i = 0; i < K.rows(); ++i) K.block[K.diagonal[i]].diagonal().array() += shift * model.mass(i);
+  if (model.spread_mass) add_blocks(*model.spread_mass, -shift, K);
   filter(constraints, K);
   const BlockCholesky factor(K);
   if (!factor.is_ok())
     throw std::runtime_error("the stiffness has no Cholesky factor, expected a positive definite model");
-  Inverse inverse(factor, model.mass, constraints);
+  Inverse inverse(factor, K.rows(), constraints);
+  Mass mass(model);
   const int n_krylov = std::min<int>(static_cast<int>(inverse.rows()), std::max(2 * n + 10, 30));
-  Spectra::SymEigsSolver<Inverse> solver(inverse, n, n_krylov);
+  Spectra::SymGEigsShiftSolver<Inverse, Mass, Spectra::GEigsMode::ShiftInvert> solver(inverse, mass, n,
+                                                                                      n_krylov, -shift);
   solver.init();
-  solver.compute(Spectra::SortRule::LargestAlge, kMaxRestarts, kTolerance);
+  solver.compute(Spectra::SortRule::LargestMagn, kMaxRestarts, kTolerance, Spectra::SortRule::SmallestAlge);
   if (solver.info() != Spectra::CompInfo::Successful)
     throw std::runtime_error("natural frequencies: the Lanczos iteration has not converged");
-  const Eigen::VectorXd squared = solver.eigenvalues().cwiseInverse().array() - shift;
-  NaturalFrequencies frequencies{Eigen::VectorXd::Zero(n), {}};
+  const Eigen::VectorXd squared = solver.eigenvalues();
+  Eigen::VectorXd frequencies = Eigen::VectorXd::Zero(n);
   for (int k = 0; k < n; ++k)
-    if (squared(k) > kZero * squared(n - 1)) frequencies.at_nodes(k) = std::sqrt(squared(k)) / (2 * M_PI);
-  if (model.network.T.cols() == 0) return frequencies;
-  frequencies.spread = frequencies.at_nodes;
-  const Eigen::MatrixXd modes = solver.eigenvectors();  // M^1/2 x, of unit length
-  for (int k = 0; k < n; ++k)
-    frequencies.spread(k) /= std::sqrt(spread_norm(
-        model, modes.col(k).reshaped(3, K.rows()) * model.mass.cwiseSqrt().cwiseInverse().asDiagonal()));
+    if (squared(k) > kZero * squared(n - 1)) frequencies(k) = std::sqrt(squared(k)) / (2 * M_PI);
   return frequencies;
 }
 

@@ -59,6 +59,7 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   for (Matrix3d& block : K_->block) block *= factors.stiffness;
   if (damping_) add_blocks(*model_.springs, *damping_, *K_);
   for (int i = 0; i < K_->rows(); ++i) K_->block[K_->diagonal[i]].diagonal().array() += mass_(i);
+  if (model_.spread_mass) add_blocks(*model_.spread_mass, -factors.mass, *K_);
 }
 
 void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {

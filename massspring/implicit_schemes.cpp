@@ -75,15 +75,31 @@ class TrBdf2 : public StagedScheme {
   using StagedScheme::StagedScheme;
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     const double gamma = 2 - std::sqrt(2.0), a = gamma * h / 2, old = 1 / (gamma * (2 - gamma));
+    State middle = state;
+    const StepReport first =
+        stage_.solve(state, a, state.x + a * state.v, state.v + a * acceleration(state), middle.x, middle.v);
+    return sum(first, stage_.solve(middle, a, old * middle.x + (1 - old) * state.x,
+                                   old * middle.v + (1 - old) * state.v, x, v));
+  }
+
+ private:
+  /// M^-1 f on the free directions.
+  Matrix3Xd acceleration(const State& state) const {
+    constexpr double kTolerance = 1e-13;
+    constexpr int kMaxIterations = 200;
+    const Eigen::VectorXd inverse_mass = motion_.model.mass.cwiseInverse();
     Matrix3Xd f;
     motion_.forces_at(state, f);
     filter(motion_.constraints, f);
-    State middle = state;
-    const StepReport first =
-        stage_.solve(state, a, state.x + a * state.v,
-                     state.v + f * (a * motion_.model.mass.cwiseInverse()).asDiagonal(), middle.x, middle.v);
-    return sum(first, stage_.solve(middle, a, old * middle.x + (1 - old) * state.x,
-                                   old * middle.v + (1 - old) * state.v, x, v));
+    Matrix3Xd a = f * inverse_mass.asDiagonal();
+    if (!motion_.model.spread_mass) return a;
+    const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
+      y = momenta(motion_.model, p);
+      filter(motion_.constraints, y);
+    };
+    const auto precondition = [&](const Matrix3Xd& r, Matrix3Xd& z) { z = r * inverse_mass.asDiagonal(); };
+    conjugate_gradients(product, precondition, f, a, kTolerance, kMaxIterations);
+    return a;
   }
 };
 

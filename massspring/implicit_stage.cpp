@@ -18,9 +18,9 @@ ImplicitStage::ImplicitStage(const Motion& motion)
 double ImplicitStage::objective(const State& trial, const Matrix3Xd& start_x, double a,
                                 const Matrix3Xd& w) const {
   const MassSpringModel& model = motion_.model;
-  double sum = (trial.v - w).colwise().squaredNorm().dot(model.mass) / 2 + motion_.potential(trial);
+  double sum = kinetic_energy(model, trial.v - w) + motion_.potential(trial);
   if (motion_.forces.mass_damping > 0)
-    sum += a * motion_.forces.mass_damping / 2 * trial.v.colwise().squaredNorm().dot(model.mass);
+    sum += a * motion_.forces.mass_damping * kinetic_energy(model, trial.v);
   if (model.springs && model.springs->damping > 0)
     sum += a * damping_power(*model.springs, start_x, trial.v) / 2;
   return sum;
@@ -31,9 +31,7 @@ void ImplicitStage::negative_gradient(const State& trial, const Matrix3Xd& start
   const MassSpringModel& model = motion_.model;
   motion_.undamped_forces_at(trial, r);
   if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, start_x, trial.v, r);
-  const double c = motion_.forces.mass_damping;
-  for (Eigen::Index i = 0; i < r.cols(); ++i)
-    r.col(i) -= model.mass(i) * ((trial.v.col(i) - w.col(i)) / a + c * trial.v.col(i));
+  r -= momenta(model, (trial.v - w) / a + motion_.forces.mass_damping * trial.v);
   filter(motion_.constraints, r);
 }
 

@@ -160,7 +160,7 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     after.v = v_;
     Matrix3Xd f;
     motion_.forces_at(after, f);
-    f = (v_ - v_before_) * (motion_.model.mass / h).asDiagonal() - f;
+    f = momenta(motion_.model, (v_ - v_before_) / h) - f;
     touches_.settle(bodies, state, h, f, x_, v_);
   } else if (is_explicit(integrator_)) {
     push_out(bodies, state, h, x_, v_);
@@ -218,6 +218,7 @@ double stable_step(const MassSpringModel& model, const Forces& forces, const Sta
     q_before = q;
     q = r / beta.back();
   }
+  if (model.spread_mass) largest *= 1 + greatest_spread;
   const double c = forces.mass_damping;
   return 4 / (c + std::sqrt(c * c + 4 * largest));
 }

@@ -17,11 +17,10 @@ class LinearisedEuler : public Scheme {
         solver_(options.linear_solver) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
-    const MassSpringModel& model = motion_.model;
     A_.set(state, state.x, {1 + h * motion_.forces.mass_damping, h * h, h}, Curvature::Projected);
     motion_.undamped_forces_at(state, b_);
     A_.multiply(state.v, Av_);
-    b_ = h * b_ + state.v * model.mass.asDiagonal();
+    b_ = h * b_ + momenta(motion_.model, state.v);
     filter(motion_.constraints, b_);
     b_ -= Av_;
 

@@ -47,7 +47,7 @@ std::vector<std::pair<std::string, double>> curve_row(const MassSpringModel& mod
           {"load_factor", load_factor},
           {"volume", volume(x, F)},
           {"area", area(x, F)},
-          {"kinetic_energy", state.v.colwise().squaredNorm().dot(model.mass) / 2},
+          {"kinetic_energy", kinetic_energy(model, state.v)},
           {"elastic_energy", elastic_energy(model, state)},
           {"max_strain", strain},
           {"max_displacement", (state.x - X).colwise().norm().maxCoeff()}};
@@ -72,6 +72,8 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const
   const double share = scene.network.link_share;
   MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
                                     : calibrate(network, scene.material, calibration);
+  if (model.tet_springs && scene.network.mass == MassMatrix::Consistent)
+    model.spread_mass = spread_mass(network.X, network.T, scene.material.rho);
   if (model.springs) {
     model.springs->law = scene.network.spring_law;
     model.springs->damping = scene.network.spring_damping;
@@ -151,9 +153,8 @@ void run(const Arguments& arguments) {
     node_error = add_diagnostics(model, record);
   }
   if (arguments.n_frequencies > 0) {
-    const NaturalFrequencies found = natural_frequencies(model, forces.constraints, arguments.n_frequencies);
-    record["natural_frequencies"] = std::vector<double>(found.at_nodes.begin(), found.at_nodes.end());
-    record["natural_frequencies_mass_spread"] = std::vector<double>(found.spread.begin(), found.spread.end());
+    const Eigen::VectorXd found = natural_frequencies(model, forces.constraints, arguments.n_frequencies);
+    record["natural_frequencies"] = std::vector<double>(found.begin(), found.end());
   }
 
   timer.start("setup");

@@ -106,6 +106,16 @@ void add_skin(const Skin& skin, MassSpringModel& model) {
   if (skin.bending > 0) model.bending = make_bending(X, F, skin.bending);
 }
 
+Eigen::Matrix3Xd momenta(const MassSpringModel& model, const Eigen::Matrix3Xd& v) {
+  Eigen::Matrix3Xd p = v * model.mass.asDiagonal();
+  if (model.spread_mass) add_product(*model.spread_mass, -1, v, p);
+  return p;
+}
+
+double kinetic_energy(const MassSpringModel& model, const Eigen::Matrix3Xd& v) {
+  return v.cwiseProduct(momenta(model, v)).sum() / 2;
+}
+
 double elastic_energy(const MassSpringModel& model, const State& state) {
   double sum = 0;
   if (model.springs) sum += energy(*model.springs, state.rest_length, state.x);

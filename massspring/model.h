@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "massspring/bending.h"
+#include "massspring/mass.h"
 #include "massspring/rigid_body.h"
 #include "massspring/springs.h"
 #include "massspring/tet_springs.h"
@@ -20,6 +21,7 @@ struct MassSpringModel {
   SpringNetwork network;
   Material material;
   Eigen::VectorXd mass;                     ///< kg per node
+  std::optional<SpreadMass> spread_mass;    ///< what of it lies between the nodes; coupled springs only
   std::optional<Springs> springs;           ///< independent springs
   std::optional<TetSprings> tet_springs;    ///< springs coupled within tetrahedra
   std::optional<Bending> bending;           ///< of the skin
@@ -69,6 +71,12 @@ struct FollowerPressure {
   double pressure;
   Eigen::Matrix3Xi F;
 };
+
+/// M v (kg m/s), 3 x n.
+Eigen::Matrix3Xd momenta(const MassSpringModel& model, const Eigen::Matrix3Xd& v);
+
+/// v^T M v / 2 (J).
+double kinetic_energy(const MassSpringModel& model, const Eigen::Matrix3Xd& v);
 
 /// Everything that acts on the model in a scene.
 struct Forces {

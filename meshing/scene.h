@@ -159,6 +159,8 @@ enum class SpringLaw {
   Definite  ///< k_s r/4 (1 - (r/l)^4): the same stiffness at rest, without bound as l -> 0
 };
 
+enum class MassMatrix { Consistent, Lumped };
+
 /// Distances that are absent are chosen from the surface.
 struct NetworkOptions {
   std::optional<double> phi;  ///< least distance between internal nodes (normalised box)
@@ -174,11 +176,11 @@ struct NetworkOptions {
   double spring_damping = 0;  ///< k_d of every independent spring (N s/m)
   double link_share = 0;      ///< of the material that the network's links stand for beside coupled springs
   std::string calibration = "node_averaged";  ///< name of the spring model
+  MassMatrix mass = MassMatrix::Consistent;   ///< of coupled springs; others have their mass at the nodes
 };
 
 /// SmallStrain is a fair reference below a few per cent of strain; NeoHookean is the law of coupled springs.
 enum class ElasticLaw { SmallStrain, StVenantKirchhoff, NeoHookean };
-enum class MassMatrix { Consistent, Lumped };
 struct ReferenceOptions {
   ElasticLaw law = ElasticLaw::SmallStrain;
   int degree = 2;                       ///< polynomial degree of the displacement, 1 or 2

@@ -93,7 +93,8 @@ void describe(V& v, Region& region) {
 template <class V>
 void describe(V& v, SurfaceSource& s) {
   v.path("file", s.file, "closed surface: .obj .off .ply .stl .vtp .vtu, relative to this file");
-  v.choice("shape", s.shape, shape_names(), "or a generated one: ball, hollow_ball, torus, bar, handle, head");
+  v.choice("shape", s.shape, shape_names(),
+           "or a generated one: ball, hollow_ball, torus, bar, handle, head");
   v("n_vertices", s.n_vertices, kAtLeastOne, "of a generated shape, about");
   v("size", s.size, kNotNegative, "bounding box of a generated shape (m), 0: its own");
   v("scale", s.scale, kPositive, "factor on all coordinates");
@@ -208,6 +209,8 @@ void describe(V& v, NetworkOptions& n) {
            "surface, central, complete, delaunay, pcp, completed_pcp");
   v("neighbours", n.neighbours, kAtLeastOne, "completed_pcp: nearest neighbours of every node");
   v("calibration", n.calibration, "name of the spring model");
+  v.choice("mass", n.mass, kMasses,
+           "of coupled springs: consistent, spread over the tetrahedra, or lumped at nodes");
   v.choice("spring_law", n.spring_law, kSpringLaws,
            "of independent springs in compression: hooke, or definite, which no force flattens");
   v("link_share", n.link_share, kFraction,

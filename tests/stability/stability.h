@@ -109,7 +109,7 @@ inline Outcome run_cell(const Method& method, const Start& start, double E, doub
   state.x = start.deform(model.network.X, random);
 
   const auto energy = [&] {
-    return potential(model, forces, state) + state.v.colwise().squaredNorm().dot(model.mass) / 2;
+    return potential(model, forces, state) + kinetic_energy(model, state.v);
   };
   const auto is_inverted = [&] {
     if (model.tet_springs) {

@@ -1,0 +1,31 @@
+// Mass spread over tetrahedra instead of gathered at their nodes.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "massspring/block_matrix.h"
+
+namespace testbed {
+
+/// What tells the consistent mass matrix of linear tetrahedra from masses m at nodes:
+///   M = diag(m) - R,  R = sum over edges ij of r (d_i - d_j)(d_i - d_j)^T,
+/// r a twentieth of the mass of the tetrahedra around the edge. Total mass and momentum are the same; the
+/// inertia that nodes exaggerate, as they lie at the corners of what they stand for, is not.
+struct SpreadMass {
+  Eigen::Matrix2Xi E;  ///< edges of the tetrahedra, 2 x m
+  Eigen::VectorXd r;   ///< kg
+};
+
+/// X 3 x n (m), T 4 x m of positive volume, rho in kg/m3.
+SpreadMass spread_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho);
+
+/// y += factor R p, 3 x n.
+void add_product(const SpreadMass& spread, double factor, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
+
+/// A += factor R; A's pattern must hold the edges.
+void add_blocks(const SpreadMass& spread, double factor, BlockMatrix& A);
+
+/// Bound on the eigenvalues of diag(m)^-1 R, reached by tetrahedra alone.
+inline constexpr double greatest_spread = 0.8;
+
+}  // namespace testbed
