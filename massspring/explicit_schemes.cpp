@@ -5,14 +5,6 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-/// f <- (1 + R m^-1) f on the free directions, so that m^-1 f is M^-1 f to the first order in R, the mass
-/// that lies between the nodes.
-void spread(const Motion& motion, const Eigen::VectorXd& inverse_mass, Matrix3Xd& f) {
-  if (!motion.model.spread_mass) return;
-  filter(motion.constraints, f);
-  add_product(*motion.model.spread_mass, 1, f * inverse_mass.asDiagonal(), f);
-}
-
 /// dv = h W f(x, v); dx = h v with the old velocity (explicit) or the new one (symplectic) [paper 3.4].
 class Euler : public Scheme {
  public:
@@ -21,7 +13,6 @@ class Euler : public Scheme {
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     motion_.forces_at(state, f_);
-    spread(motion_, inverse_mass_, f_);
     v.resizeLike(f_);
     for (Eigen::Index i = 0; i < v.cols(); ++i) v.col(i) = state.v.col(i) + h * inverse_mass_(i) * f_.col(i);
     motion_.constrain(v);
@@ -39,7 +30,7 @@ class Euler : public Scheme {
 /// The classical method of order four [Kutta 1901].
 class Rk4 : public Scheme {
  public:
-  explicit Rk4(const Motion& motion) : motion_(motion), inverse_mass_(motion.model.mass.cwiseInverse()) {}
+  explicit Rk4(const Motion& motion) : motion_(motion) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     const Matrix3Xd a1 = acceleration(state);
@@ -58,8 +49,7 @@ class Rk4 : public Scheme {
   Matrix3Xd acceleration(const State& state) const {
     Matrix3Xd a;
     motion_.forces_at(state, a);
-    spread(motion_, inverse_mass_, a);
-    a = (a * inverse_mass_.asDiagonal()).eval();
+    a = (a * motion_.model.mass.cwiseInverse().asDiagonal()).eval();
     filter(motion_.constraints, a);
     return a;
   }
@@ -72,7 +62,6 @@ class Rk4 : public Scheme {
   }
 
   const Motion& motion_;
-  Eigen::VectorXd inverse_mass_;
 };
 
 }  // namespace

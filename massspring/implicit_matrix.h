@@ -41,8 +41,8 @@ class ImplicitMatrix {
   const Motion& motion_;
   bool has_volume_;
   std::unique_ptr<MassSpringModel> reduced_;  ///< without the parts whose gradients are dropped
-  const MassSpringModel& model_;            ///< what the matrix knows of
-  Eigen::VectorXd mass_;                    ///< at nodes, times its factor
+  const MassSpringModel& model_;              ///< what the matrix knows of
+  Eigen::VectorXd mass_;                      ///< at nodes, times its factor
   std::optional<SpringBlocks> springs_, damping_;
   std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
   std::vector<Eigen::Matrix3d> contact_;  ///< diagonal blocks of the barrier; empty: none

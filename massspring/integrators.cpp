@@ -72,6 +72,8 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Int
       (!forces.bodies.empty() || forces.self_thickness || integrator == Integrator::Bdf2))
     throw std::runtime_error("time.tolerance = " + std::to_string(options.tolerance) +
                              ", expected 0 with obstacles, self_contact or bdf2");
+  if (model.spread_mass && is_explicit(integrator))
+    throw std::runtime_error("an explicit scheme, expected mass at nodes: spread mass has no simple inverse");
   if (forces.bodies.empty() || is_explicit(integrator) || integrator == Integrator::ImplicitEuler) return;
   if (integrator == Integrator::Midpoint)
     throw std::runtime_error("time.integrator = midpoint with obstacles, expected another one");
@@ -218,7 +220,6 @@ double stable_step(const MassSpringModel& model, const Forces& forces, const Sta
     q_before = q;
     q = r / beta.back();
   }
-  if (model.spread_mass) largest *= 1 + greatest_spread;
   const double c = forces.mass_damping;
   return 4 / (c + std::sqrt(c * c + 4 * largest));
 }

@@ -44,8 +44,9 @@ bool is_explicit(Integrator integrator);
 class TimeStepper {
  public:
   /// @param end  time at which prescribed displacements are complete (s)
-  /// @throws std::runtime_error for midpoint with obstacles: it ends a step beyond where it solves; for a
-  /// tolerance with contacts or bdf2, which remember the step before; for a body without extent
+  /// @throws std::runtime_error for spread mass with explicit schemes; for midpoint with obstacles: it ends a
+  /// step beyond where it solves; for a tolerance with contacts or bdf2, which remember the step before; for a
+  /// body without extent
   TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator, double end,
               const IntegratorOptions& options = {});
 

@@ -72,7 +72,8 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const
   const double share = scene.network.link_share;
   MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
                                     : calibrate(network, scene.material, calibration);
-  if (model.tet_springs && scene.network.mass == MassMatrix::Consistent)
+  const bool is_explicit_run = scene.time.mode == TimeMode::Dynamic && is_explicit(scene.time.integrator);
+  if (model.tet_springs && scene.network.mass == MassMatrix::Consistent && !is_explicit_run)
     model.spread_mass = spread_mass(network.X, network.T, scene.material.rho);
   if (model.springs) {
     model.springs->law = scene.network.spring_law;
@@ -136,6 +137,7 @@ void run(const Arguments& arguments) {
   nlohmann::ordered_json record = environment_record("massspring", 1);
   record["name"] = scene.name;
   record["calibration"] = calibration.name;
+  record["mass"] = model.spread_mass ? "consistent" : "lumped";
   record["input_hash"] = hash;
   record["mesh_hash"] =
       hash_of({reinterpret_cast<const char*>(network.X.data()), network.X.size() * sizeof(double)});

@@ -25,7 +25,4 @@ void add_product(const SpreadMass& spread, double factor, const Eigen::Matrix3Xd
 /// A += factor R; A's pattern must hold the edges.
 void add_blocks(const SpreadMass& spread, double factor, BlockMatrix& A);
 
-/// Bound on the eigenvalues of diag(m)^-1 R, reached by tetrahedra alone.
-inline constexpr double greatest_spread = 0.8;
-
 }  // namespace testbed

@@ -176,7 +176,8 @@ struct NetworkOptions {
   double spring_damping = 0;  ///< k_d of every independent spring (N s/m)
   double link_share = 0;      ///< of the material that the network's links stand for beside coupled springs
   std::string calibration = "node_averaged";  ///< name of the spring model
-  MassMatrix mass = MassMatrix::Consistent;   ///< of coupled springs; others have their mass at the nodes
+  MassMatrix mass =
+      MassMatrix::Consistent;  ///< of coupled springs in all but explicit steps; all else is lumped
 };
 
 /// SmallStrain is a fair reference below a few per cent of strain; NeoHookean is the law of coupled springs.

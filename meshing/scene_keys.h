@@ -210,7 +210,7 @@ void describe(V& v, NetworkOptions& n) {
   v("neighbours", n.neighbours, kAtLeastOne, "completed_pcp: nearest neighbours of every node");
   v("calibration", n.calibration, "name of the spring model");
   v.choice("mass", n.mass, kMasses,
-           "of coupled springs: consistent, spread over the tetrahedra, or lumped at nodes");
+           "of coupled springs: consistent, spread over the tetrahedra (but in explicit steps), or lumped");
   v.choice("spring_law", n.spring_law, kSpringLaws,
            "of independent springs in compression: hooke, or definite, which no force flattens");
   v("link_share", n.link_share, kFraction,

@@ -5,6 +5,7 @@
 #include "massspring/calibrate.h"
 #include "massspring/frequencies.h"
 #include "tests/massspring/box_tets.h"
+#include "tests/massspring/dense.h"
 
 namespace testbed {
 namespace {
@@ -20,24 +21,14 @@ MassSpringModel bar() {
 }
 
 /// Frequencies (Hz) of the pencil K, M by a dense solver.
-Eigen::VectorXd dense(const MatrixXd& K, const MatrixXd& M) {
+Eigen::VectorXd frequencies_of(const MatrixXd& K, const MatrixXd& M) {
   const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(K, M);
   return eigen.eigenvalues().cwiseMax(0).cwiseSqrt() / (2 * M_PI);
 }
 
-MatrixXd dense_stiffness(const MassSpringModel& model) {
-  BlockMatrix K = stiffness_pattern(model);
-  add_stiffness(model, initial_state(model), K);
-  MatrixXd dense = MatrixXd::Zero(3 * K.rows(), 3 * K.rows());
-  for (int i = 0; i < K.rows(); ++i)
-    for (int k = K.row_start[i]; k < K.row_start[i + 1]; ++k)
-      dense.block<3, 3>(3 * i, 3 * K.column[k]) = K.block[k];
-  return dense;
-}
-
 void expect_those_of(const MassSpringModel& model, const MatrixXd& M) {
   constexpr int n = 12, n_rigid = 6;
-  const Eigen::VectorXd expected = dense(dense_stiffness(model), M).head(n),
+  const Eigen::VectorXd expected = frequencies_of(dense_stiffness(model), M).head(n),
                         found = natural_frequencies(model, {}, n);
   EXPECT_EQ(found.head(n_rigid), Eigen::VectorXd::Zero(n_rigid));
   EXPECT_LT((found - expected).tail(n - n_rigid).norm(), solver_tolerance * expected(n - 1));
@@ -50,15 +41,8 @@ TEST(NaturalFrequencies, AreThoseOfADenseSolver) {
 
 TEST(NaturalFrequencies, OfSpreadMassAreThoseOfTheConsistentMatrix) {
   MassSpringModel model = bar();
-  const double rho = model.material.rho;
-  model.spread_mass = spread_mass(model.network.X, model.network.T, rho);
-  MatrixXd M = MatrixXd::Zero(3 * model.mass.size(), 3 * model.mass.size());
-  for (const auto& t : model.network.T.colwise())
-    for (int i : t)
-      for (int j : t)
-        M.block<3, 3>(3 * i, 3 * j).diagonal().array() +=
-            (i == j ? 2 : 1) * rho * rest_volume(model.network.X, t) / 20;
-  expect_those_of(model, M);
+  model.spread_mass = spread_mass(model.network.X, model.network.T, model.material.rho);
+  expect_those_of(model, consistent_mass(model));
 }
 
 TEST(NaturalFrequencies, OfAnOscillatorWhoseOtherDirectionsAreHeld) {

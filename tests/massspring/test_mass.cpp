@@ -5,6 +5,7 @@
 #include "massspring/calibrate.h"
 #include "massspring/integrators.h"
 #include "tests/massspring/box_tets.h"
+#include "tests/massspring/dense.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed {
@@ -21,24 +22,6 @@ MassSpringModel bar(double jitter = 0.1) {
                                     find_calibration("node_averaged"));
   model.spread_mass = spread_mass(mesh.X, mesh.T, model.material.rho);
   return model;
-}
-
-MatrixXd consistent_mass(const MassSpringModel& model) {
-  MatrixXd M = MatrixXd::Zero(3 * model.mass.size(), 3 * model.mass.size());
-  for (const auto& t : model.network.T.colwise())
-    for (int i : t)
-      for (int j : t)
-        M.block<3, 3>(3 * i, 3 * j).diagonal().array() +=
-            (i == j ? 2 : 1) * model.material.rho * rest_volume(model.network.X, t) / 20;
-  return M;
-}
-
-MatrixXd dense(const BlockMatrix& K) {
-  MatrixXd A = MatrixXd::Zero(3 * K.rows(), 3 * K.rows());
-  for (int i = 0; i < K.rows(); ++i)
-    for (int k = K.row_start[i]; k < K.row_start[i + 1]; ++k)
-      A.block<3, 3>(3 * i, 3 * K.column[k]) = K.block[k];
-  return A;
 }
 
 TEST(SpreadMass, IsTheConsistentMatrix) {
@@ -68,12 +51,11 @@ TEST(SpreadMass, TurnsWithTheInertiaOfTheSolid) {
   EXPECT_GT(kinetic_energy(model, v) / exact, 1.1);
 }
 
-TEST(SpreadMass, EveryIntegratorSwingsByIt) {
+TEST(SpreadMass, EveryImplicitSchemeSwingsByIt) {
   MassSpringModel model = bar();
   const Matrix3Xd& X = model.network.X;
-  BlockMatrix K = stiffness_pattern(model);
-  add_stiffness(model, initial_state(model), K);
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(dense(K), consistent_mass(model));
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(dense_stiffness(model),
+                                                                 consistent_mass(model));
   constexpr int n_rigid = 6;
   const double omega = std::sqrt(eigen.eigenvalues()(n_rigid)), amplitude = 1e-6;
   const Matrix3Xd mode = eigen.eigenvectors().col(n_rigid).reshaped(3, X.cols());
@@ -94,31 +76,14 @@ TEST(SpreadMass, EveryIntegratorSwingsByIt) {
   for (Integrator integrator : {Integrator::Midpoint, Integrator::TrBdf2, Integrator::Bdf2,
                                 Integrator::MinimisingEuler, Integrator::ImplicitEuler})
     EXPECT_LT(phase_error(integrator, 100), implicit_error) << static_cast<int>(integrator);
-  double error[2];
-  for (Integrator integrator : {Integrator::SymplecticEuler, Integrator::Rk4})
-    error[integrator == Integrator::Rk4] = phase_error(integrator, 500);
   model.spread_mass.reset();
-  const double lumped = phase_error(Integrator::Midpoint, 100);
-  EXPECT_GT(lumped, 0.5);
-  for (double e : error)
-    EXPECT_LT(e, lumped * lumped);  // the first order in what lies between the nodes is right
+  EXPECT_GT(phase_error(Integrator::Midpoint, 100), 0.5);
 }
 
-TEST(SpreadMass, ExplicitStepsAreStableUpToTheLimit) {
+TEST(SpreadMass, ExplicitSchemesRefuseIt) {
   const MassSpringModel model = bar();
   const Forces forces = no_forces(model);
-  State state = initial_state(model);
-  const double h = stable_step(model, forces, state), amplitude = 1e-6;
-  const auto grows = [&](double step) {
-    State end = state;
-    end.x += amplitude * random_points(static_cast<int>(model.mass.size()), 1, 5);
-    TimeStepper stepper(model, forces, Integrator::SymplecticEuler, 1);
-    for (int i = 0; i < 2000; ++i)
-      if (stepper.step(end, step).status != Status::Ok) return true;
-    return (end.x - state.x).norm() > 100 * amplitude * std::sqrt(end.x.size());
-  };
-  EXPECT_FALSE(grows(0.99 * h));
-  EXPECT_TRUE(grows(1.2 * h));  // the bound on the mass between nodes is not reached: 1.05 is stable, too
+  EXPECT_THROW(TimeStepper(model, forces, Integrator::SymplecticEuler, 1), std::runtime_error);
 }
 
 }  // namespace

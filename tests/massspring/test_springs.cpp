@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 
 #include "massspring/springs.h"
+#include "tests/massspring/dense.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed {
@@ -14,14 +15,6 @@ using Eigen::Matrix3Xd;
 constexpr double difference_step = 1e-5;  // central differences: error about 1e-10 of the third derivative
 constexpr double difference_tolerance = 1e-6;
 constexpr double rounding = 1e-12;
-
-Eigen::MatrixXd dense(const BlockMatrix& A) {
-  Eigen::MatrixXd D = Eigen::MatrixXd::Zero(3 * A.rows(), 3 * A.rows());
-  for (int i = 0; i < A.rows(); ++i)
-    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
-      D.block<3, 3>(3 * i, 3 * A.column[k]) = A.block[k];
-  return D;
-}
 
 class EverySpringLaw : public testing::TestWithParam<SpringLaw> {
  protected:
