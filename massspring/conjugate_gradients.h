@@ -37,7 +37,7 @@ SolveReport conjugate_gradients(const Product& product, const Precondition& prec
     if (report.is_converged || report.iterations == max_iterations) return report;
     product(p, Ap);
     const double pAp = dot(p, Ap);
-    if (!(pAp > 0)) return report;  // p lies in the null space: nothing more to gain
+    if (!(pAp > 0 && rz > 0)) return report;  // p lies in the null space: nothing more to gain
     const double alpha = rz / pAp;
     x += alpha * p;
     r -= alpha * Ap;

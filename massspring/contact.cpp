@@ -14,10 +14,10 @@ Vector3d velocity_of(const RigidBody& body, double t, double h) {
   return (body.translation(t + h) - body.translation(t)) / h;
 }
 
-/// Sets a node that goes from x0 to x with velocity v onto the body if it would end within or beyond it.
-/// Returns whether it had to.
-bool push_out_of(const RigidBody& body, const Vector3d& x0, double t, double h, Vector3d& x, Vector3d& v) {
-  const Vector3d shift = body.translation(t + h) - body.translation(t);
+/// Sets a node that goes from x0 to x with velocity v onto the body, which moves by `shift`, if it would end
+/// within or beyond it. Returns whether it had to.
+bool push_out_of(const RigidBody& body, const Vector3d& shift, const Vector3d& x0, double t, double h,
+                 Vector3d& x, Vector3d& v) {
   const double reach = (x - x0 - shift).norm();
   RigidBody::Gap gap = body.gap(x, t + h);
   if (gap.distance >= reach) return false;  // a node that came from outside cannot have gone through
@@ -54,13 +54,15 @@ bool push_out_of(const RigidBody& body, const Vector3d& x0, double t, double h, 
 
 void push_out(const std::vector<RigidBody>& bodies, const State& before, double h, Matrix3Xd& x,
               Matrix3Xd& v) {
-  for (const RigidBody& body : bodies)
+  for (const RigidBody& body : bodies) {
+    const Vector3d shift = h * velocity_of(body, before.t, h);
     for (Eigen::Index i = 0; i < x.cols(); ++i) {
       Vector3d xi = x.col(i), vi = v.col(i);
-      if (!push_out_of(body, before.x.col(i), before.t, h, xi, vi)) continue;
+      if (!push_out_of(body, shift, before.x.col(i), before.t, h, xi, vi)) continue;
       x.col(i) = xi;
       v.col(i) = vi;
     }
+  }
 }
 
 void Touches::hold(const std::vector<RigidBody>& bodies, const State& state, double h,
@@ -118,16 +120,18 @@ void Touches::settle(const std::vector<RigidBody>& bodies, const State& before, 
     is_touching[touch.node] = true;
     kept.push_back(touch);
   }
-  for (size_t b = 0; b < bodies.size(); ++b)
+  for (size_t b = 0; b < bodies.size(); ++b) {
+    const Vector3d shift = h * velocity_of(bodies[b], before.t, h);
     for (Eigen::Index i = 0; i < x.cols(); ++i) {
       Vector3d xi = x.col(i), vi = v.col(i);
-      if (!push_out_of(bodies[b], before.x.col(i), before.t, h, xi, vi)) continue;
+      if (!push_out_of(bodies[b], shift, before.x.col(i), before.t, h, xi, vi)) continue;
       x.col(i) = xi;
       v.col(i) = vi;
       if (is_touching[i]) continue;
       is_touching[i] = true;
       kept.push_back({static_cast<int>(i), static_cast<int>(b), false, Vector3d::Zero()});
     }
+  }
   std::sort(kept.begin(), kept.end(), [](const Touch& a, const Touch& b) { return a.node < b.node; });
   touches_ = std::move(kept);
 }

@@ -40,8 +40,8 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   if (curvature == Curvature::Exact) {
     volume_curvature_ = volume_curvatures(model_, motion_.forces, at);
     for (VolumeCurvature& c : volume_curvature_) c.factor *= factors.stiffness;
-    x_ = at.x;
   }
+  x_ = at.x;
   if (motion_.barrier) {
     contact_.assign(mass_.size(), Matrix3d::Zero());
     motion_.barrier->add_hessian(at.x, contact_);
@@ -62,7 +62,7 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   if (model_.spread_mass) add_blocks(*model_.spread_mass, -factors.mass, *K_);
 }
 
-void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
+void ImplicitMatrix::multiply_sparse(const Matrix3Xd& p, Matrix3Xd& y) const {
   if (K_) {
     testbed::multiply(*K_, p, y);
   } else {
@@ -77,6 +77,10 @@ void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
     for (int a = 0; a < 4; ++a)
       y.col(pair.node[a]) += pair.stiffness * closing * pair.weight[a] * pair.normal;
   }
+}
+
+void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
+  multiply_sparse(p, y);
   if (g_) y += g_->cwiseProduct(p).sum() * *g_;
   for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, p, y);
   filter(motion_.constraints, y);
@@ -120,8 +124,14 @@ const BlockMatrix& ImplicitMatrix::matrix() {
 
 LinearSystem ImplicitMatrix::system() {
   return {[this](const Matrix3Xd& p, Matrix3Xd& y) { multiply(p, y); },
+          [this](const Matrix3Xd& p, Matrix3Xd& y) {
+            multiply_sparse(p, y);
+            filter(motion_.constraints, y);
+          },
+          [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
           [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
-          [this]() -> const BlockMatrix& { return matrix(); }};
+          [this]() -> const BlockMatrix& { return matrix(); },
+          &x_};
 }
 
 }  // namespace testbed

@@ -35,6 +35,7 @@ class ImplicitMatrix {
   LinearSystem system();
 
  private:
+  void multiply_sparse(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
   void diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
   const BlockMatrix& matrix();
 

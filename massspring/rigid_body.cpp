@@ -11,9 +11,9 @@ namespace {
 using Eigen::Vector3d;
 using Gap = RigidBody::Gap;
 
+/// @param half  of unit normal
 Gap gap_of(const HalfSpace& half, const Vector3d& x) {
-  const Vector3d n = half.normal.normalized();
-  return {(x - half.point).dot(n), n};
+  return {(x - half.point).dot(half.normal), half.normal};
 }
 
 Gap gap_to_point(const Vector3d& point, double radius, const Vector3d& x) {
@@ -63,6 +63,10 @@ RigidBody::RigidBody(const Obstacle& obstacle)
           [](const auto& shape) -> std::function<Gap(const Vector3d&)> {
             if constexpr (std::is_same_v<decltype(shape), const ClosedMesh&>)
               return gap_to_mesh(shape);
+            else if constexpr (std::is_same_v<decltype(shape), const HalfSpace&>)
+              return [half = HalfSpace{shape.point, shape.normal.normalized()}](const Vector3d& x) {
+                return gap_of(half, x);
+              };
             else
               return [shape](const Vector3d& x) { return gap_of(shape, x); };
           },

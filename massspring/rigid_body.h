@@ -18,7 +18,7 @@ class RigidBody {
     Eigen::Vector3d normal;  ///< out of the body, at the nearest point of its surface
   };
   /// Of a point x at time t. Exact outside; nowhere longer than the way to the surface.
-  Gap gap(const Eigen::Vector3d& x, double t) const { return gap_(x - translation(t)); }
+  Gap gap(const Eigen::Vector3d& x, double t) const { return gap_(motion_.empty() ? x : x - translation(t)); }
 
   Eigen::Vector3d translation(double t) const;
 

@@ -37,16 +37,19 @@ Eigen::VectorXd direct(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd
   return D.llt().solve(b.reshaped());
 }
 
-LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g) {
+LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd& positions) {
   return {[&](const Matrix3Xd& p, Matrix3Xd& y) {
             multiply(A, p, y);
             y += g.cwiseProduct(p).sum() * g;
           },
+          [&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(A, p, y); },
+          [](Matrix3Xd&) {},
           [&](std::vector<Eigen::Matrix3d>& diagonal) {
             diagonal.clear();
             for (int i : A.diagonal) diagonal.push_back(A.block[i]);
           },
-          [&]() -> const BlockMatrix& { return A; }};
+          [&]() -> const BlockMatrix& { return A; },
+          &positions};
 }
 
 TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {
@@ -58,7 +61,7 @@ TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {
     const Eigen::VectorXd exact = direct(A, g, b);
     for (int repeat = 0; repeat < 2; ++repeat) {  // the second one with the factor, where that was chosen
       Matrix3Xd x = Matrix3Xd::Zero(3, n);
-      EXPECT_TRUE(solver.solve(system_of(A, g), b, x, solver_tolerance).is_converged);
+      EXPECT_TRUE(solver.solve(system_of(A, g, g), b, x, solver_tolerance).is_converged);
       EXPECT_LT((x.reshaped() - exact).norm(), agreement * exact.norm()) << "k = " << k;
     }
   }
@@ -70,14 +73,27 @@ TEST(LinearSolver, KeepsBlockJacobiWhereItIsFastAndAFactorWhereItIsNot) {
   const BlockMatrix weak = chain(n, 0.1), strong = chain(n, 1e5), stronger = chain(n, 1.1e5);
   LinearSolver soft, stiff;
   Matrix3Xd x = Matrix3Xd::Zero(3, n);
-  soft.solve(system_of(weak, none), b, x, solver_tolerance);
+  soft.solve(system_of(weak, none, none), b, x, solver_tolerance);
   EXPECT_EQ(soft.choice().rfind("block Jacobi", 0), 0u) << soft.choice();
   x.setZero();
-  const int slow = stiff.solve(system_of(strong, none), b, x, solver_tolerance).iterations;
+  const int slow = stiff.solve(system_of(strong, none, none), b, x, solver_tolerance).iterations;
   EXPECT_EQ(stiff.choice().rfind("Cholesky", 0), 0u) << stiff.choice();
   x.setZero();
-  const int fast = stiff.solve(system_of(stronger, none), b, x, solver_tolerance).iterations;
+  const int fast = stiff.solve(system_of(stronger, none, none), b, x, solver_tolerance).iterations;
   EXPECT_LT(fast, slow / 10);
+}
+
+TEST(LinearSolver, TakesMultigridWhereNodesAreTooManyToFactorise) {
+  constexpr int n = 40000;
+  Matrix3Xd x = Matrix3Xd::Zero(3, n), line = Matrix3Xd::Zero(3, n), exact;
+  line.row(0) = Eigen::RowVectorXd::LinSpaced(n, 0, n - 1);
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix A = chain(n, 1e5);
+  LinearSolver solver;
+  EXPECT_TRUE(solver.solve(system_of(A, none, line), b, x, solver_tolerance).is_converged);
+  EXPECT_EQ(solver.choice().rfind("multigrid", 0), 0u) << solver.choice();
+  BlockCholesky(A).solve(b, exact);  // a chain has no fill
+  EXPECT_LT((x - exact).norm(), agreement * exact.norm());
 }
 
 }  // namespace
