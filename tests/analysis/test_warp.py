@@ -36,12 +36,15 @@ def test_warps_have_their_characters():
     assert speed["elastic"][0] < 0.01 and speed["elastic"][-1] < 0.01
     assert speed["elastic"][500] == pytest.approx(1.5, rel=1e-3)
     assert speed["explode"][0] > 5 and speed["explode"][-1] < 0.05
+    assert warp_of("explode")(1 / 6) == pytest.approx(1 - np.exp(-1), rel=0.01)
 
 
 def test_custom_warps_are_points_or_an_expression():
     np.testing.assert_allclose(warp_of("custom", expression="t**3")(SHARES), SHARES**3)
     points = warp_of("custom", points=[[0, 0], [0.5, 0.9], [1, 1]])
     np.testing.assert_allclose(points(np.array([0.25, 0.75])), [0.45, 0.95])
+    rests = warp_of("custom", points=[[0, 0], [0.4, 0.5], [0.6, 0.5], [1, 1]])
+    np.testing.assert_allclose(rests(np.array([0.4, 0.5, 0.6])), 0.5)
 
 
 @pytest.mark.parametrize(
@@ -50,6 +53,8 @@ def test_custom_warps_are_points_or_an_expression():
         ({}, "expected either"),
         ({"expression": "1 - t"}, "never goes back"),
         ({"expression": "t / 2"}, "goes from 0 to 0.5"),
+        ({"expression": "(t + 1) / 2"}, "goes from 0.5 to 1"),
+        ({"points": [[0, 0], [0.5, 0.6], [0.6, 0.5], [1, 1]]}, "never goes back"),
         ({"expression": "open('x')"}, "expected a function of t"),
         ({"expression": "nobody"}, "expected a function of t"),
         ({"expression": "3"}, "expected a number for every t"),
@@ -87,15 +92,39 @@ def test_playback_is_resampled_to_the_frame_rate(run, tmp_path, ball):
         reader.set_active_time_value(reader.time_values[number])
         surface = reader.read()[0]
         np.testing.assert_allclose(surface.points, (1 - 0.25 * time) * ball[0], atol=1e-12)
+        np.testing.assert_allclose(surface["displacement"], -0.25 * time * ball[0], atol=1e-12)
     film = Image.open(tmp_path / "playback" / "film.gif")
     assert film.n_frames == 9
+    assert film.info["duration"] == pytest.approx(1000 / 8, abs=20)  # ms a frame
     # A second playback leaves nothing of the longer one before.
     draw_playback(tmp_path / "playback", run, settings(fps=4))
     assert len(list(tmp_path.glob("playback/frames/*.vtp"))) == 5
 
 
+def radii(run):
+    """Of the ball, frame by frame of its playback."""
+    reader = pv.get_reader(run.folder / "playback" / "frames.pvd")
+    found = []
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        found.append(np.linalg.norm(reader.read()[0].points, axis=1).mean())
+    return np.array(found)
+
+
+def test_playback_takes_the_points_of_a_custom_warp(run):
+    draw_playback(
+        run.folder / "playback", run, settings("custom", points=[[0, 0], [0.5, 0.2], [1, 1]], fps=2)
+    )
+    np.testing.assert_allclose(radii(run), [0.5, 0.6, 1], atol=1e-12)
+
+
 def test_command_plays_a_run(run, capsys):
-    assert main([str(run.folder), "t**2", "--fps", "4", "--seconds", "1"]) == 0
+    words = [str(run.folder), "t**2", "--fps", "4", "--seconds", "1"]
+    shrunk = 0.5 * (np.arange(5) / 4) ** 2
+    assert main(words) == 0
     assert (run.folder / "playback" / "film.gif").exists()
+    np.testing.assert_allclose(radii(run), 0.5 + shrunk, atol=1e-12)
+    assert main([*words, "--forwards"]) == 0
+    np.testing.assert_allclose(radii(run), 1 - shrunk, atol=1e-12)
     assert main([str(run.folder), "t -"]) == 1
     assert "expected a function of t" in capsys.readouterr().err
