@@ -106,12 +106,13 @@ def scene_of(load: str, surface: str, X: Array, F: Array) -> str:
     across = np.eye(3)[(along + 1) % 3]
     share = (X[:, along] - X[:, along].min()) / np.ptp(X[:, along])
     top = X[np.where(share > 0.5, X @ across, -np.inf).argmax()]  # of the far half
-    gravity = f"gravity = {_list(9.81 * across)}\n"
     if load == "gravity":
-        return gravity + surface + _FREE + _balance(X, F, weight(X, F, 9.81 * across, 1000))
+        g = 100 * across  # strains of 1e-5 again; smaller ones are lost in the rounding of energies
+        return f"gravity = {_list(g)}\n{surface}{_FREE}{_balance(X, F, weight(X, F, g, 1000))}"
     if load == "clamp":
         high = _list(np.where(np.arange(3) == along, 0.25, 1.1))
         clamp = f"box = {{ low = [-0.1, -0.1, -0.1], high = {high} }}, relative = true"
+        gravity = f"gravity = {_list(9.81 * across)}\n"
         return f'{gravity}{surface}{_FREE}\n[[supports]]\nregion = {{ {clamp} }}\ncomponents = "xyz"\n'
     if load == "end_shear":
         low = _list(np.where(np.arange(3) == along, 0.75, -0.1))

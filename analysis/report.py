@@ -299,5 +299,5 @@ elements' own; it says little where the reference hardly changes its volume
 on this mesh makes of loads whose exact displacement is known, no reference needed: error under uniform pressure and
 uniaxial tension, compliance over the exact one in bending and torsion (1 is exact, less too stiff). <b>Floppy
 motions</b> cost a network no energy; a static solution holds them and carries the rest of the load. A network with
-any gives no answer to the exact fields. <b>Seconds</b>: wall-clock, by stage. The residual at which
-each solver stopped stands in its run.json below.</p>"""
+any gives no answer to the exact fields. <b>Seconds</b>: wall-clock, by stage. Residual and
+tolerance at which each solver stopped stand in its run.json below.</p>"""

@@ -168,6 +168,7 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
     if (timer) timer->start(name);
   };
   ElasticReport report;
+  report.tolerance = is_linear ? tolerance : kNewtonTolerance;
   Matrix3Xd at = is_linear ? Matrix3Xd::Zero(3, u.cols()) : u;
   Matrix3Xd du(3, u.cols());
   double first = 0;

@@ -38,6 +38,7 @@ struct ElasticReport {
   int newton_iterations = 0;
   int linear_iterations = 0;  ///< of all linear solves
   double residual = 0;        ///< relative to that at the start of the load step
+  double tolerance = 0;       ///< of the residual
   bool is_converged = false;
   double elastic_energy = 0;  ///< J
   double max_strain = 0;      ///< largest |principal strain| (small strain) or |principal stretch - 1|

@@ -146,6 +146,7 @@ void run_static(Run& run) {
   run.record["newton_iterations"] = newton_iterations;
   run.record["linear_iterations"] = linear_iterations;
   run.record["residual"] = report.residual;
+  run.record["tolerance"] = report.tolerance;
   run.record["load_factor_reached"] = report.is_converged ? 1.0 : static_cast<double>(n - 1) / n_steps;
   run.record["status"] = report.is_converged ? "ok" : "not_converged";
 }

@@ -245,6 +245,7 @@ void run(const Arguments& arguments) {
   record["newton_iterations"] = newton_iterations;
   record["linear_iterations"] = linear_iterations;
   record["residual"] = report.residual;
+  if (is_static) record["tolerance"] = QuasiStaticSolver::kTolerance;
   if (stepper && !stepper->solver_choice().empty()) record["solver"] = stepper->solver_choice();
   record["seconds"] = timer.seconds();
   record["status"] = name_of(status);

@@ -147,7 +147,7 @@ Matrix3Xd QuasiStaticSolver::residual(const State& state, double load_factor) co
 }
 
 StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
-  constexpr double kTolerance = 1e-8, kLinearTolerance = 1e-6, kSufficientDecrease = 1e-4;
+  constexpr double kLinearTolerance = 1e-6, kSufficientDecrease = 1e-4;
   constexpr int kMaxNewton = 100, kPatience = 100, kMaxLinear = 2000, kMaxHalvings = 30;
 
   prescribe(forces_.constraints, model_.network.X, load_factor, state.x);

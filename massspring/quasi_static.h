@@ -17,6 +17,9 @@ namespace testbed {
 /// the share of the load on them is reported.
 class QuasiStaticSolver {
  public:
+  /// Of the balance of forces, relative to the largest met on the way.
+  static constexpr double kTolerance = 1e-8;
+
   /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive: names
   /// force and torque.
   QuasiStaticSolver(const MassSpringModel& model, const Forces& forces);

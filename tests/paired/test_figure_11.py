@@ -35,7 +35,9 @@ def run_calmly(scene, folder, *overrides):
     for obstacle in tomllib.loads(file.read_text())["obstacles"]:
         if plane := obstacle.get("plane"):
             heights = (run.last.X + run.last.u - plane["point"]) @ np.array(plane["normal"])
-            assert -_DEPTH < heights.min() < 0.5  # it lies on the floor, or near it: the handle hangs across its bar
+            assert (
+                -_DEPTH < heights.min() < 0.5
+            )  # it lies on the floor, or near it: the handle hangs across its bar
     return run
 
 
