@@ -52,7 +52,7 @@ def benchmark(program: Path, folder: Path, repetitions: int) -> list[dict[str, f
     if not file.exists():
         command = [str(program), "--benchmark_format=json", f"--benchmark_repetitions={repetitions}"]
         command += [
-            f"--benchmark_filter=/({'|'.join(_COLUMNS)})",
+            f"--benchmark_filter=^({'|'.join(PUBLISHED)})/({'|'.join(_COLUMNS)})",
             "--benchmark_enable_random_interleaving=true",
         ]
         result = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -1,6 +1,7 @@
 """Scaling, cost and the paper's table, on numbers whose answer is known."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -102,11 +103,14 @@ def test_benchmark_is_measured_once_for_a_program(tmp_path):
     result = json.dumps(
         {"benchmarks": [{"run_type": "iteration", "run_name": "a"}, {"run_type": "aggregate"}]}
     )
-    program.write_text(f"#!/bin/sh\necho x >> {tmp_path}/log\necho '{result}'\n")
+    program.write_text(f"#!/bin/sh\necho $@ >> {tmp_path}/log\necho '{result}'\n")
     program.chmod(0o755)
     for _ in range(2):
         assert paper.benchmark(program, tmp_path / "out", 3) == [{"run_type": "iteration", "run_name": "a"}]
-    assert (tmp_path / "log").read_text() == "x\n"
+    (words,) = (tmp_path / "log").read_text().splitlines()
+    wanted = re.compile(words.split("--benchmark_filter=")[1].split()[0])
+    assert wanted.search("ball/implicit_euler/soft") and wanted.search("head/symplectic_euler/soft")
+    assert not wanted.search("scale/symplectic_euler/soft/1000000")  # minutes
 
 
 def test_figure_11_draws_what_ran_and_says_what_did_not(ball, tmp_path):
