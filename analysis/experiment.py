@@ -36,7 +36,7 @@ PROGRAMS = ROOT / "build" / "bin"
 _NOT_SOLVED = 3  # exit status of fem_reference
 _GROWTH = 8  # of the unknowns by a refinement
 # Unknowns of a refined reference, by what is solved: half a minute at most. And steps of a motion in time.
-_MAX_DOFS = {"linear": 500_000, "newton": 250_000, "dynamic": 100_000}
+_MAX_DOFS = {"linear": 500_000, "newton": 250_000, "dynamic": 100_000, "newton in time": 20_000}
 _MAX_STEPS = 500
 
 
@@ -96,7 +96,7 @@ def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | Non
     """
     refined = ["--set", f"reference.refine={scene['reference']['refine'] + 1}"]
     if scene["time"]["mode"] == "dynamic":
-        kind = "dynamic"
+        kind = "dynamic" if scene["reference"]["law"] == "small_strain" else "newton in time"
         steps = [
             f"time.step={record['step'] / 2!r}",
             f"output.frames_every={2 * scene['output']['frames_every']}",

@@ -51,7 +51,7 @@ void ElasticSolid::Implementation::find_load() {
   load = Eigen::VectorXd::Zero(nodes.X.size());
   const auto p = static_cast<unsigned>(degree);
   const dealii::QWitherdenVincentSimplex<3> in_cell(p + 1);
-  const dealii::QGaussSimplex<2> on_face(p + 1);
+  const dealii::QGaussSimplex<2> on_face(3);  // of degree 5: a cubic traction times quadratic functions
   const auto flags = dealii::update_values | dealii::update_JxW_values | dealii::update_quadrature_points;
   dealii::FEValues<3> values(mapping, space.element, in_cell, flags);
   dealii::FEFaceValues<3> face_values(mapping, space.element, on_face, flags);
@@ -88,14 +88,9 @@ void ElasticSolid::Implementation::find_load() {
   }
 }
 
-/// Tangent at `at`, whose columns are the nodes. Returns the out-of-balance forces load - dW/du, less those
-/// of prescribed values.
-Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatrix& into,
-                                                               const Matrix3Xd& at, double load_factor,
-                                                               bool with_pressure_stiffness) {
-  into.reset(on);
-  Eigen::VectorXd force(into.prescribed.size());
-  for (int i = 0; i < force.size(); ++i) force(i) = load_factor * load(on.flat_of[i]);
+template <class Use>
+void ElasticSolid::Implementation::for_each_element(const Space& on, const Matrix3Xd& at, double load_factor,
+                                                    const Tangent& tangent, Use use) const {
   const auto points = quadrature(static_cast<int>(on.element.degree));
   dealii::FEValues<3> values(
       mapping, on.scalar_element, points,
@@ -110,14 +105,16 @@ Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, 
     for (int a = 0; a < n; ++a) u_cell.col(a) = at.col(on.flat_of[3 * ranks[a]] / 3);
     K.setZero();
     f.setZero();
+    double energy = 0;
     for (unsigned q = 0; q < points.size(); ++q) {
       const double w = values.JxW(q);
       for (int a = 0; a < n; ++a) g.col(a) = eigen(values.shape_grad(a, q));
       const Eigen::Matrix3d F = Eigen::Matrix3d::Identity() + u_cell.leftCols(n) * g.leftCols(n).transpose();
       const double s = loads.shrinkage ? loads.shrinkage(eigen(values.quadrature_point(q)), load_factor) : 0;
-      const ElasticResponse r = respond(law, lame, F, s);
+      const ElasticResponse r = respond(law, lame, F, s, tangent.of_body);
+      energy += w * r.energy;
       f.leftCols(n).noalias() -= w * r.P * g.leftCols(n);
-      for (int b = 0; b < n; ++b) {
+      for (int b = 0; tangent.of_body && b < n; ++b) {
         // Stress by a unit displacement of node b, a column for each component.
         const Eigen::Matrix<double, 9, 3> by_b =
             w * (r.C.leftCols<3>() * g(0, b) + r.C.middleCols<3>(3) * g(1, b) + r.C.rightCols<3>() * g(2, b));
@@ -126,15 +123,29 @@ Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, 
               g(0, a) * by_b.topRows<3>() + g(1, a) * by_b.middleRows<3>(3) + g(2, a) * by_b.bottomRows<3>();
       }
     }
-    into.add_cell(ranks, K, f, force);
+    use(ranks, K, f, energy);
   }
   for_each_follower(on.element.degree == 1 ? 3 : 6, at, load_factor,
                     [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
                       std::vector<int> ranks;
                       for (int node : face) ranks.push_back(static_cast<int>(on.dof_of[3 * node] / 3));
-                      into.add_cell(ranks, ((with_pressure_stiffness ? p : 0) * v.hessian).eval(),
-                                    (-p * v.gradient).eval(), force);
+                      use(ranks, ((tangent.of_pressure ? p : 0) * v.hessian).eval(), (-p * v.gradient).eval(),
+                          0);
                     });
+}
+
+/// Tangent at `at`, whose columns are the nodes. Returns the out-of-balance forces load - dW/du, less those
+/// of prescribed values.
+Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatrix& into,
+                                                               const Matrix3Xd& at, double load_factor,
+                                                               const Tangent& tangent) const {
+  into.reset(on);
+  Eigen::VectorXd force(into.prescribed.size());
+  for (int i = 0; i < force.size(); ++i) force(i) = load_factor * load(on.flat_of[i]);
+  for_each_element(on, at, load_factor, tangent,
+                   [&](const std::vector<int>& ranks, const auto& K, const auto& f, double) {
+                     into.add_cell(ranks, K, f, force);
+                   });
   for (int i = 0; i < force.size(); ++i)
     if (into.is_held[i]) force(i) = 0;
   return force;
@@ -192,10 +203,25 @@ void ElasticSolid::Implementation::measure(const Matrix3Xd& at, double load_fact
   }
 }
 
-Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
+Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,
+                                      bool with_tangent) const {
   const Space& space = self_->space;
+  Linearisation result;
   SystemMatrix K(space);
-  self_->assemble_tangent(space, K, Matrix3Xd::Zero(3, X().cols()), 0);
+  if (with_tangent) K.reset(space);
+  Eigen::VectorXd force = Eigen::VectorXd::Zero(n_dofs());
+  self_->for_each_element(
+      space, displacement, load_factor, {with_tangent, with_tangent},
+      [&](const std::vector<int>& ranks, const auto& cell_K, const auto& f, double energy) {
+        result.energy += energy;
+        if (with_tangent)
+          K.add_cell(ranks, cell_K, f, force);
+        else
+          for (size_t a = 0; a < ranks.size(); ++a) force.segment<3>(3 * ranks[a]) += f.col(a);
+      });
+  result.force.resize(n_dofs());
+  for (int i = 0; i < n_dofs(); ++i) result.force(space.flat_of[i]) = -force(i);
+  if (!with_tangent) return result;
   std::vector<Eigen::Triplet<double>> entries;  // at 3 node + component
   entries.reserve(2 * K.lower.nonZeros());
   for (int i = 0; i < K.lower.rows(); ++i)
@@ -204,9 +230,13 @@ Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
       entries.emplace_back(row, column, entry.value());
       if (row != column) entries.emplace_back(column, row, entry.value());
     }
-  Eigen::SparseMatrix<double> result(n_dofs(), n_dofs());
-  result.setFromTriplets(entries.begin(), entries.end());
+  result.tangent.resize(n_dofs(), n_dofs());
+  result.tangent.setFromTriplets(entries.begin(), entries.end());
   return result;
+}
+
+Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
+  return linearise(Matrix3Xd::Zero(3, X().cols()), 0).tangent;
 }
 
 Eigen::SparseMatrix<double> ElasticSolid::mass(MassMatrix kind) const {

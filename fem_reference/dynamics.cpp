@@ -6,6 +6,7 @@
 #include <Eigen/CholmodSupport>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace testbed {
@@ -14,11 +15,15 @@ namespace {
 using Sparse = Eigen::SparseMatrix<double>;
 using Cholesky = Eigen::CholmodSupernodalLLT<Sparse>;
 
-void factorise(const Sparse& A, Cholesky& factor) {
+/// Whether A is positive definite.
+bool factorise(const Sparse& A, Cholesky& factor) {
   factor.cholmod().print = 0;
   factor.compute(A);
-  if (factor.info() != Eigen::Success)
-    throw std::runtime_error("the matrix is not positive definite, expected sound tetrahedra and mass");
+  return factor.info() == Eigen::Success;
+}
+
+[[noreturn]] void refuse_indefinite() {
+  throw std::runtime_error("the matrix is not positive definite, expected sound tetrahedra and mass");
 }
 
 /// (K - sigma M)^-1 as Spectra asks for it.
@@ -28,7 +33,9 @@ class ShiftInvert {
   ShiftInvert(const Sparse& K, const Sparse& M) : K_(K), M_(M) {}
   Eigen::Index rows() const { return K_.rows(); }
   Eigen::Index cols() const { return K_.cols(); }
-  void set_shift(double sigma) { factorise(K_ - sigma * M_, factor_); }
+  void set_shift(double sigma) {
+    if (!factorise(K_ - sigma * M_, factor_)) refuse_indefinite();
+  }
   void perform_op(const double* x, double* y) const {
     Eigen::Map<Eigen::VectorXd>(y, rows()) = factor_.solve(Eigen::Map<const Eigen::VectorXd>(x, rows()));
   }
@@ -97,49 +104,118 @@ struct TimeIntegrator::Factor {
   Cholesky cholesky;
 };
 
-TimeIntegrator::TimeIntegrator(LinearDynamics system, double h, const TimeScheme& scheme)
+TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme)
     : system_(std::move(system)), h_(h), scheme_(scheme), factor_(std::make_unique<Factor>()) {
   const auto n = system_.K.rows();
   free_ = all_but(system_.held, n);
   restart(Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n));
-  const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
-  factorise(restricted(((1 - alpha_m) + (1 - alpha_f) * gamma * h_ * system_.damping) * system_.M +
-                           (1 - alpha_f) * (beta * h_ + gamma * system_.stiffness_damping) * h_ * system_.K,
-                       free_),
-            factor_->cholesky);
+  if (!factorise(system_.K)) refuse_indefinite();
 }
 
 TimeIntegrator::~TimeIntegrator() = default;
 
-Eigen::VectorXd TimeIntegrator::solve_free(const Eigen::VectorXd& residual) const {
-  Eigen::VectorXd a = Eigen::VectorXd::Zero(residual.size());
-  a(free_) = factor_->cholesky.solve(residual(free_).eval()).eval();
-  return a;
+Linearisation TimeIntegrator::respond(const Eigen::VectorXd& u, bool with_tangent) const {
+  if (system_.linearise) return system_.linearise(u, with_tangent);
+  const Eigen::VectorXd force = system_.K * u;
+  return {force, {}, u.dot(force) / 2};
+}
+
+double TimeIntegrator::elastic_energy() const {
+  return respond(u_, false).energy;
+}
+
+TimeIntegrator::HeldState TimeIntegrator::held_at(double t) const {
+  if (!system_.held_motion) {
+    const Eigen::VectorXd zero = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(system_.held.size()));
+    return {u_(system_.held), zero, zero};
+  }
+  const Eigen::VectorXd before = system_.held_motion(t - h_), now = system_.held_motion(t),
+                        after = system_.held_motion(t + h_);
+  return {now, (after - before) / (2 * h_), (after - 2 * now + before) / (h_ * h_)};
+}
+
+/// Of the step's system for its acceleration.
+bool TimeIntegrator::factorise(const Sparse& tangent) {
+  const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
+  Sparse A = ((1 - alpha_m) + (1 - alpha_f) * gamma * h_ * system_.damping) * system_.M +
+             (1 - alpha_f) * beta * h_ * h_ * tangent;
+  if (system_.stiffness_damping > 0) A += (1 - alpha_f) * gamma * h_ * system_.stiffness_damping * system_.K;
+  ++n_factorisations_;
+  return testbed::factorise(restricted(A, free_), factor_->cholesky);
 }
 
 void TimeIntegrator::restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
   u_ = u;
   v_ = v;
-  for (size_t k = 0; k < system_.held.size(); ++k) v_(system_.held[k]) = system_.held_velocity(k);
-  Factor mass;
-  factorise(restricted(system_.M, free_), mass.cholesky);
-  const Eigen::VectorXd residual = system_.load - system_.damping * (system_.M * v_) -
-                                   system_.K * (u_ + system_.stiffness_damping * v_).eval();
+  n_steps_ = 0;
+  const HeldState held = held_at(0);
   a_ = Eigen::VectorXd::Zero(u.size());
-  a_(free_) = mass.cholesky.solve(residual(free_).eval()).eval();
+  u_(system_.held) = held.u;
+  v_(system_.held) = held.v;
+  a_(system_.held) = held.a;
+  f_ = respond(u_, false).force;
+  Cholesky mass;
+  if (!testbed::factorise(restricted(system_.M, free_), mass)) refuse_indefinite();
+  const Eigen::VectorXd residual = system_.load - system_.M * (a_ + system_.damping * v_).eval() - f_ -
+                                   system_.stiffness_damping * (system_.K * v_);
+  a_(free_) = mass.solve(residual(free_).eval()).eval();
 }
 
-void TimeIntegrator::step() {
+bool TimeIntegrator::step() {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
-  // What is known of the state at the end; the held unknowns have no acceleration.
-  const Eigen::VectorXd u = u_ + h_ * v_ + h_ * h_ * (0.5 - beta) * a_, v = v_ + h_ * (1 - gamma) * a_;
-  const Eigen::VectorXd velocity = (1 - alpha_f) * v + alpha_f * v_;
-  const Eigen::VectorXd residual =
-      system_.load - system_.M * (alpha_m * a_ + system_.damping * velocity).eval() -
-      system_.K * ((1 - alpha_f) * u + alpha_f * u_ + system_.stiffness_damping * velocity).eval();
-  a_ = solve_free(residual);
-  u_ = u + h_ * h_ * beta * a_;
-  v_ = v + h_ * gamma * a_;
+  const bool is_linear = !system_.linearise;
+  constexpr double kTolerance = 1e-9, kRounding = 1e-6, kSlow = 0.1;
+  constexpr int kMaxIterations = 50;
+  const HeldState held = held_at(t() + h_);
+  // Free unknowns that stay where they are strain the body no more than it is.
+  Eigen::VectorXd sound = -(v_ / h_ + (0.5 - beta) * a_) / beta, a = a_, u, v, velocity;
+  a(system_.held) = sound(system_.held) = held.a;
+  const auto follow = [&] {
+    u = u_ + h_ * v_ + h_ * h_ * ((0.5 - beta) * a_ + beta * a);
+    v = v_ + h_ * ((1 - gamma) * a_ + gamma * a);
+    u(system_.held) = held.u;
+    v(system_.held) = held.v;
+    velocity = (1 - alpha_f) * v + alpha_f * v_;
+  };
+  const auto inertia = [&]() -> Eigen::VectorXd {
+    return system_.M * ((1 - alpha_m) * a + alpha_m * a_ + system_.damping * velocity).eval();
+  };
+  follow();
+  if (is_linear) {
+    const Eigen::VectorXd residual =
+        system_.load - inertia() -
+        system_.K * ((1 - alpha_f) * u + alpha_f * u_ + system_.stiffness_damping * velocity).eval();
+    a(free_) += factor_->cholesky.solve(residual(free_).eval());
+    follow();
+  }
+  bool is_new = false;
+  double before = std::numeric_limits<double>::infinity();
+  for (int iteration = 0; !is_linear; ++iteration, ++n_newton_iterations_, follow()) {
+    if (iteration == kMaxIterations) return false;
+    Linearisation response = respond(u, false);
+    if (!std::isfinite(response.energy)) {
+      a = ((a + sound) / 2).eval();
+      continue;
+    }
+    sound = a;
+    const Eigen::VectorXd M_a = inertia(), residual = (system_.load - M_a - (1 - alpha_f) * response.force -
+                                                       alpha_f * f_)(free_);
+    const double size = system_.load.norm() + M_a.norm() + response.force.norm(), error = residual.norm();
+    const bool is_slow = error > kSlow * before;
+    if (error <= kTolerance * size || (is_new && is_slow && error <= kRounding * size)) {
+      f_ = std::move(response.force);
+      break;
+    }
+    is_new = is_slow;
+    if (is_new && !factorise(respond(u, true).tangent)) return false;
+    before = error;
+    a(free_) += factor_->cholesky.solve(residual);
+  }
+  u_.swap(u);
+  v_.swap(v);
+  a_.swap(a);
+  ++n_steps_;
+  return true;
 }
 
 }  // namespace testbed

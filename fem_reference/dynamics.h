@@ -1,10 +1,13 @@
-// Linear vibrations: natural frequencies and steps in time, on assembled matrices.
+// Natural frequencies, and steps in time at small and finite strain, on assembled matrices.
 #pragma once
 
 #include <Eigen/Core>
 #include <Eigen/SparseCore>
+#include <functional>
 #include <memory>
 #include <vector>
+
+#include "fem_reference/elasticity.h"
 
 namespace testbed {
 
@@ -34,37 +37,52 @@ constexpr TimeScheme generalised_alpha(double rho) {
   return {alpha_m, alpha_f, d * d / 4, 0.5 - alpha_m + alpha_f};
 }
 
-struct LinearDynamics {
-  Eigen::SparseMatrix<double> K, M;  ///< N/m, kg
-  double damping = 0;                ///< 1/s: force -damping M v
-  double stiffness_damping = 0;      ///< s: force -stiffness_damping K v
+/// M a + damping M v + stiffness_damping K v + f(u) = load.
+struct Dynamics {
+  Eigen::SparseMatrix<double> K, M;  ///< at rest (N/m); kg
+  double damping = 0;                ///< 1/s
+  double stiffness_damping = 0;      ///< s
   Eigen::VectorXd load;              ///< N, constant in time
-  std::vector<int> held;             ///< unknowns that move at a constant velocity
-  Eigen::VectorXd held_velocity;     ///< m/s
+  std::vector<int> held;             ///< unknowns whose motion is prescribed
+  /// Their displacement at a time (m), which gives velocity and acceleration by central differences over a
+  /// step; empty: they stay.
+  std::function<Eigen::VectorXd(double t)> held_motion;
+  /// f and its tangent (if asked for) at finite strain; empty: K u.
+  std::function<Linearisation(const Eigen::VectorXd& u, bool with_tangent)> linearise;
 };
 
-/// M a + (damping M + stiffness_damping K) v + K u = load from rest, by steps of h with one sparse Cholesky
-/// factor.
+/// Steps of h from rest, each solved by sparse Cholesky: with one factor where f is linear, else by Newton's
+/// method, whose factor is renewed where it converges slowly.
 class TimeIntegrator {
  public:
-  TimeIntegrator(LinearDynamics system, double h, const TimeScheme& scheme);
+  TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme);
   ~TimeIntegrator();
 
-  void step();
+  /// Whether it converged; else nothing has moved.
+  bool step();
   /// Starts again from a displacement and a velocity, with the acceleration that belongs to them.
   void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v);
+  double t() const { return n_steps_ * h_; }                            ///< s
   const Eigen::VectorXd& u() const { return u_; }                       ///< m
   const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
   double kinetic_energy() const { return v_.dot(system_.M * v_) / 2; }  ///< J
-  double elastic_energy() const { return u_.dot(system_.K * u_) / 2; }  ///< J
+  double elastic_energy() const;                                        ///< J
+  int n_newton_iterations() const { return n_newton_iterations_; }      ///< of all steps
+  int n_factorisations() const { return n_factorisations_; }
 
  private:
-  Eigen::VectorXd solve_free(const Eigen::VectorXd& residual) const;
+  struct HeldState {
+    Eigen::VectorXd u, v, a;
+  };
+  HeldState held_at(double t) const;
+  Linearisation respond(const Eigen::VectorXd& u, bool with_tangent) const;
+  bool factorise(const Eigen::SparseMatrix<double>& tangent);
 
-  LinearDynamics system_;
+  Dynamics system_;
   double h_;
   TimeScheme scheme_;
-  Eigen::VectorXd u_, v_, a_;
+  Eigen::VectorXd u_, v_, a_, f_;  // f_: f(u_)
+  int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0;
   std::vector<int> free_;
   struct Factor;
   std::unique_ptr<Factor> factor_;

@@ -52,6 +52,9 @@ Eigen::VectorXd ElasticSolid::load() const {
 const std::vector<HeldComponent>& ElasticSolid::held() const {
   return self_->held;
 }
+double ElasticSolid::held_displacement(int k, double load_factor) const {
+  return self_->held_displacement(k, load_factor);
+}
 
 void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
   const Eigen::MatrixXd R = rigid_motions(nodes.X + at);
@@ -101,10 +104,8 @@ void ElasticSolid::Implementation::check_balance() const {
   throw std::runtime_error(what.str());
 }
 
-/// Prescribes an increment of the held components, by a part of their displacement at full load.
-void ElasticSolid::Implementation::hold(double increment) {
-  for (const HeldComponent& h : held)
-    fine.prescribed(space.dof_of[3 * h.node + h.component]) = increment * h.displacement;
+double ElasticSolid::Implementation::held_displacement(int k, double load_factor) const {
+  return loads.motion ? loads.motion(k, load_factor) : load_factor * held[k].displacement;
 }
 
 void ElasticSolid::assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
@@ -157,8 +158,6 @@ double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_
 /// Newton's method from the last equilibrium, or the one linear solve.
 ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor, StageTimer* timer) {
   const bool is_linear = law == ElasticLaw::SmallStrain;
-  const bool is_moved =
-      std::any_of(held.begin(), held.end(), [](const HeldComponent& h) { return h.displacement != 0; });
   constexpr double kNewtonTolerance = 1e-9;
   // A step need not be more exact than Newton's method is there [Eisenstat & Walker 1996].
   constexpr double kForcing = 0.01;
@@ -172,10 +171,17 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
   Matrix3Xd at = is_linear ? Matrix3Xd::Zero(3, u.cols()) : u;
   Matrix3Xd du(3, u.cols());
   double first = 0;
+  bool is_moved = false;
+  for (size_t k = 0; k < held.size(); ++k) {
+    const int i = 3 * held[k].node + held[k].component;
+    const double move = held_displacement(static_cast<int>(k), load_factor) - at.data()[i];
+    fine.prescribed(space.dof_of[i]) = move;
+    is_moved = is_moved || move != 0;
+  }
   for (int iteration = 0; iteration <= kMaxNewton; ++iteration) {
     stage("assemble");
     // The first step brings prescribed displacements; later ones leave them.
-    hold(iteration > 0 ? 0 : is_linear ? load_factor : load_factor - factor);
+    if (iteration > 0) fine.prescribed.setZero();
     const Eigen::VectorXd residual = assemble_tangent(space, fine, at, load_factor);
     if (iteration == 0) first = residual.norm();
     report.residual = first > 0 ? residual.norm() / first : 0;
@@ -191,8 +197,8 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
     LinearReport linear = solve();
     if (loads.follower_pressure && !(linear.is_converged && linear.x.dot(residual) > 0)) {
       // The stress that makes the tangent definite is still to come. The body's part alone also descends.
-      assemble_tangent(space, fine, at, load_factor, false);
-      if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor, false);
+      assemble_tangent(space, fine, at, load_factor, {true, false});
+      if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor, {true, false});
       linear = solve();
     }
     if (!linear.is_definite && is_linear)

@@ -25,6 +25,8 @@ struct ElasticLoads {
   /// Stress-free shrinkage s(x) at a load factor, eps* = -s I: the continuum form of collapsing rest lengths
   /// [paper eq. 8].
   std::function<double(const Eigen::Vector3d& x, double load_factor)> shrinkage;
+  /// Displacement (m) of the k-th held component at a load factor; absent: it grows with that.
+  std::function<double(int k, double load_factor)> motion;
 };
 
 /// A component of a node's displacement that is prescribed, at full load factor (m).
@@ -42,6 +44,13 @@ struct ElasticReport {
   bool is_converged = false;
   double elastic_energy = 0;  ///< J
   double max_strain = 0;      ///< largest |principal strain| (small strain) or |principal stretch - 1|
+};
+
+/// Internal forces of a displaced body and their gradient, of all components 3 node + c, nothing held.
+struct Linearisation {
+  Eigen::VectorXd force;                ///< N, gradient of the elastic energy and of the follower pressures'
+  Eigen::SparseMatrix<double> tangent;  ///< N/m
+  double energy = 0;                    ///< elastic (J); infinite where the law has none
 };
 
 /// Equilibrium of -div P(grad u) = f [method 7]. Nodes: the vertices of the mesh in their order, then
@@ -86,12 +95,17 @@ class ElasticSolid {
   /// Largest strain of a displacement (3 x n_nodes), as in ElasticReport.
   double max_strain(const Eigen::Matrix3Xd& displacement) const;
 
+  /// Of a displacement (3 x n_nodes) at a load factor; without its tangent where that is not wanted.
+  Linearisation linearise(const Eigen::Matrix3Xd& displacement, double load_factor = 1,
+                          bool with_tangent = true) const;
   /// Stiffness at rest (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing held.
   Eigen::SparseMatrix<double> stiffness() const;
   /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
   Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;
   Eigen::VectorXd load() const;
   const std::vector<HeldComponent>& held() const;
+  /// Displacement (m) of the k-th held component at a load factor.
+  double held_displacement(int k, double load_factor) const;
 
  private:
   struct Implementation;

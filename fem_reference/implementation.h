@@ -52,10 +52,19 @@ struct ElasticSolid::Implementation {
   ElasticReport find_equilibrium(double load_factor, StageTimer* timer);
   void find_rigid_motions(const Eigen::Matrix3Xd& at);
   void check_balance() const;
-  void hold(double increment);
+  double held_displacement(int k, double load_factor) const;
   void find_load();
+  /// Parts of the tangent that are wanted.
+  struct Tangent {
+    bool of_body, of_pressure;
+  };
+  /// Calls use(ranks, tangent, forces against the displacement, elastic energy) for every cell, then for
+  /// every boundary triangle under a follower pressure; arguments as of SystemMatrix::add_cell.
+  template <class Use>
+  void for_each_element(const Space& on, const Eigen::Matrix3Xd& at, double load_factor,
+                        const Tangent& tangent, Use use) const;
   Eigen::VectorXd assemble_tangent(const Space& on, SystemMatrix& into, const Eigen::Matrix3Xd& at,
-                                   double load_factor, bool with_pressure_stiffness = true);
+                                   double load_factor, const Tangent& tangent = {true, true}) const;
   /// Calls use(follower pressure at a load factor, nodes, their EnclosedVolume at `at`) for every boundary
   /// triangle of 3 or 6 nodes that has one.
   template <class Use>

@@ -53,8 +53,8 @@ std::string unsolved_part(const Scene& scene) {
   if (is_static) return "";
   if (scene.collapse)
     return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
-  if (scene.reference.law != ElasticLaw::SmallStrain)
-    return "reference.law other than small_strain with time.mode = \"dynamic\"";
+  if (scene.reference.law != ElasticLaw::SmallStrain && scene.material.stiffness_damping > 0)
+    return "material.stiffness_damping at finite strain: it would hold back rotations";
   return "";
 }
 
@@ -151,50 +151,63 @@ void run_static(Run& run) {
   run.record["status"] = report.is_converged ? "ok" : "not_converged";
 }
 
-/// Full loads from rest at t = 0; prescribed displacements grow evenly until the end.
+/// Full loads from rest at t = 0.
 void run_dynamic(Run& run) {
   constexpr int kDefaultSteps = 400;
   const double end = run.scene.time.end;
   const double step = run.scene.time.step > 0 ? run.scene.time.step : end / kDefaultSteps;
   const int n_steps = std::max(1, static_cast<int>(std::ceil(end / step - 1e-9)));
+  const bool is_linear = run.scene.reference.law == ElasticLaw::SmallStrain;
   run.timer.start("assemble");
-  LinearDynamics system;
+  Dynamics system;
   system.K = run.solid.stiffness();
   system.M = run.solid.mass(run.scene.reference.mass);
   system.damping = run.scene.material.damping;
   system.stiffness_damping = run.scene.material.stiffness_damping;
   system.load = run.solid.load();
-  std::map<int, double> held;
-  for (const HeldComponent& h : run.solid.held()) held[3 * h.node + h.component] = h.displacement / end;
-  system.held_velocity.resize(static_cast<Eigen::Index>(held.size()));
-  for (const auto& [unknown, velocity] : held) {
-    system.held_velocity(static_cast<Eigen::Index>(system.held.size())) = velocity;
-    system.held.push_back(unknown);
+  std::map<int, int> held;  // the last of the held components of an unknown
+  for (size_t k = 0; k < run.solid.held().size(); ++k) {
+    const HeldComponent& h = run.solid.held()[k];
+    held[3 * h.node + h.component] = static_cast<int>(k);
   }
+  for (const auto& [unknown, k] : held) system.held.push_back(unknown);
+  system.held_motion = [&](double t) {
+    Eigen::VectorXd u(static_cast<Eigen::Index>(held.size()));
+    Eigen::Index i = 0;
+    for (const auto& [unknown, k] : held) u(i++) = run.solid.held_displacement(k, t);
+    return u;
+  };
+  if (!is_linear)
+    system.linearise = [&](const Eigen::VectorXd& u, bool with_tangent) {
+      return run.solid.linearise(u.reshaped(3, run.solid.X().cols()), 1, with_tangent);
+    };
   run.timer.start("solve");
   run.progress.stage("reference: solve");
   const std::optional<double> radius = run.scene.reference.spectral_radius;
   TimeIntegrator motion(std::move(system), step, radius ? generalised_alpha(*radius) : newmark);
+  bool is_converged = true;
   for (int n = 0; n <= n_steps; ++n) {
-    if (n > 0) {
-      run.timer.start("solve");
-      motion.step();
-    }
+    run.timer.start("solve");
+    is_converged = n == 0 || motion.step();
+    if (!is_converged) break;
     run.timer.start("output");
-    const double t = n * step;
     const Eigen::Matrix3Xd u = motion.u().reshaped(3, run.solid.X().cols());
     if (run.scene.output.curves)
-      run.recorder.add_row(curve_row(t, 1, run.surface, u, motion.kinetic_energy(), motion.elastic_energy(),
-                                     run.solid.max_strain(u)));
+      run.recorder.add_row(curve_row(motion.t(), 1, run.surface, u, motion.kinetic_energy(),
+                                     motion.elastic_energy(), run.solid.max_strain(u)));
     if (run.is_frame(n, n_steps))
-      run.recorder.add_frame(t, run.solid.X(), u, {{"velocity", motion.v().reshaped(3, u.cols())}});
+      run.recorder.add_frame(motion.t(), run.solid.X(), u, {{"velocity", motion.v().reshaped(3, u.cols())}});
     run.progress.update(static_cast<double>(n) / n_steps);
   }
   run.timer.stop();
-  run.record["solver"] = radius ? "generalised-alpha, Cholesky" : "Newmark (average acceleration), Cholesky";
+  run.record["solver"] = std::string(radius ? "generalised-alpha" : "Newmark (average acceleration)") +
+                         (is_linear ? "" : ", Newton") + ", Cholesky";
   run.record["step"] = step;
   run.record["n_steps"] = n_steps;
-  run.record["status"] = "ok";
+  if (!is_linear) run.record["newton_iterations"] = motion.n_newton_iterations();
+  run.record["factorisations"] = motion.n_factorisations();
+  run.record["time_reached"] = motion.t();
+  run.record["status"] = is_converged ? "ok" : "not_converged";
 }
 
 /// Whether it was solved.

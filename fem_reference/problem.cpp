@@ -21,7 +21,8 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, int n_chil
     bool has_follower = false;
     Eigen::VectorXd follower = Eigen::VectorXd::Zero(surface.F.cols());
     Eigen::Matrix3Xd traction = Eigen::Matrix3Xd::Zero(3, surface.F.cols());
-    const Eigen::Matrix3Xd areas = area_vectors(surface.X, surface.F);
+    std::vector<std::vector<StressTerm>> stress(surface.F.cols());
+    const Eigen::Matrix3Xd normals = area_vectors(surface.X, surface.F).colwise().normalized();
     for (size_t l = 0; l < scene.loads.size(); ++l) {
       const Load& load = scene.loads[l];
       const std::vector<int> triangles = triangles_in(load.region, surface);
@@ -36,14 +37,16 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, int n_chil
       has_follower = has_follower || is_follower;
       for (int f : triangles) {
         traction.col(f) += load.traction;
+        stress[f].insert(stress[f].end(), load.stress.begin(), load.stress.end());
         if (is_follower)
           follower(f) += load.pressure;
         else
-          traction.col(f) -= load.pressure * areas.col(f).normalized();
+          traction.col(f) -= load.pressure * normals.col(f);
       }
     }
-    loads.traction = [traction, n_children](const Eigen::Vector3d&, int f) -> Eigen::Vector3d {
-      return traction.col(f / n_children);
+    loads.traction = [=](const Eigen::Vector3d& x, int child) -> Eigen::Vector3d {
+      const int f = child / n_children;
+      return traction.col(f) + stress_at(stress[f], x) * normals.col(f);
     };
     if (has_follower)
       loads.follower_pressure = [follower, n_children](int f) { return follower(f / n_children); };
@@ -62,11 +65,19 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, int n_chil
   return loads;
 }
 
+/// Displacement (m) of a support at a load factor or, dynamic, a time (s).
+Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time, double t) {
+  if (!support.motion.empty()) return position_at(support.motion, t);
+  return (time.mode == TimeMode::Dynamic ? t / time.end : t) * support.displacement;
+}
+
+/// Supports go into the loads where they move in time, and into `held`.
 /// @param boundaries  boundary triangles with the middles of their edges (6 nodes), from the coarsest mesh to
 /// the finest
 std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceMesh& surface,
-                                   const std::vector<Eigen::MatrixXi>& boundaries) {
+                                   const std::vector<Eigen::MatrixXi>& boundaries, ElasticLoads& loads) {
   std::vector<HeldComponent> held;
+  std::vector<int> support_of;
   for (size_t s = 0; s < scene.supports.size(); ++s) {
     const Support& support = scene.supports[s];
     const std::vector<int> vertices = vertices_in(support.region, surface);
@@ -80,8 +91,14 @@ std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceMesh& surfac
           if (nodes.count(face(e)) && nodes.count(face((e + 1) % 3))) nodes.insert(face(3 + e));
     for (int node : nodes)
       for (int c = 0; c < 3; ++c)
-        if (support.fixed[c]) held.push_back({node, c, support.displacement(c)});
+        if (support.fixed[c]) {
+          held.push_back({node, c, support.displacement(c)});
+          support_of.push_back(static_cast<int>(s));
+        }
   }
+  loads.motion = [supports = scene.supports, time = scene.time, support_of, held](int k, double t) {
+    return displacement_at(supports[support_of[k]], time, t)(held[k].component);
+  };
   return held;
 }
 
@@ -108,8 +125,9 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   }
   ElasticSolid solid(fine, scene.reference.degree);
   if (scene.reference.degree == 2) boundaries.push_back(solid.faces());
-  solid.assemble(scene.material, scene.reference.law, loads_of(scene, surface, n_children),
-                 held_by(scene, surface, boundaries));
+  ElasticLoads loads = loads_of(scene, surface, n_children);
+  const std::vector<HeldComponent> held = held_by(scene, surface, boundaries, loads);
+  solid.assemble(scene.material, scene.reference.law, loads, held);
   if (scene.reference.inertia_relief) solid.relieve_inertia();
   solid.set_tolerance(scene.reference.tolerance);
   return solid;
@@ -117,6 +135,8 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
 
 bool is_proportional(const Scene& scene) {
   if (scene.reference.law != ElasticLaw::SmallStrain) return false;
+  for (const Support& support : scene.supports)
+    if (!support.motion.empty()) return false;
   return !scene.collapse || (scene.collapse->pivots.size() == 1 && scene.collapse->pivots[0].start == 0);
 }
 

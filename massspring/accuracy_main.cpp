@@ -12,6 +12,7 @@
 #include "massspring/calibrate.h"
 #include "massspring/exact_fields.h"
 #include "massspring/linear_statics.h"
+#include "massspring/tractions.h"
 #include "meshing/build_network.h"
 #include "meshing/scene.h"
 #include "meshing/surface.h"
@@ -141,7 +142,8 @@ void measure(const SpringNetwork& network, const std::string& name, double nu, d
       continue;
     }
     const ExactField field = exact_field(load, lame_of(material), network.X.rowwise().mean());
-    const Matrix3Xd f = traction_forces(field, network.X, network.F), exact = displacements(field, network.X);
+    const Matrix3Xd f = traction_forces(field.stress, network.X, network.F),
+                    exact = displacements(field, network.X);
     Matrix3Xd u;
     start = std::chrono::steady_clock::now();
     const SolveReport report = statics->solve(f, u, 1e-10);

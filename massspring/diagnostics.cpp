@@ -2,6 +2,7 @@
 
 #include "massspring/exact_fields.h"
 #include "massspring/linear_statics.h"
+#include "massspring/tractions.h"
 
 namespace testbed {
 
@@ -20,7 +21,7 @@ Diagnostics diagnose(const MassSpringModel& model) {
   };
   const auto solve = [&](const char* name) {
     const ExactField field = exact_field(name, lame_of(model.material), network.X.rowwise().mean());
-    const Matrix3Xd f = traction_forces(field, network.X, network.F);
+    const Matrix3Xd f = traction_forces(field.stress, network.X, network.F);
     Solution solution{{}, displacements(field, network.X), 0};
     statics.solve(f, solution.u, kTolerance);
     solution.compliance = f.cwiseProduct(solution.u).sum() / f.cwiseProduct(solution.exact).sum();

@@ -92,17 +92,6 @@ Matrix3Xd displacements(const ExactField& field, const Matrix3Xd& X) {
   return u;
 }
 
-Matrix3Xd traction_forces(const ExactField& field, const Matrix3Xd& X, const Eigen::Matrix3Xi& F) {
-  Matrix3Xd f = Matrix3Xd::Zero(3, X.cols());
-  for (const auto& t : F.colwise()) {
-    const Vector3d area = (X.col(t[1]) - X.col(t[0])).cross(X.col(t[2]) - X.col(t[0])) / 2;
-    Matrix3d traction;  // at the three vertices; the integral of N_i N_j is A/12 (1 + delta_ij)
-    for (int k = 0; k < 3; ++k) traction.col(k) = field.stress(X.col(t[k])) * area;
-    for (int k = 0; k < 3; ++k) f.col(t[k]) += (traction.rowwise().sum() + traction.col(k)) / 12;
-  }
-  return f;
-}
-
 SurfaceError surface_error(const Matrix3Xd& u, const Matrix3Xd& exact, const Matrix3Xd& X,
                            const Eigen::Matrix3Xi& F) {
   const Eigen::Index n = F.maxCoeff() + 1;

@@ -26,10 +26,6 @@ ExactField exact_field(const std::string& name, const Lame& lame, const Eigen::V
 /// Its displacement at the points (3 x n, m).
 Eigen::Matrix3Xd displacements(const ExactField& field, const Eigen::Matrix3Xd& X);
 
-/// Its tractions as nodal forces, integral of N_i sigma n dA over the triangles, exactly (3 x n, N).
-Eigen::Matrix3Xd traction_forces(const ExactField& field, const Eigen::Matrix3Xd& X,
-                                 const Eigen::Matrix3Xi& F);
-
 struct SurfaceError {
   double l2;       ///< area-weighted relative L2 norm
   double largest;  ///< largest error over the largest displacement

@@ -59,7 +59,7 @@ bool is_explicit(Integrator integrator) {
 
 TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator,
                          double end, const IntegratorOptions& options)
-    : motion_(model, forces, end),
+    : motion_(model, forces),
       integrator_(integrator),
       options_(options),
       end_(end),
@@ -97,8 +97,8 @@ bool TimeStepper::stays_at_rest(const State& state, double h) const {
   constexpr double kWhile = 1;  // s
   const double slow = options_.sleep_below;
   if (state.v.colwise().norm().maxCoeff() >= slow) return false;
-  for (const Constraint& c : motion_.constraints)
-    if (!c.velocity.isZero(0)) return false;
+  for (const Constraint& c : supports_)
+    if (prescribed(c, state.t, end_) != prescribed(c, state.t + h, end_)) return false;
   for (const RigidBody& body : motion_.forces.bodies)
     if (body.translation(state.t) != body.translation(state.t + h)) return false;
   Matrix3Xd f;
@@ -149,6 +149,11 @@ StepReport TimeStepper::step_whole(State& state, double h) {
   const bool is_linearised = integrator_ == Integrator::ImplicitEuler;
   if (motion_.self_contact) motion_.self_contact->begin_step(state.x);
   if (motion_.barrier) motion_.barrier->begin_step(state.t, h, state.x);
+  for (size_t i = 0; i < supports_.size(); ++i) {
+    Constraint& c = supports_[i];
+    c.velocity = (prescribed(c, state.t + h, end_) - prescribed(c, state.t, end_)) / h;
+    motion_.constraints[i].velocity = c.velocity;
+  }
   if (is_linearised && !bodies.empty()) {
     motion_.constraints = supports_;
     touches_.hold(bodies, state, h, motion_.constraints, motion_.friction);
@@ -168,7 +173,7 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     push_out(bodies, state, h, x_, v_);
   }
   const Matrix3Xd& X = motion_.model.network.X;
-  prescribe(supports_, X, (state.t + h) / end_, x_);
+  prescribe(supports_, X, state.t + h, end_, x_);
   const double extent = (x_ - X).norm();  // one pass; not finite where any position is not
   constexpr double kFarOff = 1e6;
   if (!(extent < kFarOff * size_) || !std::isfinite(v_.squaredNorm())) report.status = Status::Diverged;

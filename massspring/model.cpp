@@ -5,6 +5,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "massspring/tractions.h"
 #include "meshing/surface.h"
 
 namespace testbed {
@@ -49,6 +50,10 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
             ".follower = true, expected a region that holds whole components of the surface");
       forces.followers.push_back(std::move(follower));
     }
+    if (!load.stress.empty())
+      forces.load.leftCols(network.n_surface) +=
+          traction_forces([&load](const Eigen::Vector3d& x) { return stress_at(load.stress, x); }, surface.X,
+                          surface.F(Eigen::all, triangles));
     const double dead_pressure = load.is_follower ? 0 : load.pressure;
     for (int f : triangles) {
       const Eigen::Vector3d third = (areas.col(f).norm() * load.traction - dead_pressure * areas.col(f)) / 3;
@@ -60,6 +65,7 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   for (size_t s = 0; s < scene.supports.size(); ++s) {
     const Support& support = scene.supports[s];
     const std::vector<int> nodes = vertices_in(support.region, surface);
+    const auto motion = support.motion.empty() ? nullptr : std::make_shared<const Path>(support.motion);
     if (nodes.empty())
       throw std::runtime_error("supports." + std::to_string(s) +
                                ": no node of the surface lies in its region");
@@ -71,6 +77,7 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
         if (support.fixed[k]) {
           c.S(k, k) = 0;
           c.displacement(k) = support.displacement(k);
+          c.motion[k] = motion;
         }
     }
   }
@@ -227,11 +234,18 @@ void filter(const std::vector<Constraint>& constraints, BlockMatrix& A) {
   }
 }
 
-void prescribe(const std::vector<Constraint>& constraints, const Eigen::Matrix3Xd& rest, double fraction,
+Eigen::Vector3d prescribed(const Constraint& c, double t, double end) {
+  Eigen::Vector3d u = t / end * c.displacement;
+  for (int k = 0; k < 3; ++k)
+    if (c.motion[k]) u(k) = position_at(*c.motion[k], t)(k);
+  return u - c.S * u;
+}
+
+void prescribe(const std::vector<Constraint>& constraints, const Eigen::Matrix3Xd& rest, double t, double end,
                Eigen::Matrix3Xd& x) {
   for (const Constraint& c : constraints)
-    x.col(c.node) = c.S * x.col(c.node) +
-                    (Eigen::Matrix3d::Identity() - c.S) * (rest.col(c.node) + fraction * c.displacement);
+    x.col(c.node) =
+        c.S * x.col(c.node) + (Eigen::Matrix3d::Identity() - c.S) * rest.col(c.node) + prescribed(c, t, end);
 }
 
 }  // namespace testbed

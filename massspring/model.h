@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -61,9 +63,14 @@ State initial_state(const MassSpringModel& model);
 struct Constraint {
   int node;
   Eigen::Matrix3d S;
-  Eigen::Vector3d displacement;       ///< at full load, along the directions taken away (m)
-  Eigen::Vector3d velocity{0, 0, 0};  ///< in a step, along the directions taken away (m/s)
+  Eigen::Vector3d displacement;                         ///< at full load, along the directions taken away (m)
+  Eigen::Vector3d velocity{0, 0, 0};                    ///< in a step, along the directions taken away (m/s)
+  std::array<std::shared_ptr<const Path>, 3> motion{};  ///< of a component over time, instead of displacement
 };
+
+/// What a constraint prescribes along the directions taken away (m) at a time t, its displacement being
+/// complete at `end`.
+Eigen::Vector3d prescribed(const Constraint& constraint, double t, double end);
 
 /// Pressure p (Pa) on the deformed triangles of whole components of the surface: -p A n, the gradient of -p
 /// V.
@@ -138,9 +145,8 @@ void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y);
 /// is on that space.
 void filter(const std::vector<Constraint>& constraints, BlockMatrix& A);
 
-/// Moves constrained nodes by `fraction` of their prescribed displacement from rest, along the directions
-/// taken away only.
-void prescribe(const std::vector<Constraint>& constraints, const Eigen::Matrix3Xd& rest, double fraction,
+/// Moves constrained nodes from rest to where they are prescribed at t, along the directions taken away only.
+void prescribe(const std::vector<Constraint>& constraints, const Eigen::Matrix3Xd& rest, double t, double end,
                Eigen::Matrix3Xd& x);
 
 }  // namespace testbed

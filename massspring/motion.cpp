@@ -2,9 +2,8 @@
 
 namespace testbed {
 
-Motion::Motion(const MassSpringModel& model, const Forces& forces, double end)
+Motion::Motion(const MassSpringModel& model, const Forces& forces)
     : model(model), forces(forces), constraints(forces.constraints) {
-  for (Constraint& c : constraints) c.velocity = (Eigen::Matrix3d::Identity() - c.S) * c.displacement / end;
   if (forces.self_thickness) self_contact.emplace(model, *forces.self_thickness);
 }
 

@@ -7,8 +7,7 @@
 namespace testbed {
 
 struct Motion {
-  /// @param end  time at which prescribed displacements are complete (s)
-  Motion(const MassSpringModel& model, const Forces& forces, double end);
+  Motion(const MassSpringModel& model, const Forces& forces);
 
   /// f(x, v) (N), the list of all that acts on the model.
   void forces_at(const State& state, Eigen::Matrix3Xd& f) const;

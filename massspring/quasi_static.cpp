@@ -150,7 +150,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   constexpr double kLinearTolerance = 1e-6, kSufficientDecrease = 1e-4;
   constexpr int kMaxNewton = 100, kPatience = 100, kMaxLinear = 2000, kMaxHalvings = 30;
 
-  prescribe(forces_.constraints, model_.network.X, load_factor, state.x);
+  prescribe(forces_.constraints, model_.network.X, load_factor, 1, state.x);
   const Matrix3Xd start = state.x;
   const double far =
       (start.rowwise().maxCoeff() - start.rowwise().minCoeff()).norm();  // supports' motion included

@@ -309,6 +309,17 @@ Eigen::Vector3d position_at(const Path& path, double t) {
   return interpolated(path, t).tail<3>();
 }
 
+Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vector3d& x) {
+  Eigen::Matrix3d stress = Eigen::Matrix3d::Zero();
+  for (const StressTerm& term : terms) {
+    const auto s = term.tail<6>();
+    const Eigen::Matrix3d tensor =
+        (Eigen::Matrix3d() << s(0), s(5), s(4), s(5), s(1), s(3), s(4), s(3), s(2)).finished();
+    stress += std::pow(x(0), term(0)) * std::pow(x(1), term(1)) * std::pow(x(2), term(2)) * tensor;
+  }
+  return stress;
+}
+
 Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides) {
   toml::table table = parse(read_file(file), file.string());
   for (const std::string& text : overrides) apply_override(table, text);

@@ -60,11 +60,24 @@ struct Material {
   double stiffness_damping = 0;  ///< Rayleigh's other part (s): force -stiffness_damping * K v, >= 0
 };
 
+/// A value at each time, linear in between and constant outside: (s, value), times ascending. Static scenes
+/// take the load factor for time.
+using Curve = std::vector<Eigen::Vector2d>;
+/// A point or a translation at each time, linear in between: (s, m, m, m).
+using Path = std::vector<Eigen::Vector4d>;
+double value_at(const Curve& curve, double t);            ///< curve not empty
+Eigen::Vector3d position_at(const Path& path, double t);  ///< path not empty
+
 struct Support {
   Region region;
   std::array<bool, 3> fixed{{true, true, true}};  ///< which components are prescribed ("xyz" in the file)
-  Eigen::Vector3d displacement{0, 0, 0};          ///< their displacement at full load (m)
+  Eigen::Vector3d displacement{0, 0, 0};          ///< theirs at full load or at the end, grown evenly (m)
+  Path motion;                                    ///< theirs over time, instead
 };
+
+/// A term of a polynomial stress field: exponents i, j, k and the stress xx, yy, zz, yz, xz, xy (Pa) that
+/// x^i y^j z^k multiplies.
+using StressTerm = Eigen::Matrix<double, 9, 1>;
 
 /// Surface load on triangles whose three vertices lie in the region; on the undeformed area unless stated.
 struct Load {
@@ -73,15 +86,8 @@ struct Load {
   Eigen::Vector3d traction{0, 0, 0};  ///< Pa
   bool is_follower =
       false;  ///< pressure acts on the deformed surface; the region holds whole components of it
+  std::vector<StressTerm> stress;  ///< traction = sum of its terms times the outward normal
 };
-
-/// A value at each time, linear in between and constant outside: (s, value), times ascending. Static scenes
-/// take the load factor for time.
-using Curve = std::vector<Eigen::Vector2d>;
-/// A point or a translation at each time, linear in between: (s, m, m, m).
-using Path = std::vector<Eigen::Vector4d>;
-double value_at(const Curve& curve, double t);            ///< curve not empty
-Eigen::Vector3d position_at(const Path& path, double t);  ///< path not empty
 
 /// Energies of volume [paper 3.3].
 struct VolumeForces {
@@ -234,6 +240,9 @@ struct Scene {
   PlaybackOptions playback;
   OutputOptions output;
 };
+
+/// The sum of a polynomial stress field's terms at x (Pa).
+Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vector3d& x);
 
 /// Reads a scene with `overrides` in place: "material.nu=0.3", "loads.0.pressure=5", the value in TOML or
 /// else a string. Paths are relative to the scene file, in overrides to the current folder, and absolute in

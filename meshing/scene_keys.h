@@ -2,6 +2,7 @@
 // walk it.
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -45,6 +46,14 @@ bool is_ascending(const Rows& rows) {
   for (size_t i = 1; i < rows.size(); ++i)
     if (!(rows[i - 1](0) < rows[i](0))) return false;
   return true;
+}
+
+/// Of a degree that both solvers integrate exactly.
+inline bool is_polynomial(const std::vector<StressTerm>& terms) {
+  return std::all_of(terms.begin(), terms.end(), [](const StressTerm& term) {
+    const Eigen::Array3d exponents = term.head<3>();
+    return (exponents >= 0).all() && (exponents == exponents.floor()).all() && exponents.sum() <= 3;
+  });
 }
 
 template <class V>
@@ -115,7 +124,10 @@ template <class V>
 void describe(V& v, Support& s) {
   v.inline_table("region", s.region, "which surface nodes");
   v.components("components", s.fixed, "prescribed components");
-  v("displacement", s.displacement, kAny, "theirs at full load (m)");
+  v("displacement", s.displacement, kAny, "theirs at full load, or at the end (m)");
+  v("motion", s.motion, kAny, "theirs over time instead [[s, m, m, m], ...]; static scenes: load factor");
+  v.check("motion", is_ascending(s.motion), "ascending times");
+  v.check("motion", s.motion.empty() || s.displacement.isZero(0), "no displacement besides");
 }
 
 template <class V>
@@ -123,6 +135,11 @@ void describe(V& v, Load& l) {
   v.inline_table("region", l.region, "triangles with three nodes inside");
   v("pressure", l.pressure, kAny, "against the outward normal (Pa)");
   v("traction", l.traction, kAny, "Pa");
+  v("stress", l.stress, kAny,
+    "traction = stress times outward normal, the sum of terms x^i y^j z^k: [[i, j, k, xx, yy, zz, yz, xz, "
+    "xy], "
+    "...] (Pa)");
+  v.check("stress", is_polynomial(l.stress), "whole exponents i, j, k from 0, their sum at most 3");
   v("follower", l.is_follower, "pressure acts on the deformed surface");
 }
 

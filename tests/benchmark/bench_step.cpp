@@ -162,7 +162,7 @@ void solve(benchmark::State& bench, double E, bool is_eigens) {
   const MassSpringModel model = make_model(kModels[3], E);
   Forces forces = make_forces(model);
   forces.volume_pressure.reset();
-  const Motion motion(model, forces, 1);
+  const Motion motion(model, forces);
   const State state = initial_state(model);
   constexpr double h = 1. / 60, kTolerance = 1e-6;
   ImplicitMatrix A(motion);

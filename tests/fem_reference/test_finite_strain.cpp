@@ -72,6 +72,80 @@ TEST(FiniteStrain, StretchesABarAsTheClosedForm) {
       }
 }
 
+/// A field of displacements that strains every element, by about a tenth.
+Eigen::Matrix3Xd deformed(const ElasticSolid& solid) {
+  Eigen::Matrix3Xd u(3, solid.X().cols());
+  for (int i = 0; i < u.cols(); ++i) {
+    const Vector3d x = solid.X().col(i);
+    u.col(i) = 0.1 * Vector3d(std::sin(2 * x(1) + x(2)), std::cos(x(0) - 2 * x(2)), std::sin(x(0) * x(1)));
+  }
+  return u;
+}
+
+/// Bodies under all that has a part in the tangent.
+class AssembledTangent : public testing::TestWithParam<std::tuple<ElasticLaw, int>> {
+ protected:
+  AssembledTangent() : solid(box_tets(2, 2, 1, 0.5, 0.1), std::get<1>(GetParam())) {
+    loads.shrinkage = [](const Vector3d& x, double load_factor) {
+      return 0.1 * load_factor / (1 + x.norm());
+    };
+    if (law != ElasticLaw::SmallStrain) loads.follower_pressure = [](int) { return 300; };
+    solid.assemble(kMaterial, law, loads, {});
+  }
+  const ElasticLaw law = std::get<0>(GetParam());
+  ElasticSolid solid;
+  ElasticLoads loads;
+  static constexpr double kFactor = 0.7, kStep = 1e-5, kDifference = 1e-6;
+};
+INSTANTIATE_TEST_SUITE_P(Laws, AssembledTangent,
+                         testing::Combine(testing::Values(ElasticLaw::SmallStrain,
+                                                          ElasticLaw::StVenantKirchhoff,
+                                                          ElasticLaw::NeoHookean),
+                                          testing::Values(1, 2)));
+
+TEST_P(AssembledTangent, IsTheGradientOfTheForces) {
+  const Eigen::Matrix3Xd u = deformed(solid);
+  std::srand(1);
+  const Eigen::VectorXd d = Eigen::VectorXd::Random(u.size());
+  const auto force = [&](double s) -> Eigen::VectorXd {
+    return solid.linearise(u + s * d.reshaped(3, u.cols()), kFactor, false).force;
+  };
+  const Linearisation at = solid.linearise(u, kFactor);
+  const Eigen::VectorXd slope = (force(kStep) - force(-kStep)) / (2 * kStep), expected = at.tangent * d;
+  EXPECT_GT(expected.norm(), 100);  // N
+  EXPECT_LT((expected - slope).norm(), kDifference * expected.norm());
+  EXPECT_LT((at.force - force(0)).norm(), 1e-12 * at.force.norm());
+  const Eigen::SparseMatrix<double> transposed = at.tangent.transpose();
+  EXPECT_LT((at.tangent - transposed).norm(), 1e-12 * at.tangent.norm());
+
+  // Pressure and shrinkage each have a part in it.
+  ElasticLoads without_pressure = loads, without_shrinkage = loads;
+  without_pressure.follower_pressure = nullptr;
+  without_shrinkage.shrinkage = nullptr;
+  for (const ElasticLoads& some : {without_pressure, without_shrinkage}) {
+    solid.assemble(kMaterial, law, some, {});
+    const double part = (solid.linearise(u, kFactor).tangent * d - expected).norm() / expected.norm();
+    if (law == ElasticLaw::SmallStrain)
+      EXPECT_LT(part, 1e-12);
+    else
+      EXPECT_GT(part, 1e-2);
+  }
+}
+
+TEST_P(AssembledTangent, BelongsToForcesThatAreTheGradientOfTheEnergy) {
+  loads.follower_pressure = nullptr;  // whose potential is no elastic energy
+  solid.assemble(kMaterial, law, loads, {});
+  const Eigen::Matrix3Xd u = deformed(solid);
+  std::srand(2);
+  const Eigen::VectorXd d = Eigen::VectorXd::Random(u.size());
+  const auto energy = [&](double s) {
+    return solid.linearise(u + s * d.reshaped(3, u.cols()), kFactor, false).energy;
+  };
+  const double expected = solid.linearise(u, kFactor, false).force.dot(d);
+  EXPECT_GT(std::abs(expected), 1);
+  EXPECT_NEAR((energy(kStep) - energy(-kStep)) / (2 * kStep), expected, kDifference * std::abs(expected));
+}
+
 TEST(FiniteStrain, ConvergesQuadraticallyFromTheStepBefore) {
   double side;
   const double t = uniaxial_traction(ElasticLaw::NeoHookean, 1.3, side);

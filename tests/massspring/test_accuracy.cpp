@@ -7,6 +7,7 @@
 #include "massspring/calibrate.h"
 #include "massspring/exact_fields.h"
 #include "massspring/linear_statics.h"
+#include "massspring/tractions.h"
 #include "meshing/build_network.h"
 #include "meshing/scene.h"
 
@@ -44,7 +45,7 @@ class RealMesh : public testing::TestWithParam<const char*> {
     for (const std::string& name : fields) {
       const ExactField field = exact_field(name, lame_of(material), network.X.rowwise().mean());
       Matrix3Xd u;
-      statics.solve(traction_forces(field, network.X, network.F), u, solver_tolerance);
+      statics.solve(traction_forces(field.stress, network.X, network.F), u, solver_tolerance);
       result.push_back(surface_error(u, displacements(field, network.X), network.X, network.F).l2);
     }
     return result;

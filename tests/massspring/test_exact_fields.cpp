@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "massspring/exact_fields.h"
+#include "massspring/tractions.h"
 #include "tests/massspring/box_tets.h"
 
 namespace testbed {
@@ -49,7 +50,7 @@ TEST_P(EveryField, StressIsInEquilibriumWithoutBodyForce) {
 
 TEST_P(EveryField, TractionsOfAClosedBodyBalance) {
   const TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.2);
-  const Matrix3Xd f = traction_forces(field, mesh.X, mesh.F);
+  const Matrix3Xd f = traction_forces(field.stress, mesh.X, mesh.F);
   ASSERT_GT(f.norm(), 0.1);
   Vector3d torque = Vector3d::Zero();
   for (Eigen::Index i = 0; i < f.cols(); ++i) torque += mesh.X.col(i).cross(f.col(i));
@@ -66,9 +67,23 @@ TEST_P(LinearField, WorkOfTractionsIsTwiceTheStrainEnergy) {
   Matrix3d G;
   for (int j = 0; j < 3; ++j)
     G.col(j) = field.displacement(centre + Vector3d::Unit(j)) - field.displacement(centre);
-  const double work = traction_forces(field, mesh.X, mesh.F).cwiseProduct(displacements(field, mesh.X)).sum();
+  const double work =
+      traction_forces(field.stress, mesh.X, mesh.F).cwiseProduct(displacements(field, mesh.X)).sum();
   const double V = lumped_mass(mesh.X, mesh.T, 1).sum();
   EXPECT_NEAR(work, V * field.stress(centre).cwiseProduct(G).sum(), rounding * V * 100);
+}
+
+// Integrals of x^3 times 1 - x - y, x and y over the unit triangle.
+TEST(TractionForces, AreExactForCubicStress) {
+  Matrix3Xd X(3, 3);
+  X << 0, 1, 0, 0, 0, 1, 0, 0, 0;
+  const Matrix3Xd f = traction_forces(
+      [](const Vector3d& x) -> Matrix3d {
+        return std::pow(x(0), 3) * Vector3d(0, 0, 1) * Vector3d(0, 0, 1).transpose();
+      },
+      X, Eigen::Vector3i(0, 1, 2));
+  EXPECT_LT((f.row(2) - Eigen::RowVector3d(1. / 120, 1. / 30, 1. / 120)).norm(), rounding);
+  EXPECT_EQ(f.topRows<2>().norm(), 0);
 }
 
 TEST(ExactField, RefusesAnUnknownName) {

@@ -22,7 +22,7 @@ TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
   MassSpringModel model = small_model();
   model.springs->damping = 3;
   const Forces forces = some_constraints(model);
-  const Motion motion(model, forces, 1);
+  const Motion motion(model, forces);
   State state = initial_state(model);
   state.x *= 0.8;
   ImplicitMatrix A(motion);
@@ -41,7 +41,7 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
   Forces forces = some_constraints(model);
   forces.volume_pressure = 70;
   forces.followers.push_back({40, model.network.F});
-  const Motion motion(model, forces, 1);
+  const Motion motion(model, forces);
   State state =
       initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
   state.v = random_points(5, 1, 4);

@@ -210,6 +210,27 @@ TEST(Integrators, ConstrainedDirectionsAreExact) {
   }
 }
 
+TEST(Integrators, SupportsFollowTheirMotion) {
+  const MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  const Path path{{0, 0, 0, 0}, {0.01, 0.1, 9, 0}, {0.03, 0.05, 9, 0}};
+  Constraint held{0, Eigen::Matrix3d::Identity() - Eigen::Vector3d::UnitX() * Eigen::RowVector3d::UnitX(),
+                  Eigen::Vector3d::Zero()};
+  held.motion[0] = std::make_shared<const Path>(path);
+  forces.constraints.push_back(held);
+  constexpr double h = 0.001;
+  for (const auto& [integrator, name] : all) {
+    TimeStepper stepper(model, forces, integrator, 1);
+    State state = initial_state(model);
+    for (int n = 1; n <= 40; ++n) {
+      ASSERT_EQ(stepper.step(state, h).status, Status::Ok) << name;
+      const double speed = n <= 10 ? 10 : n <= 30 ? -2.5 : 0;
+      EXPECT_NEAR(state.x(0, 0) - model.network.X(0, 0), position_at(path, n * h)(0), rounding) << name;
+      EXPECT_NEAR(state.v(0, 0), speed, 1e-9) << name << n;
+    }
+  }
+}
+
 TEST(Integrators, DivergenceIsAStatusAndLeavesTheLastSoundState) {
   const MassSpringModel model = small_model(1e8);
   const Forces forces = no_forces(model);

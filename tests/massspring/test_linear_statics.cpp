@@ -5,6 +5,7 @@
 
 #include "massspring/exact_fields.h"
 #include "massspring/linear_statics.h"
+#include "massspring/tractions.h"
 #include "tests/massspring/box_tets.h"
 
 namespace testbed {
@@ -27,8 +28,8 @@ double field_error(const std::string& name, const MassSpringModel& model) {
   const auto& [X, F, E, T, n_surface] = model.network;
   const ExactField field = exact_field(name, lame_of(model.material), X.rowwise().mean());
   Matrix3Xd u;
-  const SolveReport report =
-      LinearStatics(model, hold_rigid_motion(X)).solve(traction_forces(field, X, F), u, solver_tolerance);
+  const SolveReport report = LinearStatics(model, hold_rigid_motion(X))
+                                 .solve(traction_forces(field.stress, X, F), u, solver_tolerance);
   EXPECT_TRUE(report.is_converged);
   return surface_error(u, displacements(field, X), X, F).l2;
 }

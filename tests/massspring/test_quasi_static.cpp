@@ -77,6 +77,21 @@ TEST(QuasiStatic, MovesPrescribedNodesAndTheBodyWithThem) {
   EXPECT_LT((state.x - model.network.X).colwise().operator-(shift).norm(), kTolerance);
 }
 
+TEST(QuasiStatic, SupportsFollowTheirMotionOverTheLoadFactor) {
+  const MassSpringModel model = tied_node(3);
+  Forces forces = no_load(model);
+  const auto path = std::make_shared<const Path>(Path{{0, 0, 0, 0}, {0.5, 0.1, 0.2, -0.3}, {1, 0.2, 0, 0}});
+  for (int i : {0, 1, 2})
+    forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), {0, 0, 0}, {0, 0, 0}, {path, path, path}});
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  for (const auto& [load_factor, shift] : {std::pair(0.5, Eigen::Vector3d(0.1, 0.2, -0.3)),
+                                           std::pair(0.75, Eigen::Vector3d(0.15, 0.1, -0.15))}) {
+    EXPECT_EQ(solver.solve(load_factor, state).status, Status::Ok);
+    EXPECT_LT((state.x - model.network.X).colwise().operator-(shift).norm(), kTolerance);
+  }
+}
+
 TEST(QuasiStatic, RefusesLoadsThatWouldDriveAFreeBodyAndNamesThem) {
   const MassSpringModel model = tied_node(3);
   Forces forces = no_load(model);

@@ -52,8 +52,10 @@ components = "xz"
 displacement = [0, 0, 0.1]
 [[supports]]
 region = { sphere = { center = [0, 1, 2], radius = 0.5 } }
+motion = [[0, 0, 0, 0], [1, 0.5, 0, 0], [2, 0, 0, 0]]
 [[loads]]
 pressure = 0.1
+stress = [[0, 0, 1, 1e3, 0, 0, 0, 0, 0], [0, 2, 1, 0, 0, 0, 4, 5, 6]]
 [[loads]]
 traction = [1, 2, 3]
 region = { plane = { point = [0, 0, 1], normal = [0, 0, -1] } }
@@ -114,6 +116,15 @@ TEST(Scene, CurvesAndPathsAreLinearBetweenTheirTimesAndConstantOutside) {
     EXPECT_EQ(value_at(target, t), value) << t;
   EXPECT_EQ(position_at(scene.collapse->pivots[0].motion, 0.5), Eigen::Vector3d(1, 0, -1));
   EXPECT_EQ(position_at(scene.obstacles[1].motion, 0), Eigen::Vector3d(0, 1, 0));
+  EXPECT_EQ(position_at(scene.supports[1].motion, 1.5), Eigen::Vector3d(0.25, 0, 0));
+}
+
+TEST(Scene, StressIsTheSumOfItsTerms) {
+  const Scene scene = read_scene(write_scene(kFull));
+  const double yyz = 9 * 2;
+  Eigen::Matrix3d expected;
+  expected << 2e3, 6 * yyz, 5 * yyz, 6 * yyz, 0, 4 * yyz, 5 * yyz, 4 * yyz, 0;
+  EXPECT_EQ(stress_at(scene.loads[0].stress, {5, 3, 2}), expected);
 }
 
 TEST(Scene, FilledInFileGivesTheSameSceneAgain) {
@@ -129,8 +140,11 @@ TEST(Scene, FilledInFileKeepsEveryBitOfNumbersAndEveryCharacterOfStrings) {
   scene.name = "\"quoted\" \\ 'single' \n\t# \u00e9";
   scene.network.phi = 0.1 + 0.2;
   scene.network.seed = (1ull << 53) + 1;
-  scene.loads.push_back(
-      {Region{Ball{{-0.0, 1e300, 5e-324}, 1.0 / 3}, true}, -1e-17, {1e21, 123456789012345678.0, 2}});
+  scene.loads.push_back({Region{Ball{{-0.0, 1e300, 5e-324}, 1.0 / 3}, true},
+                         -1e-17,
+                         {1e21, 123456789012345678.0, 2},
+                         false,
+                         {}});
   const Scene again = read_scene(write_scene(to_toml(scene)));
   EXPECT_EQ(again.name, scene.name);
   EXPECT_EQ(*again.network.phi, *scene.network.phi);
@@ -242,6 +256,16 @@ TEST(Scene, ShapesWithoutAnInsideAreRefused) {
             "scene.toml:4: supports.0.region has both box and plane, expected one of them");
   EXPECT_EQ(error_of("[surface]\nshape = \"ball\"\n[volume]\ntarget = [[1, 1], [1, 0.5]]\n"),
             "scene.toml:4: volume.target = [ [ 1, 1 ], [ 1, 0.5 ] ], expected ascending times");
+  EXPECT_EQ(
+      error_of(
+          "[surface]\nshape = \"ball\"\n[[supports]]\nmotion = [[1, 0, 0, 1]]\ndisplacement = [0, 0, 1]\n"),
+      "scene.toml:4: supports.0.motion = [ [ 1, 0, 0, 1 ] ], expected no displacement besides");
+  for (const char* exponents : {"0.5, 0, 0", "-1, 0, 0", "2, 1, 1"}) {
+    const std::string term = std::string("[ [ ") + exponents + ", 1, 0, 0, 0, 0, 0 ] ]";
+    EXPECT_EQ(error_of("[surface]\nshape = \"ball\"\n[[loads]]\nstress = " + term + "\n"),
+              "scene.toml:4: loads.0.stress = " + term +
+                  ", expected whole exponents i, j, k from 0, their sum at most 3");
+  }
   EXPECT_EQ(error_of("[surface]\nshape = \"ball\"\n[[obstacles]]\n"),
             "scene.toml:3: obstacles.0 has no shape, expected plane, sphere, box, capsule or mesh");
 }

@@ -243,3 +243,79 @@ def test_cube_between_plates(tmp_path, depth):
     error = displacement_error(reference.X, reference.F, springs.u, reference.u, is_free=True)
     assert error.l2 < 1e-6  # of what damping leaves after two seconds; the field is homogeneous
     assert np.abs((springs.X + springs.u)[:, 1].max() - 1 + float(depth)) < 1e-12
+
+
+BENT = """
+[surface]
+shape = "bar"
+n_vertices = 120
+size = [2, 0.5, 0.5] # m
+
+[material]
+E = 1e6 # Pa
+nu = 0.3
+
+[[loads]]
+stress = [[0, 0, 1, 1e3, 0, 0, 0, 0, 0], [0, 0, 0, -250, 0, 0, 0, 0, 0]] # Pa: 1e3 (z - 0.25) along x
+
+[time]
+load_steps = 1
+"""
+
+
+def test_bending_by_a_stress_field(tmp_path):
+    """Tractions of a linear stress field bend a body exactly in quadratic elements, and nearly so in springs."""
+    file = tmp_path / "bent.toml"
+    file.write_text(BENT)
+    experiment = run_solvers(file, tmp_path / "out", None, [], is_quiet=True)
+    frame = load_run(experiment.reference_folder).last
+    x, y, z = (frame.X - [1, 0.25, 0.25]).T
+    curvature, nu = 1e3 / 1e6, 0.3
+    exact = curvature * np.stack([x * z, -nu * y * z, -(x**2 + nu * z**2 - nu * y**2) / 2], axis=1)
+    assert displacement_error(frame.X, frame.F, frame.u, exact, is_free=True).max < 1e-8
+    assert compare(experiment)["displacement_error_l2"] < 0.02
+
+
+MOVED = """
+[surface]
+shape = "bar"
+n_vertices = 98
+size = [1, 1, 1] # m
+
+[material]
+E = 1e5 # Pa
+nu = 0.3
+
+[[supports]]
+region = { plane = { point = [0, 0.001, 0], normal = [0, 1, 0] } }
+components = "y"
+
+[[supports]]
+region = { plane = { point = [0, 0.999, 0], normal = [0, -1, 0] } }
+components = "y"
+motion = [[0, 0, 0, 0], [0.4, 0, -0.1, 0], [1, 0, 0.05, 0]] # s or load factor, m
+
+[reference]
+law = "neo_hookean"
+
+[network]
+calibration = "edge_coupled"
+"""
+
+
+@pytest.mark.parametrize("mode", ["static", "dynamic"])
+def test_supports_follow_their_motion(mode, tmp_path):
+    """Both solvers take prescribed motion in time, and deform alike where the field is linear in space."""
+    file = tmp_path / "moved.toml"
+    file.write_text(MOVED)
+    options = [f"time.mode={mode}", "time.step=0.02", "time.integrator=midpoint", "reference.degree=1"]
+    experiment = run_solvers(file, tmp_path / "out", None, options, is_quiet=True)
+    runs = [load_run(experiment.reference_folder), load_run(experiment.massspring_folder("edge_coupled"))]
+    for time in (0.2, 0.4, 0.7, 1):
+        frames = [run.frame(int(np.argmin(abs(run.times - time)))) for run in runs]
+        moved = np.interp(time, [0, 0.4, 1], [0, -0.1, 0.05])
+        for frame in frames:
+            assert frame.u[frame.X[:, 1] > 0.999, 1] == pytest.approx(moved, abs=1e-12)
+        if mode == "static":
+            error = displacement_error(frames[0].X, frames[0].F, frames[1].u, frames[0].u, is_free=True)
+            assert error.l2 < 1e-6
