@@ -99,18 +99,17 @@ struct Outcome {
 
 /// Lets the body go for ten crossings of a wave and at least ten steps, though at most 2000 explicit or 100
 /// implicit ones.
-inline Outcome run_cell(const Method& method, const Start& start, double E, double h) {
+inline Outcome run_cell(const Method& method, const Start& start, double E, double h,
+                        std::uint64_t seed = 7) {
   const MassSpringModel model = make_body(method, E);
   Forces forces;
   forces.load = Eigen::Matrix3Xd::Zero(3, model.network.X.cols());
   if (method.has_volume_force) forces.volume_pressure = E;
   State state = initial_state(model);
-  Random random(7);
+  Random random(seed);
   state.x = start.deform(model.network.X, random);
 
-  const auto energy = [&] {
-    return potential(model, forces, state) + kinetic_energy(model, state.v);
-  };
+  const auto energy = [&] { return potential(model, forces, state) + kinetic_energy(model, state.v); };
   const auto is_inverted = [&] {
     if (model.tet_springs) {
       for (const auto& tet : model.network.T.colwise())
