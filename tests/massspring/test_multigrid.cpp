@@ -30,7 +30,7 @@ struct Step {
     for (int i = 0; i < mesh.X.cols(); ++i)
       if (mesh.X(2, i) == mesh.X.row(2).minCoeff())
         forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
-    motion.emplace(model, forces, 1);
+    motion.emplace(model, forces);
     A.emplace(*motion);
     const State state = initial_state(model);
     A->set(state, state.x, {1, 1e-2, 0.1}, Curvature::Projected);
