@@ -4,19 +4,18 @@
 #include <Epetra_Map.h>
 #include <Epetra_MpiComm.h>
 #include <Epetra_Vector.h>
-#include <deal.II/base/mpi.h>
 #include <ml_MultiLevelPreconditioner.h>
 
 #include <stdexcept>
+
+#include "fem_reference/processes.h"
 
 namespace testbed {
 namespace {
 
 /// ML speaks MPI even to itself.
 Epetra_MpiComm alone() {
-  static int argc = 0;
-  static char** argv = nullptr;
-  static dealii::Utilities::MPI::MPI_InitFinalize mpi(argc, argv, 1);
+  start_mpi();
   return Epetra_MpiComm(MPI_COMM_SELF);
 }
 
@@ -36,32 +35,37 @@ Epetra_CrsMatrix copy_of(const Eigen::SparseMatrix<double, Eigen::RowMajor>& low
 
 }  // namespace
 
+std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> make_multigrid(const Epetra_RowMatrix& matrix,
+                                                                    Eigen::MatrixXd& near_null) {
+  Teuchos::ParameterList options;
+  ML_Epetra::SetDefaults("SA", options);
+  options.set("ML output", 0);
+  options.set("PDE equations", 3);
+  options.set("aggregation: type", "Uncoupled");
+  options.set("smoother: type", "Chebyshev");  // 1.5 times as fast as symmetric Gauss-Seidel
+  options.set("smoother: sweeps", 2);
+  options.set("coarse: type", "Amesos-KLU");
+  options.set("coarse: max size", 2000);  // iterations grow with levels
+  options.set("null space: type", "pre-computed");
+  options.set("null space: dimension", static_cast<int>(near_null.cols()));
+  options.set("null space: vectors", near_null.data());
+  auto cycle = std::make_shared<ML_Epetra::MultiLevelPreconditioner>(matrix, options, true);
+  if (!cycle->IsPreconditionerComputed())
+    throw std::runtime_error("algebraic multigrid: ML finds no hierarchy for this matrix");
+  return cycle;
+}
+
 struct AlgebraicMultigrid::Hierarchy {
   Eigen::MatrixXd near_null;
   Epetra_Map map;
   Epetra_CrsMatrix matrix;
-  std::unique_ptr<ML_Epetra::MultiLevelPreconditioner> cycle;
+  std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> cycle;
 
   Hierarchy(const Eigen::SparseMatrix<double, Eigen::RowMajor>& lower, Eigen::MatrixXd motions)
       : near_null(std::move(motions)),
         map(static_cast<int>(lower.rows()), 0, alone()),
-        matrix(copy_of(lower, map)) {
-    Teuchos::ParameterList options;
-    ML_Epetra::SetDefaults("SA", options);
-    options.set("ML output", 0);
-    options.set("PDE equations", 3);
-    options.set("aggregation: type", "Uncoupled");
-    options.set("smoother: type", "Chebyshev");  // 1.5 times as fast as symmetric Gauss-Seidel
-    options.set("smoother: sweeps", 2);
-    options.set("coarse: type", "Amesos-KLU");
-    options.set("coarse: max size", 2000);  // iterations grow with levels
-    options.set("null space: type", "pre-computed");
-    options.set("null space: dimension", static_cast<int>(near_null.cols()));
-    options.set("null space: vectors", near_null.data());
-    cycle = std::make_unique<ML_Epetra::MultiLevelPreconditioner>(matrix, options, true);
-    if (!cycle->IsPreconditionerComputed())
-      throw std::runtime_error("algebraic multigrid: ML finds no hierarchy for this matrix");
-  }
+        matrix(copy_of(lower, map)),
+        cycle(make_multigrid(matrix, near_null)) {}
 };
 
 AlgebraicMultigrid::AlgebraicMultigrid(const Eigen::SparseMatrix<double, Eigen::RowMajor>& lower,

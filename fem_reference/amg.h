@@ -5,7 +5,17 @@
 #include <Eigen/SparseCore>
 #include <memory>
 
+class Epetra_RowMatrix;
+namespace ML_Epetra {
+class MultiLevelPreconditioner;
+}
+
 namespace testbed {
+
+/// The hierarchy of a matrix with three unknowns to a node. Both arguments must outlive it.
+/// @param near_null  vectors that the matrix takes (nearly) to zero, over this process' unknowns
+std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> make_multigrid(const Epetra_RowMatrix& matrix,
+                                                                    Eigen::MatrixXd& near_null);
 
 /// A V-cycle for a symmetric matrix, as a preconditioner of conjugate gradients [Vanek, Mandel & Brezina
 /// 1996].

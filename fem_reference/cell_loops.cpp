@@ -68,7 +68,7 @@ void ElasticSolid::Implementation::find_load() {
     std::sort(corners.begin(), corners.end());
     triangle_of[corners] = f;
   }
-  for (const auto& cell : space.dofs.active_cell_iterators()) {
+  for (const auto& cell : space.cells()) {
     cell->get_dof_indices(dofs);
     if (loads.body_force) {
       values.reinit(cell);
@@ -86,6 +86,7 @@ void ElasticSolid::Implementation::find_load() {
         add(face_values, q, loads.traction(eigen(face_values.quadrature_point(q)), triangle));
     }
   }
+  sum_over_processes(load);
 }
 
 template <class Use>
@@ -99,7 +100,7 @@ void ElasticSolid::Implementation::for_each_element(const Space& on, const Matri
   const int n = static_cast<int>(on.scalar_element.n_dofs_per_cell());
   Eigen::Matrix<double, 3 * kMaxNodes, 3 * kMaxNodes> K;
   Eigen::Matrix<double, 3, kMaxNodes> f, g, u_cell;
-  for (const auto& cell : on.dofs.active_cell_iterators()) {
+  for (const auto& cell : on.cells()) {
     values.reinit(static_cast<dealii::Triangulation<3>::active_cell_iterator>(cell));
     const std::vector<int> ranks = on.ranks(cell);
     for (int a = 0; a < n; ++a) u_cell.col(a) = at.col(on.flat_of[3 * ranks[a]] / 3);
@@ -140,14 +141,14 @@ Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, 
                                                                const Matrix3Xd& at, double load_factor,
                                                                const Tangent& tangent) const {
   into.reset(on);
-  Eigen::VectorXd force(into.prescribed.size());
-  for (int i = 0; i < force.size(); ++i) force(i) = load_factor * load(on.flat_of[i]);
+  Eigen::VectorXd force = Eigen::VectorXd::Zero(into.prescribed.size());
   for_each_element(on, at, load_factor, tangent,
                    [&](const std::vector<int>& ranks, const auto& K, const auto& f, double) {
                      into.add_cell(ranks, K, f, force);
                    });
+  sum_over_processes(force);
   for (int i = 0; i < force.size(); ++i)
-    if (into.is_held[i]) force(i) = 0;
+    force(i) = into.is_held[i] ? 0 : force(i) + load_factor * load(on.flat_of[i]);
   return force;
 }
 
@@ -163,7 +164,7 @@ void ElasticSolid::Implementation::remove_rigid_motion(Matrix3Xd& displacement) 
   const unsigned n = space.element.n_dofs_per_cell();
   std::vector<unsigned> dofs(n);
   Eigen::MatrixXd products = Eigen::MatrixXd::Zero(m, m + 1), at(3, m + 1);
-  for (const auto& cell : space.dofs.active_cell_iterators()) {
+  for (const auto& cell : space.cells()) {
     values.reinit(cell);
     cell->get_dof_indices(dofs);
     for (unsigned q = 0; q < points.size(); ++q) {
@@ -174,6 +175,7 @@ void ElasticSolid::Implementation::remove_rigid_motion(Matrix3Xd& displacement) 
       products += values.JxW(q) * at.leftCols(m).transpose() * at;
     }
   }
+  sum_over_processes(products.reshaped());
   displacement.reshaped() -= fields.leftCols(m) * products.leftCols(m).ldlt().solve(products.col(m));
 }
 
@@ -187,7 +189,7 @@ void ElasticSolid::Implementation::measure(const Matrix3Xd& at, double load_fact
   const unsigned n = space.element.n_dofs_per_cell();
   std::vector<unsigned> dofs(n);
   report.elastic_energy = report.max_strain = 0;
-  for (const auto& cell : space.dofs.active_cell_iterators()) {
+  for (const auto& cell : space.cells()) {
     values.reinit(static_cast<dealii::Triangulation<3>::active_cell_iterator>(cell));
     cell->get_dof_indices(dofs);
     for (unsigned q = 0; q < points.size(); ++q) {
@@ -201,6 +203,8 @@ void ElasticSolid::Implementation::measure(const Matrix3Xd& at, double load_fact
       if (with_strain) report.max_strain = std::max(report.max_strain, largest_strain(law, F));
     }
   }
+  sum_over_processes(Eigen::Map<Eigen::VectorXd>(&report.elastic_energy, 1));
+  report.max_strain = largest_over_processes(report.max_strain);
 }
 
 Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,

@@ -9,6 +9,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "fem_reference/distributed.h"
 #include "fem_reference/implementation.h"
 #include "fem_reference/rigid.h"
 #include "meshing/surface.h"
@@ -191,6 +192,7 @@ ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor,
     if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor);
     stage("solve");
     const auto solve = [&] {
+      if (processes().n > 1) return solve_distributed(nodes, space, fine, rigid, residual, tolerance);
       return solver->solve(fine, coarse ? *coarse : fine, rigid, residual,
                            is_linear ? tolerance : std::clamp(kForcing * report.residual, 1e-6, kForcing));
     };

@@ -19,7 +19,7 @@ struct ElasticSolid::Implementation {
         nodes(mesh, degree),
         space(triangulate(mesh, triangulation), degree, nodes),
         u(Eigen::Matrix3Xd::Zero(3, nodes.X.cols())) {
-    if (degree == 2) {
+    if (degree == 2 && processes().n == 1) {
       coarse_space.emplace(triangulation, 1, nodes);
       coarse.emplace(*coarse_space);
     }

@@ -10,6 +10,7 @@
 #include "fem_reference/elasticity.h"
 #include "fem_reference/memory.h"
 #include "fem_reference/problem.h"
+#include "fem_reference/processes.h"
 #include "fem_reference/richardson.h"
 #include "meshing/files.h"
 #include "meshing/progress.h"
@@ -55,6 +56,18 @@ std::string unsolved_part(const Scene& scene) {
     return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
   if (scene.reference.law != ElasticLaw::SmallStrain && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping at finite strain: it would hold back rotations";
+  return "";
+}
+
+/// What several processes do not solve together; empty: nothing.
+std::string undivided_part(const Scene& scene, const Arguments& arguments) {
+  if (processes().n == 1) return "";
+  const std::string allowed = " under mpirun, expected linear statics";
+  if (scene.time.mode != TimeMode::Static) return "time.mode = \"dynamic\"" + allowed;
+  if (scene.reference.law != ElasticLaw::SmallStrain)
+    return "reference.law other than small_strain" + allowed;
+  if (scene.reference.inertia_relief) return "reference.inertia_relief" + allowed + " without it";
+  if (arguments.n_frequencies > 0) return "--frequencies" + allowed;
   return "";
 }
 
@@ -106,7 +119,7 @@ struct Run {
   const Scene& scene;
   const SurfaceMesh& surface;
   ElasticSolid& solid;
-  Recorder& recorder;
+  std::optional<Recorder>& recorder;  // of the first process
   StageTimer& timer;
   Progress& progress;
   nlohmann::ordered_json& record;
@@ -135,10 +148,10 @@ void run_static(Run& run) {
     run.timer.start("output");
     const double scale = path.is_proportional ? s : 1;  // of the solution at full load
     const Eigen::Matrix3Xd u = scale * run.solid.displacement();
-    if (run.scene.output.curves)
-      run.recorder.add_row(curve_row(s, s, run.surface, u, 0, scale * scale * report.elastic_energy,
-                                     scale * report.max_strain));
-    if (run.is_frame(n, n_steps)) run.recorder.add_frame(s, run.solid.X(), u);
+    if (run.recorder && run.scene.output.curves)
+      run.recorder->add_row(curve_row(s, s, run.surface, u, 0, scale * scale * report.elastic_energy,
+                                      scale * report.max_strain));
+    if (run.recorder && run.is_frame(n, n_steps)) run.recorder->add_frame(s, run.solid.X(), u);
     run.progress.update(s);
   }
   run.timer.stop();
@@ -193,10 +206,10 @@ void run_dynamic(Run& run) {
     run.timer.start("output");
     const Eigen::Matrix3Xd u = motion.u().reshaped(3, run.solid.X().cols());
     if (run.scene.output.curves)
-      run.recorder.add_row(curve_row(motion.t(), 1, run.surface, u, motion.kinetic_energy(),
-                                     motion.elastic_energy(), run.solid.max_strain(u)));
+      run.recorder->add_row(curve_row(motion.t(), 1, run.surface, u, motion.kinetic_energy(),
+                                      motion.elastic_energy(), run.solid.max_strain(u)));
     if (run.is_frame(n, n_steps))
-      run.recorder.add_frame(motion.t(), run.solid.X(), u, {{"velocity", motion.v().reshaped(3, u.cols())}});
+      run.recorder->add_frame(motion.t(), run.solid.X(), u, {{"velocity", motion.v().reshaped(3, u.cols())}});
     run.progress.update(static_cast<double>(n) / n_steps);
   }
   run.timer.stop();
@@ -214,15 +227,21 @@ void run_dynamic(Run& run) {
 bool run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
   const std::filesystem::path out = arguments.out;
-  std::filesystem::create_directories(out);
-  write_file(out / "scene.toml", to_toml(scene));
+  const bool is_first = processes().rank == 0;
+  if (is_first) {
+    std::filesystem::create_directories(out);
+    write_file(out / "scene.toml", to_toml(scene));
+  }
+  if (const std::string part = undivided_part(scene, arguments); !part.empty())
+    throw std::runtime_error(arguments.scene + ": " + part);
   if (const std::string part = unsolved_part(scene); !part.empty()) {
+    if (!is_first) return false;
     write_file(out / "run.json",
                nlohmann::ordered_json{{"status", "not_solved"}, {"reason", part}}.dump(2) + "\n");
     std::cerr << "not solved: " << arguments.scene << ": " << part << '\n';
     return false;
   }
-  Progress progress(arguments.is_quiet);
+  Progress progress(arguments.is_quiet || !is_first);
   StageTimer timer;
   timer.start("mesh");
   progress.stage("reference: mesh");
@@ -235,7 +254,7 @@ bool run(const Arguments& arguments) {
   timer.start("mesh");
   TetOptions options;
   options.interior_size = scene.reference.interior_size;
-  const TetMesh mesh = tetrahedralize(surface, options);
+  const TetMesh mesh = from_first_process(is_first ? tetrahedralize(surface, options) : TetMesh());
   const bool is_factor = scene.time.mode == TimeMode::Dynamic || arguments.n_frequencies > 0;
   check_memory(mesh.T.cols(), scene.reference.refine + std::max(0, arguments.n_levels - 1),
                scene.reference.degree, is_factor ? Memory::Factor : Memory::Iterations, memory_available());
@@ -246,9 +265,12 @@ bool run(const Arguments& arguments) {
   timer.stop();
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
   // The surface as it was given, refined or not, so that every run of it can be compared vertex by vertex.
-  Recorder recorder(out, {{5, surface.F}, {vtk_type, solid.cells()}}, mesh.n_surface);
+  std::optional<Recorder> recorder;
+  if (is_first)
+    recorder.emplace(out, std::vector<CellBlock>{{5, surface.F}, {vtk_type, solid.cells()}}, mesh.n_surface);
 
   nlohmann::ordered_json record = environment_record("fem_reference", 1);
+  record["processes"] = processes().n;
   record["name"] = scene.name;
   record["input_hash"] = hash;
   record["mesh_hash"] =
@@ -276,7 +298,7 @@ bool run(const Arguments& arguments) {
     record["n_rigid_modes"] = modes.n_rigid;
   }
   record["seconds"] = timer.seconds();
-  recorder.finish(record);
+  if (recorder) recorder->finish(record);
   return true;
 }
 
@@ -290,7 +312,8 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
-      "  fem_reference scene.toml --converge 2\n\n"
+      "  fem_reference scene.toml --converge 2\n"
+      "  mpirun -np 8 fem_reference scene.toml        (linear statics)\n\n"
       "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
       "with its\n"
       "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n"
@@ -314,6 +337,7 @@ int main(int argc, char** argv) {
     constexpr int kNotSolved = 3;
     return testbed::run(arguments) ? 0 : kNotSolved;
   } catch (const std::exception& error) {
+    if (testbed::processes().n > 1) testbed::abort_processes(error.what());
     std::cerr << "error: " << error.what() << '\n';
     return 1;
   }

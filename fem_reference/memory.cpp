@@ -27,7 +27,7 @@ double number_in(const char* file, const std::string& label, double unit) {
 }  // namespace
 
 double memory_needed(double n_tetrahedra, int degree, Memory kind) {
-  constexpr double kProgram = 0.25e9, kPerTetrahedron[] = {2800, 5900};  // algebraic multigrid; two levels
+  constexpr double kProgram = 0.25e9, kPerTetrahedron[] = {2950, 5900};  // algebraic multigrid; two levels
   const double matrix = kPerTetrahedron[degree - 1] * n_tetrahedra;
   if (kind == Memory::Iterations) return kProgram + matrix;
   constexpr double kDofs[] = {0.6, 4.4}, kFill[] = {280, 400};  // per tetrahedron; of nested dissection

@@ -1,5 +1,7 @@
 #include "fem_reference/space.h"
 
+#include <deal.II/grid/grid_tools.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <sstream>
@@ -56,6 +58,8 @@ dealii::Triangulation<3>& triangulate(const TetMesh& mesh, dealii::Triangulation
     tetrahedra.push_back(cell);
   }
   triangulation.create_triangulation(vertices, tetrahedra, dealii::SubCellData());
+  if (const int n = processes().n; n > 1)
+    dealii::GridTools::partition_triangulation(static_cast<unsigned>(n), triangulation);
   return triangulation;
 }
 
@@ -104,21 +108,22 @@ void SystemMatrix::reset(const Space& space) {
   // Columns of the blocks in each row of blocks, first with repetitions.
   const int n_nodes = static_cast<int>(space.dofs.n_dofs() / 3);
   std::vector<std::vector<int>> columns(n_nodes);
-  for (const auto& cell : space.dofs.active_cell_iterators()) {
+  for (const auto& cell : space.cells()) {
     const std::vector<int> ranks = space.ranks(cell);
     for (int row : ranks)
       for (int column : ranks)
         if (column <= row) columns[row].push_back(column);
   }
-  Eigen::Index n_blocks = 0;
+  Eigen::Index n_blocks = 0, n_diagonal = 0;
   for (std::vector<int>& row : columns) {
     std::sort(row.begin(), row.end());
     row.erase(std::unique(row.begin(), row.end()), row.end());
     row.shrink_to_fit();
     n_blocks += static_cast<Eigen::Index>(row.size());
+    n_diagonal += !row.empty();
   }
   lower.resize(3 * n_nodes, 3 * n_nodes);
-  lower.resizeNonZeros(9 * n_blocks - 3 * n_nodes);
+  lower.resizeNonZeros(9 * n_blocks - 3 * n_diagonal);
   int* start = lower.outerIndexPtr();
   int* column = lower.innerIndexPtr();
   for (int node = 0; node < n_nodes; ++node)

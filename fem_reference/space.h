@@ -5,6 +5,7 @@
 #include <deal.II/fe/fe_simplex_p.h>
 #include <deal.II/fe/fe_system.h>
 #include <deal.II/fe/mapping_fe.h>
+#include <deal.II/grid/filtered_iterator.h>
 #include <deal.II/grid/tria.h>
 
 #include <Eigen/Core>
@@ -14,6 +15,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "fem_reference/processes.h"
 #include "meshing/mesh.h"
 
 namespace testbed {
@@ -36,6 +38,7 @@ struct Nodes {
   std::unordered_map<std::uint64_t, int> middle_;
 };
 
+/// Its cells are divided among the processes by their subdomain.
 dealii::Triangulation<3>& triangulate(const TetMesh& mesh, dealii::Triangulation<3>& triangulation);
 
 /// A vector-valued Lagrange space, its degrees of freedom by node and back. Those of a node follow each
@@ -50,6 +53,12 @@ struct Space {
   Space(const dealii::Triangulation<3>& triangulation, int degree, const Nodes& nodes);
 
   using Cell = dealii::DoFHandler<3>::active_cell_iterator;
+  /// This process' cells.
+  auto cells() const {
+    return dealii::filter_iterators(
+        dofs.active_cell_iterators(),
+        dealii::IteratorFilters::SubdomainEqualTo(static_cast<unsigned>(processes().rank)));
+  }
   /// First degree of freedom over 3 of the node of each of a cell's scalar functions.
   std::vector<int> ranks(const Cell& cell) const;
 };
@@ -66,7 +75,7 @@ class SystemMatrix {
 
   /// Nothing held.
   explicit SystemMatrix(const Space& space);
-  /// Zero, with room for what the space's cells couple.
+  /// Zero, with room for what this process' cells couple.
   void reset(const Space& space);
   /// Adds a cell's matrix, whose 3 x 3 blocks (a, b), a <= b, are given, and force (3 x n); `ranks` of its n
   /// nodes: first degree of freedom over 3.

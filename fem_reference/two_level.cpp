@@ -1,12 +1,11 @@
 #include "fem_reference/two_level.h"
 
 #include <Eigen/CholmodSupport>
-#include <limits>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "fem_reference/amg.h"
+#include "fem_reference/conjugate_gradients.h"
 #include "fem_reference/rigid.h"
 
 namespace testbed {
@@ -22,10 +21,6 @@ constexpr int kMaxIterations = 2000;
 constexpr int kRefinements = 10;  // with a factor of the whole matrix: more gain nothing beyond rounding
 /// Of the diagonal, where rigid motions are free; the larger ones where a body out of balance would turn.
 constexpr double kShifts[] = {1e-8, 1e-4, 1e-2};
-
-VectorXd without(const Eigen::MatrixXd& columns, const VectorXd& v) {
-  return columns.cols() == 0 ? v : v - columns * (columns.transpose() * v).eval();
-}
 
 Rows shifted(Rows lower, double shift) {
   for (int i = 0; i < lower.rows(); ++i) lower.valuePtr()[lower.outerIndexPtr()[i + 1] - 1] *= 1 + shift;
@@ -127,35 +122,14 @@ struct TwoLevelSolver::Levels {
     return z + d;
   }
 
-  /// Conjugate gradients in the space orthogonal to `rigid`, which a tangent out of balance does not take to
-  /// zero.
   LinearReport iterate(const SystemMatrix& fine, const Eigen::MatrixXd& rigid, const VectorXd& b,
                        double tolerance, int max_iterations) const {
-    const auto K = fine.lower.selfadjointView<Eigen::Lower>();
-    LinearReport report;
-    report.x = VectorXd::Zero(b.size());
-    VectorXd r = b, z = without(rigid, apply(fine, r)), p = z, Kp(b.size());
-    const double size = b.norm();
-    double rz = r.dot(z);
-    while (r.norm() > tolerance * size && report.iterations < max_iterations) {
-      Kp.noalias() = K * p;
-      Kp = without(rigid, Kp);
-      const double curvature = p.dot(Kp);
-      report.is_definite = curvature > 0;
-      if (!report.is_definite) break;
-      const double alpha = rz / curvature;
-      report.x += alpha * p;
-      r -= alpha * Kp;
-      z = without(rigid, apply(fine, r));
-      const double rz_before = std::exchange(rz, r.dot(z));
-      p = z + rz / rz_before * p;
-      ++report.iterations;
-    }
-    report.residual = size > 0 ? r.norm() / size : 0;
-    // No solver does better than the rounding of its products [Rigal & Gaches 1967].
-    const double rounding = std::numeric_limits<double>::epsilon() * fine.lower.norm() * report.x.norm();
-    report.is_converged = report.residual <= tolerance || r.norm() <= rounding;
-    return report;
+    return conjugate_gradients(
+        [&](const VectorXd& p, VectorXd& Kp) {
+          Kp.noalias() = fine.lower.selfadjointView<Eigen::Lower>() * p;
+        },
+        [&](const VectorXd& r) { return apply(fine, r); }, fine.lower.norm(), rigid, b, tolerance,
+        max_iterations);
   }
 
   std::string name() const {
