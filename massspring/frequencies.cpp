@@ -88,4 +88,13 @@ Eigen::VectorXd natural_frequencies(const MassSpringModel& model, const std::vec
   return frequencies;
 }
 
+double damping_of_ratio(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                        double ratio) {
+  constexpr int kTried = 24;
+  for (double f : natural_frequencies(model, constraints, kTried))
+    if (f > 0) return 2 * ratio * 2 * M_PI * f;
+  throw std::runtime_error("material.damping_ratio = " + std::to_string(ratio) + ": the lowest " +
+                           std::to_string(kTried) + " motions cost no energy, expected a vibration");
+}
+
 }  // namespace testbed

@@ -11,4 +11,10 @@ namespace testbed {
 Eigen::VectorXd natural_frequencies(const MassSpringModel& model, const std::vector<Constraint>& constraints,
                                     int n);
 
+/// Mass-proportional damping (1/s) that damps the lowest vibration by `ratio` of what is critical: 2 ratio
+/// omega.
+/// @throws std::runtime_error as natural_frequencies does, and where the lowest 24 motions cost no energy.
+double damping_of_ratio(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                        double ratio);
+
 }  // namespace testbed

@@ -129,7 +129,9 @@ void run(const Arguments& arguments) {
   progress.stage("mass-spring: setup");
   const MassSpringModel model = model_of(scene, nodes, calibration);
   const SpringNetwork& network = model.network;
-  const Forces forces = forces_of(scene, model);
+  Forces forces = forces_of(scene, model);
+  if (!is_static && scene.material.damping_ratio > 0)
+    forces.mass_damping += damping_of_ratio(model, forces.constraints, scene.material.damping_ratio);
   State state = initial_state(model);
   const double rest_volume = state.target_volume;
   Recorder recorder(out, cells_of(network), network.n_surface);
@@ -138,6 +140,7 @@ void run(const Arguments& arguments) {
   record["name"] = scene.name;
   record["calibration"] = calibration.name;
   record["mass"] = model.spread_mass ? "consistent" : "lumped";
+  record["mass_damping"] = forces.mass_damping;
   record["input_hash"] = hash;
   record["mesh_hash"] =
       hash_of({reinterpret_cast<const char*>(network.X.data()), network.X.size() * sizeof(double)});

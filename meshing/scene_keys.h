@@ -116,6 +116,8 @@ void describe(V& v, Material& m) {
   v("nu", m.nu, kPoisson, "Poisson's ratio");
   v("rho", m.rho, kPositive, "density (kg/m3)");
   v("damping", m.damping, kNotNegative, "mass-proportional damping (1/s)");
+  v("damping_ratio", m.damping_ratio, kNotNegative,
+    "of the lowest vibration, over critical, by mass-proportional damping as well");
   v("stiffness_damping", m.stiffness_damping, kNotNegative,
     "stiffness-proportional damping (s), elements only");
 }

@@ -4,8 +4,10 @@
 
 #include "massspring/calibrate.h"
 #include "massspring/frequencies.h"
+#include "massspring/integrators.h"
 #include "tests/massspring/box_tets.h"
 #include "tests/massspring/dense.h"
+#include "tests/massspring/small_network.h"
 
 namespace testbed {
 namespace {
@@ -43,6 +45,24 @@ TEST(NaturalFrequencies, OfSpreadMassAreThoseOfTheConsistentMatrix) {
   MassSpringModel model = bar();
   model.spread_mass = spread_mass(model.network.X, model.network.T, model.material.rho);
   expect_those_of(model, consistent_mass(model));
+}
+
+TEST(NaturalFrequencies, DampingOfARatioLetsTheLowestVibrationDieByIt) {
+  const MassSpringModel model = bar();
+  constexpr double ratio = 0.1, amplitude = 1e-6;
+  constexpr int n_rigid = 6, n_steps = 400;
+  const MatrixXd M = model.mass.replicate(1, 3).transpose().reshaped().asDiagonal();
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(dense_stiffness(model), M);
+  const Eigen::VectorXd mode = eigen.eigenvectors().col(n_rigid);
+  const double omega = std::sqrt(eigen.eigenvalues()(n_rigid)), damped = omega * std::sqrt(1 - ratio * ratio);
+  Forces forces = no_forces(model);
+  forces.mass_damping = damping_of_ratio(model, {}, ratio);
+  State state = initial_state(model);
+  state.x += amplitude * mode.reshaped(3, state.x.cols());
+  TimeStepper stepper(model, forces, Integrator::Rk4, 1);
+  for (int i = 0; i < n_steps; ++i) stepper.step(state, 2 * M_PI / damped / n_steps);
+  const double left = (M * (state.x - model.network.X).reshaped()).dot(mode) / amplitude;
+  EXPECT_NEAR(left / std::exp(-ratio * omega * 2 * M_PI / damped), 1, 1e-4);
 }
 
 TEST(NaturalFrequencies, OfAnOscillatorWhoseOtherDirectionsAreHeld) {
