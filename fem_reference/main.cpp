@@ -184,6 +184,12 @@ void run_dynamic(Run& run) {
     held[3 * h.node + h.component] = static_cast<int>(k);
   }
   for (const auto& [unknown, k] : held) system.held.push_back(unknown);
+  if (run.scene.material.damping_ratio > 0) {
+    constexpr int kOneVibration = 7;  // behind at most six rigid motions
+    const Modes modes = natural_modes(system.K, system.M, system.held, kOneVibration);
+    system.damping += 2 * run.scene.material.damping_ratio * 2 * M_PI * modes.frequency[modes.n_rigid];
+  }
+  run.record["mass_damping"] = system.damping;
   system.held_motion = [&](double t) {
     Eigen::VectorXd u(static_cast<Eigen::Index>(held.size()));
     Eigen::Index i = 0;
