@@ -36,7 +36,7 @@ TEST_P(Stability, FromEveryStartStepsConvergeAndGainNoEnergy) {
 }
 
 // Nothing but a body's own inertia, a billionth of its stiffness, holds it from turning.
-TEST(Stability, AStiffMirroredBodyTurnsBackInLongStepsFromAnySeed) {
+TEST(Stability, AStiffMirroredBodyTurnsBackInLongSteps) {
   for (const char* method : {"minimising_edge_coupled", "minimising_node_averaged"})
     for (const std::uint64_t seed : {1, 2}) {
       constexpr double E = 1e9, h = 1;
