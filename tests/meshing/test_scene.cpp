@@ -200,9 +200,11 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
   EXPECT_EQ(error_of(ball + "[material]\nE = nan\n"),
             "scene.toml:4: material.E = nan, expected a number: Young's modulus (Pa)");
   EXPECT_EQ(error_of(ball + "[material]\nyoung = 1\n"),
-            "scene.toml:4: material.young = 1: unknown key (known: E, nu, rho, damping, stiffness_damping)");
+            "scene.toml:4: material.young = 1: unknown key (known: E, nu, rho, damping, damping_ratio, "
+            "stiffness_damping)");
   EXPECT_EQ(error_of(ball + "[material]\nrh = 1\n"),
             "scene.toml:4: material.rh = 1: unknown key, did you mean rho? (known: E, nu, rho, damping, "
+            "damping_ratio, "
             "stiffness_damping)");
   EXPECT_EQ(error_of(ball + "[materials]\nE = 1\n").substr(0, 65),
             "scene.toml:3: materials = table: unknown key, did you mean materi");
