@@ -9,40 +9,18 @@
 #include <Eigen/SparseCore>
 #include <cmath>
 
-#include "massspring/calibrate.h"
 #include "massspring/implicit_matrix.h"
 #include "massspring/integrators.h"
 #include "massspring/linear_statics.h"
-#include "meshing/network.h"
-#include "meshing/shapes.h"
+#include "tests/benchmark/table_1.h"
 #include "tests/massspring/box_tets.h"
 
 namespace {
 
 using namespace testbed;
 
-struct Table1 {
-  const char* shape;
-  int n_surface, multiplicity;
-  double explicit_fps, implicit_fps;  // as published
-};
-const Table1 kModels[]{{"ball", 162, 5, 33.25, 1.42},
-                       {"torus", 924, 5, 12.51, 0.50},
-                       {"handle", 932, 3, 16.62, 0.66},
-                       {"head", 3897, 3, 5.14, 0.23}};
 constexpr double kSoft = 1e5, kStiff = 1e8;  // Pa; the soft ones sag by a good part of their height
 constexpr int kWarmUp = 3;                   // steps after which bodies stand and solvers are chosen
-
-MassSpringModel make_model(const Table1& row, double E) {
-  const SurfaceMesh surface = make_shape(row.shape, row.n_surface);
-  SampleOptions sampling;
-  sampling.k = 500;
-  sampling.phi = sampling.psi = 0.02;
-  Material material;
-  material.E = E;
-  return calibrate(link_pcp(surface, sample_interior(surface, sampling), {row.multiplicity}), material,
-                   find_calibration("uniform"));
-}
 
 Forces make_forces(const MassSpringModel& model) {
   Forces forces;
