@@ -127,9 +127,16 @@ void run(const Arguments& arguments) {
 
   timer.start("setup");
   progress.stage("mass-spring: setup");
-  const MassSpringModel model = model_of(scene, nodes, calibration);
+  MassSpringModel model = model_of(scene, nodes, calibration);
   const SpringNetwork& network = model.network;
   Forces forces = forces_of(scene, model);
+  if (model.spread_mass) {
+    std::vector<int> driven;
+    for (const Constraint& c : forces.constraints)
+      if (!c.displacement.isZero(0) || c.motion[0] || c.motion[1] || c.motion[2]) driven.push_back(c.node);
+    std::sort(driven.begin(), driven.end());
+    gather(driven, *model.spread_mass);
+  }
   if (!is_static && scene.material.damping_ratio > 0)
     forces.mass_damping += damping_of_ratio(model, forces.constraints, scene.material.damping_ratio);
   State state = initial_state(model);

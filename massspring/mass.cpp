@@ -22,6 +22,12 @@ SpreadMass spread_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, dou
   return spread;
 }
 
+void gather(const std::vector<int>& nodes, SpreadMass& spread) {
+  for (Eigen::Index e = 0; e < spread.E.cols(); ++e)
+    for (int i : spread.E.col(e))
+      if (std::binary_search(nodes.begin(), nodes.end(), i)) spread.r(e) = 0;
+}
+
 void add_product(const SpreadMass& spread, double factor, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) {
   for (Eigen::Index e = 0; e < spread.E.cols(); ++e) {
     const int i = spread.E(0, e), j = spread.E(1, e);

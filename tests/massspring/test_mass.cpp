@@ -80,6 +80,17 @@ TEST(SpreadMass, EveryImplicitSchemeSwingsByIt) {
   EXPECT_GT(phase_error(Integrator::Midpoint, 100), 0.5);
 }
 
+TEST(SpreadMass, GatheredAtHeldNodesLeavesTheOthersTheirWholeInertia) {
+  MassSpringModel model = bar();
+  const std::vector<int> held{0, 3, 7};
+  Matrix3Xd v = Vector3d(1, 2, 3).replicate(1, model.mass.size());
+  for (int i : held) v.col(i).setZero();
+  const Matrix3Xd at_nodes = v * model.mass.asDiagonal();
+  EXPECT_GT((momenta(model, v) - at_nodes).norm(), 0.01 * at_nodes.norm());
+  gather(held, *model.spread_mass);
+  EXPECT_LT((momenta(model, v) - at_nodes).norm(), 1e-14 * at_nodes.norm());
+}
+
 TEST(SpreadMass, ExplicitSchemesRefuseIt) {
   const MassSpringModel model = bar();
   const Forces forces = no_forces(model);
