@@ -250,16 +250,20 @@ void add_product(const TetSprings& springs, const TetStiffness& stiffness, const
 
 void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
                  const Eigen::VectorXd& scale) {
+  std::vector<Eigen::Matrix<double, 9, 3>> columns;
   for (int p = 0; p < springs.n_patches(); ++p) {
     const double s = scale_of(scale, p);
     const Matrix9d VH =
         s * springs.volume[p] *
         stiffness(deformation_gradient(springs, p, x) / s, springs.lambda[p], springs.mu, curvature);
-    for (int e = springs.first[p]; e < springs.first[p + 1]; ++e) {
-      const Eigen::Matrix<double, 9, 3> column = VH * spread(springs.b.col(e));
-      for (int r = springs.first[p]; r < springs.first[p + 1]; ++r) {
-        Matrix3d& block = K.block[K.find(springs.node[r], springs.node[e])];
-        for (int j = 0; j < 3; ++j) block += springs.b(j, r) * column.middleRows<3>(3 * j);
+    const int begin = springs.first[p], end = springs.first[p + 1];
+    columns.clear();
+    for (int e = begin; e < end; ++e) columns.push_back(VH * spread(springs.b.col(e)));
+    for (int r = begin; r < end; ++r) {
+      int k = K.row_start[springs.node[r]];  // a patch's nodes ascend, as do a row's columns
+      for (int e = begin; e < end; ++e) {
+        while (K.column[k] != springs.node[e]) ++k;
+        for (int j = 0; j < 3; ++j) K.block[k] += springs.b(j, r) * columns[e - begin].middleRows<3>(3 * j);
       }
     }
   }

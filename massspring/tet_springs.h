@@ -30,7 +30,7 @@ Lame lame_of(const Material& material);
 /// Patches in compressed storage: patch p has entries first[p] ... first[p + 1] - 1.
 struct TetSprings {
   std::vector<int> first;  ///< n_patches + 1
-  std::vector<int> node;   ///< node of each entry
+  std::vector<int> node;   ///< node of each entry, ascending in a patch
   Eigen::Matrix3Xd b;      ///< b_j of each entry (1/m)
   Eigen::VectorXd weight;  ///< of each entry's node in the patch's centre of mass
   Eigen::VectorXd volume;  ///< V of each patch (m3)
