@@ -51,16 +51,28 @@ constexpr int kBatch = 128;
 typedef double Padded __attribute__((vector_size(32), aligned(8)));
 #define TESTBED_EVERY_WIDTH __attribute__((target_clones("avx512f", "avx2", "default")))
 
-/// @param x, f  4 n doubles
+/// Bodies of more nodes than fit the second-level cache wait for memory unless the nodes of the springs to
+/// come are asked for in time, those where a batch of springs ends being the ones that hardware does not
+/// foresee.
+[[gnu::always_inline]] inline void prefetch_batch_after(int first, const Eigen::Matrix2Xi& E, int n_nodes,
+                                                        const Padded* in, const Padded* out) {
+  constexpr int kNodesInCache = 16384;
+  if (n_nodes <= kNodesInCache) return;
+  for (int s = first + kBatch, end = std::min(s + kBatch, static_cast<int>(E.cols())); s < end; ++s) {
+    __builtin_prefetch(in + E(1, s));
+    __builtin_prefetch(out + E(1, s), 1);
+  }
+}
+
+/// @param X, F  a column for each node
 template <class Law>
 [[gnu::always_inline]] inline void add_forces_of(const Springs& springs, const double* rest_length,
-                                                 const double* x, double* f) {
-  const Padded* X = reinterpret_cast<const Padded*>(x);
-  Padded* F = reinterpret_cast<Padded*>(f);
+                                                 int n_nodes, const Padded* X, Padded* F) {
   Padded l[kBatch];
   double squared[kBatch], factor[kBatch];
   const int n = static_cast<int>(springs.E.cols());
   for (int first = 0; first < n; first += kBatch) {
+    prefetch_batch_after(first, springs.E, n_nodes, X, F);
     const int m = std::min(kBatch, n - first);
     const int* E = springs.E.data() + 2 * first;
     const double *k = springs.stiffness.data() + first, *r = rest_length + first;
@@ -87,35 +99,39 @@ template <class Law>
   }
 }
 
-/// @param B, p, y  4 doubles per spring, per node, per node
-TESTBED_EVERY_WIDTH void add_padded_product(const Eigen::Matrix2Xi& pairs, const double* B, const double* p,
-                                            double* y) {
-  const Padded *block = reinterpret_cast<const Padded*>(B), *P = reinterpret_cast<const Padded*>(p);
-  Padded* Y = reinterpret_cast<Padded*>(y);
+/// @param block, P, Y  a column for each spring, node, node
+TESTBED_EVERY_WIDTH void add_padded_product(const Eigen::Matrix2Xi& pairs, const Padded* block, int n_nodes,
+                                            const Padded* P, Padded* Y) {
   const int* E = pairs.data();
-  for (int s = 0, n = static_cast<int>(pairs.cols()); s < n;) {
-    const int a = E[2 * s];
-    const Padded p_a = P[a];
-    Padded sum{};
-    do {
-      const Padded d = p_a - P[E[2 * s + 1]], u = block[s], products = u * d;
-      const Padded q = u * (products[0] + products[1] + products[2]) + d * u[3];
-      Y[E[2 * s + 1]] -= q;
-      sum += q;
-      ++s;
-    } while (s < n && E[2 * s] == a);
-    Y[a] += sum;
+  const int n = static_cast<int>(pairs.cols());
+  for (int first = 0; first < n; first += kBatch) {
+    prefetch_batch_after(first, pairs, n_nodes, P, Y);
+    for (int s = first, end = std::min(n, first + kBatch); s < end;) {
+      const int a = E[2 * s];
+      const Padded p_a = P[a];
+      Padded sum{};
+      do {
+        const Padded d = p_a - P[E[2 * s + 1]], u = block[s], products = u * d;
+        const Padded q = u * (products[0] + products[1] + products[2]) + d * u[3];
+        Y[E[2 * s + 1]] -= q;
+        sum += q;
+        ++s;
+      } while (s < end && E[2 * s] == a);
+      Y[a] += sum;
+    }
   }
 }
 
-TESTBED_EVERY_WIDTH void add_hooke(const Springs& springs, const double* r, const double* x, double* f) {
-  add_forces_of<Hooke>(springs, r, x, f);
+TESTBED_EVERY_WIDTH void add_hooke(const Springs& springs, const double* r, int n_nodes, const Padded* x,
+                                   Padded* f) {
+  add_forces_of<Hooke>(springs, r, n_nodes, x, f);
 }
-TESTBED_EVERY_WIDTH void add_definite(const Springs& springs, const double* r, const double* x, double* f) {
-  add_forces_of<Definite>(springs, r, x, f);
+TESTBED_EVERY_WIDTH void add_definite(const Springs& springs, const double* r, int n_nodes, const Padded* x,
+                                      Padded* f) {
+  add_forces_of<Definite>(springs, r, n_nodes, x, f);
 }
 
-/// Calls kernel(4 n doubles: in with a row of zeros; 4 n doubles that it adds to) and adds the result to out.
+/// Calls kernel(n; n columns of in; n columns that it adds to) and adds the result to out.
 template <class Kernel>
 void apply_padded(const Kernel& kernel, const Eigen::Matrix3Xd& in, Eigen::Matrix3Xd& out) {
   thread_local Eigen::Matrix4Xd padded_in, padded_out;  // kept, so that a step allocates nothing
@@ -123,7 +139,8 @@ void apply_padded(const Kernel& kernel, const Eigen::Matrix3Xd& in, Eigen::Matri
   padded_in.topRows<3>() = in;
   padded_in.row(3).setZero();
   padded_out.setZero(4, in.cols());
-  kernel(padded_in.data(), padded_out.data());
+  kernel(static_cast<int>(in.cols()), reinterpret_cast<const Padded*>(padded_in.data()),
+         reinterpret_cast<Padded*>(padded_out.data()));
   out += padded_out.topRows<3>();
 }
 
@@ -144,7 +161,8 @@ double energy(const Springs& springs, const Eigen::VectorXd& rest_length, const 
 void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                 Eigen::Matrix3Xd& f) {
   const auto add = springs.law == SpringLaw::Hooke ? add_hooke : add_definite;
-  apply_padded([&](const double* in, double* out) { add(springs, rest_length.data(), in, out); }, x, f);
+  apply_padded([&](int n, const Padded* in, Padded* out) { add(springs, rest_length.data(), n, in, out); }, x,
+               f);
 }
 
 SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
@@ -187,8 +205,9 @@ void add_diagonal(const Springs& springs, const SpringBlocks& B, std::vector<Eig
 
 void add_product(const Springs& springs, const SpringBlocks& B, const Eigen::Matrix3Xd& p,
                  Eigen::Matrix3Xd& y) {
-  apply_padded([&](const double* in, double* out) { add_padded_product(springs.E, B.data(), in, out); }, p,
-               y);
+  const auto* blocks = reinterpret_cast<const Padded*>(B.data());
+  apply_padded(
+      [&](int n, const Padded* in, Padded* out) { add_padded_product(springs.E, blocks, n, in, out); }, p, y);
 }
 
 void add_damping_forces(const Springs& springs, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,
