@@ -147,7 +147,25 @@ BarrierValue barrier_at(double d, double range) {
   return {-e * e * q, -2 * e * q - e * e / d, -2 * q - 4 * e / d + e * e / (d * d)};
 }
 
-constexpr double kClosest = 1e-3;    // of the range: where steps end that would go in
+/// The length s (m) that friction acts along, smoothed below `slip`: its value, s over its derivative by s,
+/// and the derivative of that.
+struct SmoothLength {
+  double value, norm, dnorm;
+};
+
+SmoothLength smooth_length(double s, double slip) {
+  const double q = s / slip;
+  if (q >= 1) return {s, s, 1};
+  return {slip * (q * q * (1 - q / 3) + 1. / 3), slip / (2 - q), 1 / ((2 - q) * (2 - q))};
+}
+
+Vector3d direction(const Vector3d& v) {
+  const double length = v.norm();
+  return length > 0 ? Vector3d(v / length) : Vector3d::Zero();
+}
+
+constexpr double kClosest = 1e-3;    // of the range: where ways end that would go in
+constexpr double kFirst = 0.5;       // of the range: the first guess of a new contact's gap
 constexpr double kStillSpeed = 0.1;  // ranges per second that are no motion
 
 }  // namespace
@@ -163,6 +181,11 @@ Barrier::Barrier(const MassSpringModel& model, const Forces& forces) : bodies_(f
   for (const Constraint& c : forces.constraints) is_held[c.node] = true;
   for (int i = 0; i < X.cols(); ++i)
     if (!is_held[i]) nodes_.push_back(i);
+}
+
+Vector3d Barrier::slid(const Held& held, const Matrix3Xd& x) const {
+  const Vector3d way = x.col(held.node) - held.start;
+  return way - held.normal.dot(way) * held.normal;
 }
 
 template <class Visit>
@@ -183,9 +206,10 @@ void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
       const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t);
       if (gap.distance <= 0 || gap.distance >= range_) continue;
       const double force = -kappa_ * barrier_at(gap.distance, range_).db;
-      held_.push_back({i, static_cast<int>(b), gap.normal, x.col(i) + shift, bodies_[b].friction * force});
+      held_.push_back({i, gap.normal, x.col(i) + shift, bodies_[b].friction * force, Vector3d::Zero()});
     }
   }
+  t_before_ = t;
   t_ = t + h;
 }
 
@@ -195,8 +219,12 @@ bool Barrier::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
     for (const int i : nodes_) {
       Vector3d yi = y.col(i);
       if (const auto touch = body.first_touch(x.col(i), yi, t_, 0, kClosest * range_)) yi = *touch;
-      if (const RigidBody::Gap gap = body.gap(yi, t_); gap.distance < kClosest * range_)
-        yi += (kClosest * range_ - gap.distance) * gap.normal;
+      // Newton's method doubles a gap that is far too small, so nodes in touch keep theirs.
+      if (const RigidBody::Gap gap = body.gap(yi, t_); gap.distance < kFirst * range_) {
+        const double before = body.gap(x.col(i), t_before_).distance;
+        const double kept = std::clamp(before, kClosest * range_, kFirst * range_);
+        if (gap.distance < kept) yi += (kept - gap.distance) * gap.normal;
+      }
       is_moved |= yi != y.col(i);
       y.col(i) = yi;
     }
@@ -223,12 +251,7 @@ double Barrier::energy(const Matrix3Xd& x) const {
     sum += gap.distance > 0 ? kappa_ * barrier_at(gap.distance, range_).b
                             : std::numeric_limits<double>::infinity();
   });
-  for (const Held& held : held_) {
-    Vector3d slid = x.col(held.node) - held.start;
-    slid -= held.normal.dot(slid) * held.normal;
-    const double s = slid.norm(), q = s / slip_;
-    sum += held.limit * (s < slip_ ? slip_ * q * q * (1 - q / 3) + slip_ / 3 : s);
-  }
+  for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip_).value;
   return sum;
 }
 
@@ -237,10 +260,8 @@ void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
     f.col(i) -= kappa_ * barrier_at(gap.distance, range_).db * gap.normal;
   });
   for (const Held& held : held_) {
-    Vector3d slid = x.col(held.node) - held.start;
-    slid -= held.normal.dot(slid) * held.normal;
-    const double s = slid.norm(), q = s / slip_;
-    f.col(held.node) -= held.limit * (s < slip_ ? (2 - q) / slip_ : 1 / s) * slid;
+    const Vector3d way = slid(held, x);
+    f.col(held.node) -= held.limit / smooth_length(way.norm(), slip_).norm * way;
   }
 }
 
@@ -248,15 +269,24 @@ void Barrier::add_hessian(const Matrix3Xd& x, std::vector<Eigen::Matrix3d>& diag
   for_each_near(x, [&](int, int i, const RigidBody::Gap& gap) {
     diagonal[i] += kappa_ * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
   });
+  // Of norm * friction = limit * way by x, the symmetric part.
   for (const Held& held : held_) {
-    Vector3d slid = x.col(held.node) - held.start;
-    slid -= held.normal.dot(slid) * held.normal;
-    const double s = slid.norm(), q = s / slip_;
-    const double across = s < slip_ ? (2 - q) / slip_ : 1 / s, along = s < slip_ ? 2 * (1 - q) / slip_ : 0;
-    const Vector3d d = s > 0 ? Vector3d(slid / s) : Vector3d::Zero();
+    const Vector3d way = slid(held, x);
+    const SmoothLength length = smooth_length(way.norm(), slip_);
+    const Eigen::Matrix3d turned = held.friction * direction(way).transpose();
     diagonal[held.node] +=
-        held.limit * (across * (Eigen::Matrix3d::Identity() - held.normal * held.normal.transpose()) +
-                      (along - across) * d * d.transpose());
+        held.limit / length.norm * (Eigen::Matrix3d::Identity() - held.normal * held.normal.transpose()) -
+        length.dnorm / (2 * length.norm) * (turned + turned.transpose());
+  }
+}
+
+void Barrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
+  for (Held& held : held_) {
+    const Vector3d before = slid(held, x), way = slid(held, y);
+    const SmoothLength length = smooth_length(before.norm(), slip_);
+    const double grown = length.dnorm * direction(before).dot(way - before);
+    held.friction = (held.limit * way - grown * held.friction) / length.norm;
+    if (const double size = held.friction.norm(); size > held.limit) held.friction *= held.limit / size;
   }
 }
 

@@ -58,6 +58,11 @@ class Barrier {
   /// Largest part of the step dx from x that stays outside, at most 1.
   double largest_step(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx) const;
 
+  /// Newton's method went from x to y: friction forces as the last Hessian foresaw them, which the next one
+  /// takes. That of friction at y itself knows nothing of what lies beyond the slip: iterates then leap to
+  /// and fro across it [Chan, Golub & Mulet 1999].
+  void follow(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y);
+
   /// Diagonal blocks += positive semidefinite part of the Hessian (N/m).
   void add_hessian(const Eigen::Matrix3Xd& x, std::vector<Eigen::Matrix3d>& diagonal) const;
   double energy(const Eigen::Matrix3Xd& x) const;                         ///< J; infinite inside
@@ -65,17 +70,20 @@ class Barrier {
 
  private:
   struct Held {
-    int node, body;
+    int node;
     Eigen::Vector3d normal, start;  ///< start: of the node, moving with the body (m)
     double limit;                   ///< friction coefficient times contact force (N)
+    Eigen::Vector3d friction;       ///< that the node exerts, as foreseen (N)
   };
+  Eigen::Vector3d slid(const Held& held, const Eigen::Matrix3Xd& x) const;
   template <class Visit>
   void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;
 
   const std::vector<RigidBody>& bodies_;
-  std::vector<int> nodes_;   ///< that are free
-  double kappa_, range_;     ///< N/m, m
-  double t_ = 0, slip_ = 0;  ///< slip: below which friction is smoothed (m)
+  std::vector<int> nodes_;  ///< that are free
+  double kappa_, range_;    ///< N/m, m
+  double t_before_ = 0, t_ = 0;
+  double slip_ = 0;  ///< below which friction is smoothed (m)
   std::vector<Held> held_;
 };
 

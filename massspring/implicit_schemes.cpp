@@ -11,11 +11,11 @@ using Eigen::Matrix3Xd;
 
 class StagedScheme : public Scheme {
  public:
-  explicit StagedScheme(const Motion& motion) : motion_(motion), stage_(motion) {}
+  explicit StagedScheme(Motion& motion) : motion_(motion), stage_(motion) {}
   std::string solver_choice() const override { return stage_.solver_choice(); }
 
  protected:
-  const Motion& motion_;
+  Motion& motion_;
   ImplicitStage stage_;
 };
 
@@ -105,16 +105,16 @@ class TrBdf2 : public StagedScheme {
 
 }  // namespace
 
-std::unique_ptr<Scheme> make_minimising_euler(const Motion& motion) {
+std::unique_ptr<Scheme> make_minimising_euler(Motion& motion) {
   return std::make_unique<MinimisingEuler>(motion);
 }
-std::unique_ptr<Scheme> make_midpoint(const Motion& motion) {
+std::unique_ptr<Scheme> make_midpoint(Motion& motion) {
   return std::make_unique<Midpoint>(motion);
 }
-std::unique_ptr<Scheme> make_bdf2(const Motion& motion) {
+std::unique_ptr<Scheme> make_bdf2(Motion& motion) {
   return std::make_unique<Bdf2>(motion);
 }
-std::unique_ptr<Scheme> make_tr_bdf2(const Motion& motion) {
+std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion) {
   return std::make_unique<TrBdf2>(motion);
 }
 

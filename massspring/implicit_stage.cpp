@@ -48,7 +48,7 @@ void bend(const Turn& turn, double step, const Matrix3Xd& before, Matrix3Xd& x) 
 
 }  // namespace
 
-ImplicitStage::ImplicitStage(const Motion& motion)
+ImplicitStage::ImplicitStage(Motion& motion)
     : motion_(motion),
       A_(motion),
       size_(
@@ -156,6 +156,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       break;
     }
     if (is_last) break;
+    if (motion_.barrier) motion_.barrier->follow(before.x, trial.x);
   }
   x = trial.x;
   v = trial.v;

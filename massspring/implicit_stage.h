@@ -12,7 +12,7 @@ namespace testbed {
 /// every iterate lowers the sum.
 class ImplicitStage {
  public:
-  explicit ImplicitStage(const Motion& motion);
+  explicit ImplicitStage(Motion& motion);
 
   /// @param start  where damping directions, rest lengths and the first guess of v come from
   StepReport solve(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
@@ -26,7 +26,7 @@ class ImplicitStage {
   void negative_gradient(const State& trial, const Eigen::Matrix3Xd& start_x, double a,
                          const Eigen::Matrix3Xd& w, Eigen::Matrix3Xd& r) const;
 
-  const Motion& motion_;
+  Motion& motion_;
   ImplicitMatrix A_;
   LinearSolver solver_;
   double size_;          ///< diagonal of the body's box at rest (m)

@@ -14,8 +14,7 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-std::unique_ptr<Scheme> make_scheme(Integrator integrator, const Motion& motion,
-                                    const IntegratorOptions& options) {
+std::unique_ptr<Scheme> make_scheme(Integrator integrator, Motion& motion, const IntegratorOptions& options) {
   switch (integrator) {
     case Integrator::ExplicitEuler:
       return make_explicit_euler(motion);

@@ -31,10 +31,10 @@ std::unique_ptr<Scheme> make_explicit_euler(const Motion& motion);
 std::unique_ptr<Scheme> make_symplectic_euler(const Motion& motion);
 std::unique_ptr<Scheme> make_rk4(const Motion& motion);
 std::unique_ptr<Scheme> make_implicit_euler(const Motion& motion, const IntegratorOptions& options);
-std::unique_ptr<Scheme> make_minimising_euler(const Motion& motion);
-std::unique_ptr<Scheme> make_midpoint(const Motion& motion);
-std::unique_ptr<Scheme> make_bdf2(const Motion& motion);
-std::unique_ptr<Scheme> make_tr_bdf2(const Motion& motion);
+std::unique_ptr<Scheme> make_minimising_euler(Motion& motion);
+std::unique_ptr<Scheme> make_midpoint(Motion& motion);
+std::unique_ptr<Scheme> make_bdf2(Motion& motion);
+std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion);
 
 /// Explicit schemes have a largest stable step.
 bool is_explicit(Integrator integrator);
@@ -45,8 +45,8 @@ class TimeStepper {
  public:
   /// @param end  time at which prescribed displacements are complete (s)
   /// @throws std::runtime_error for spread mass with explicit schemes; for midpoint with obstacles: it ends a
-  /// step beyond where it solves; for a tolerance with contacts or bdf2, which remember the step before; for a
-  /// body without extent
+  /// step beyond where it solves; for a tolerance with contacts or bdf2, which remember the step before; for
+  /// a body without extent
   TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator, double end,
               const IntegratorOptions& options = {});
 
