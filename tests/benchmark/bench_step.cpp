@@ -174,26 +174,38 @@ void solve(benchmark::State& bench, double E, bool is_eigens) {
   bench.counters["cg_iterations"] = iterations;
 }
 
-/// Coupled springs on a box of tetrahedra, 4 % stretched and sheared: forces, or a linear solve of the
-/// clamped box under its weight, factorisation and all. The edge-coupled ones are linear finite elements.
-void coupled(benchmark::State& bench, const char* model_name, bool is_solve) {
+/// Coupled springs on a box of tetrahedra whose nodes are displaced at random by up to a tenth of an edge:
+/// forces, Hessians, or a linear solve of the box under its weight, clamped at its bottom, with assembly and
+/// factorisation. The edge-coupled ones are linear finite elements.
+void coupled(benchmark::State& bench, const std::string& work, const char* model_name, double nu) {
   constexpr int n = 12;
   const TetMesh mesh = box_tets(n, n, n, 1. / n, 0.2);
+  Material material;
+  material.nu = nu;
   const MassSpringModel model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface},
-                                          {}, find_calibration(model_name));
-  const Forces forces = make_forces(model);
-  const Eigen::Matrix3d stretch = (Eigen::Matrix3d() << 1.04, 0.02, 0, 0, 1, 0.03, 0, 0, 0.97).finished();
-  const Eigen::Matrix3Xd x = stretch * mesh.X;
+                                          material, find_calibration(model_name));
+  const Eigen::Matrix3Xd load = Eigen::Vector3d(0, 0, -9.81) * model.mass.transpose();
+  std::vector<Constraint> clamp;
+  for (int i = 0; i < mesh.X.cols(); ++i)
+    if (mesh.X(2, i) < 0.3 / n) clamp.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  Eigen::Matrix3Xd x = mesh.X;
+  Random random(1);
+  for (double& c : x.reshaped()) c += 0.2 / n * (random.uniform() - 0.5);
   Eigen::Matrix3Xd y = Eigen::Matrix3Xd::Zero(3, x.cols());
+  BlockMatrix K = stiffness_pattern(model);
   for (auto _ : bench) {
-    if (is_solve)
-      LinearStatics(model, forces.constraints).solve(forces.load, y);
-    else
+    if (work == "solve")
+      bench.counters["cg_iterations"] = LinearStatics(model, clamp).solve(load, y).iterations;
+    else if (work == "forces")
       add_forces(*model.tet_springs, x, y);
+    else
+      add_hessian(*model.tet_springs, x, K, work == "exact" ? Curvature::Exact : Curvature::Projected);
     benchmark::DoNotOptimize(y.data());
+    benchmark::DoNotOptimize(K.block.data());
   }
   bench.counters["nodes"] = static_cast<double>(x.cols());
-  bench.counters["patches"] = model.tet_springs->n_patches();
+  bench.counters["patches_per_s"] = benchmark::Counter(
+      static_cast<double>(bench.iterations()) * model.tet_springs->n_patches(), benchmark::Counter::kIsRate);
 }
 
 }  // namespace
@@ -217,11 +229,14 @@ int main(int argc, char** argv) {
           (std::string("solve/") + (is_eigens ? "eigen" : "ours") + (E == kSoft ? "/soft" : "/stiff"))
               .c_str(),
           solve, E, is_eigens);
-  for (const char* name : {"edge_coupled", "node_averaged"})
-    for (const bool is_solve : {false, true})
-      benchmark::RegisterBenchmark(
-          (std::string("coupled/") + (is_solve ? "solve/" : "forces/") + name).c_str(), coupled, name,
-          is_solve);
+  for (const char* work : {"forces", "exact", "projected", "solve"})
+    for (const double nu : {0.25, 0.45, 0.49}) {
+      if (nu > 0.25 && work != std::string("solve")) continue;  // the same work
+      for (const char* name : {"edge_coupled", "node_averaged"})
+        benchmark::RegisterBenchmark(
+            (std::string("coupled/") + work + "/" + name + "/nu:" + std::to_string(nu).substr(0, 4)).c_str(),
+            coupled, work, name, nu);
+    }
   for (const auto& [integrator, name] : {std::pair(Integrator::SymplecticEuler, "symplectic_euler"),
                                          std::pair(Integrator::ImplicitEuler, "implicit_euler")})
     for (const double E : {kSoft, kStiff})
