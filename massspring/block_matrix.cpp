@@ -6,10 +6,14 @@
 namespace testbed {
 
 int BlockMatrix::find(int i, int j) const {
-  const auto begin = column.begin() + row_start[i], end = column.begin() + row_start[i + 1];
-  const auto at = std::lower_bound(begin, end, j);
-  assert(at != end && *at == j);
-  return static_cast<int>(at - column.begin());
+  const int* at = column.data() + row_start[i];
+  for (int n = row_start[i + 1] - row_start[i]; n > 1;) {  // no branch depends on what is compared
+    const int half = n / 2;
+    at += at[half] <= j ? half : 0;
+    n -= half;
+  }
+  assert(*at == j);
+  return static_cast<int>(at - column.data());
 }
 
 void BlockMatrix::set_zero() {
@@ -34,6 +38,13 @@ BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs) {
   for (int i = 0; i < n; ++i) A.diagonal.push_back(A.find(i, i));
   A.block.assign(A.column.size(), Eigen::Matrix3d::Zero());
   return A;
+}
+
+void mirror(BlockMatrix& A) {
+  std::vector<int> next(A.row_start.begin(), A.row_start.end() - 1);  // in each row; they fill in order
+  for (int i = 0; i < A.rows(); ++i)
+    for (int k = A.diagonal[i] + 1; k < A.row_start[i + 1]; ++k)
+      A.block[next[A.column[k]]++] = A.block[k].transpose();
 }
 
 void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) {

@@ -16,6 +16,7 @@ struct BlockMatrix {
   std::vector<int> column;             ///< n_blocks
   std::vector<Eigen::Matrix3d> block;  ///< n_blocks
   std::vector<int> diagonal;           ///< position of each diagonal block, n
+  std::vector<int> coupled;            ///< positions that coupled springs add to, once they have
 
   int rows() const { return static_cast<int>(row_start.size()) - 1; }
   /// Position of block (i, j), which must be in the pattern.
@@ -26,6 +27,9 @@ struct BlockMatrix {
 /// Zero matrix of n rows whose pattern is the diagonal and the given node pairs (2 x m, any order, repeats
 /// allowed).
 BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs);
+
+/// Copies the blocks above the diagonal, transposed, to below it.
+void mirror(BlockMatrix& A);
 
 /// y = A x for 3 x n fields of node vectors.
 void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y);

@@ -1,12 +1,13 @@
 #include "massspring/tet_springs.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <Eigen/Jacobi>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -19,7 +20,6 @@ using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::Matrix4Xi;
 using Eigen::Vector3d;
-using Matrix9d = Eigen::Matrix<double, 9, 9>;
 using TetGradients = Eigen::Matrix<double, 3, 4>;
 
 constexpr double least_jacobian = 0.1;  // J_0 of the law
@@ -65,51 +65,137 @@ Matrix3d cofactor(const Matrix3d& F) {
   return C;
 }
 
-/// psi'' in the basis u_i v_j^T of F's singular vectors: a 3 x 3 block of stretches, and for each pair of
-/// axes i, j a twist and a flip with eigenvalues mu +- g' s_k.
-Matrix9d stiffness(const Matrix3d& F, double lambda, double mu, Curvature curvature) {
-  const Eigen::JacobiSVD<Matrix3d> svd(F, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Matrix3d U = svd.matrixU(), V = svd.matrixV();
-  Vector3d s = svd.singularValues();
-  if (U.determinant() * V.determinant() < 0) {
-    U.col(2) *= -1;
-    s[2] *= -1;
-  }
-  const VolumeLaw law = volume_law(s.prod(), lambda, mu);
+/// F = U diag(s) V^T with rotations U and V, so that at most one s is negative.
+struct SingularValues {
+  Matrix3d U, V;
+  Vector3d s;
+};
 
-  const Vector3d c(s[1] * s[2], s[2] * s[0], s[0] * s[1]);
-  Matrix3d stretch = mu * Matrix3d::Identity() + law.ddg * c * c.transpose();
-  const double least = curvature == Curvature::Projected ? 0 : -std::numeric_limits<double>::infinity();
-  Matrix9d M = Matrix9d::Zero();
-  for (int k = 0; k < 3; ++k) {
-    const int i = (k + 1) % 3, j = (k + 2) % 3;
-    stretch(i, j) += law.dg * s[k];
-    stretch(j, i) += law.dg * s[k];
-    const double twist = std::max(mu + law.dg * s[k], least), flip = std::max(mu - law.dg * s[k], least);
-    const int ij = i + 3 * j, ji = j + 3 * i;
-    M(ij, ij) = M(ji, ji) = (twist + flip) / 2;
-    M(ij, ji) = M(ji, ij) = (flip - twist) / 2;
+/// Columns are turned against each other until they are orthogonal [Hestenes 1958], which is exact to
+/// rounding however small one is beside the others.
+SingularValues singular_values(const Matrix3d& F) {
+  constexpr double kOrthogonal = 1e-15;
+  constexpr int kMaxSweeps = 20;
+  Matrix3d A = F, V = Matrix3d::Identity();
+  bool is_orthogonal = false;
+  for (int sweep = 0; sweep < kMaxSweeps && !is_orthogonal; ++sweep) {
+    is_orthogonal = true;
+    for (int k = 0; k < 3; ++k) {
+      const int i = (k + 1) % 3, j = (k + 2) % 3;
+      const double ij = A.col(i).dot(A.col(j)), ii = A.col(i).squaredNorm(), jj = A.col(j).squaredNorm();
+      if (!(std::abs(ij) > kOrthogonal * std::sqrt(ii * jj))) continue;
+      is_orthogonal = false;
+      Eigen::JacobiRotation<double> turn;
+      turn.makeJacobi(ii, ij, jj);
+      A.applyOnTheRight(i, j, turn);
+      V.applyOnTheRight(i, j, turn);
+    }
   }
-  if (curvature == Curvature::Projected) {
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(stretch);
-    stretch = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).asDiagonal() *
-              eigen.eigenvectors().transpose();
-  }
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) M(4 * i, 4 * j) = stretch(i, j);
-
-  Matrix9d Q;
-  for (int j = 0; j < 3; ++j)
-    for (int i = 0; i < 3; ++i)
-      Eigen::Map<Matrix3d>(Q.col(i + 3 * j).data()) = U.col(i) * V.col(j).transpose();
-  return Q * M * Q.transpose();
+  Vector3d s = A.colwise().norm();
+  int k;
+  s.minCoeff(&k);
+  const int i = (k + 1) % 3, j = (k + 2) % 3;
+  Matrix3d U;
+  U.col(i) = s[i] > 0 ? Vector3d(A.col(i) / s[i]) : A.col(j).unitOrthogonal();
+  U.col(j) = s[j] > 0 ? Vector3d(A.col(j) / s[j]) : U.col(i).unitOrthogonal();
+  U.col(k) = U.col(i).cross(U.col(j));
+  s[k] = U.col(k).dot(A.col(k));
+  return {U, V, s};
 }
 
-/// The 9 x 3 matrix that takes a node's displacement u to the columns of u b^T.
-Eigen::Matrix<double, 9, 3> spread(const Vector3d& b) {
-  Eigen::Matrix<double, 9, 3> B;
-  for (int j = 0; j < 3; ++j) B.middleRows<3>(3 * j) = b[j] * Matrix3d::Identity();
-  return B;
+/// Parts k (E : dF)^2 of psi'': that of g'' and at most five negative eigenvalues' [Smith et al. 2019].
+struct Modes {
+  int n = 0;
+  std::array<double, 6> k;
+  std::array<Matrix3d, 6> E;
+
+  void add(double stiffness, const Matrix3d& direction) {
+    k[n] = stiffness;
+    E[n++] = direction;
+  }
+};
+
+/// Adds what lifts the negative eigenvalues of psi'' to 0. In the basis u_i v_j^T of F's singular vectors
+/// psi'' has a 3 x 3 block of stretches, and for each pair of axes i, j a twist and a flip with eigenvalues
+/// mu +- g' s_k.
+void add_projection(const Matrix3d& F, const VolumeLaw& law, double mu, Modes& modes) {
+  const auto [U, V, s] = singular_values(F);
+  const Vector3d c(s[1] * s[2], s[2] * s[0], s[0] * s[1]);
+  Matrix3d stretch = mu * Matrix3d::Identity() + law.ddg * c * c.transpose();
+  for (int k = 0; k < 3; ++k) {
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    const double turning = law.dg * s[k];
+    stretch(i, j) += turning;
+    stretch(j, i) += turning;
+    const double least = mu - std::abs(turning);
+    if (least < 0)
+      modes.add(-least / 2, U.col(i) * V.col(j).transpose() +
+                                std::copysign(1, turning) * U.col(j) * V.col(i).transpose());
+  }
+  if (stretch.llt().info() == Eigen::Success) return;
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(stretch);
+  for (int k = 0; k < 3; ++k)
+    if (eigen.eigenvalues()[k] < 0)
+      modes.add(-eigen.eigenvalues()[k], U * eigen.eigenvectors().col(k).asDiagonal() * V.transpose());
+}
+
+Matrix3d cross_product_by(const Vector3d& a) {
+  Matrix3d C;
+  C << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
+  return C;
+}
+
+/// psi'' in 3 x 3 blocks (a, b) of the columns a and b of F: column a holds (a, 0), (a, 1) and (a, 2).
+using Stiffness = Eigen::Matrix<double, 27, 3>;
+
+/// psi'' = mu |dF|^2 + g'' (C : dF)^2 + g' d2J, of which block (a, b) of d2J takes v to -F_c x v when a, b, c
+/// follow each other.
+Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curvature) {
+  const Matrix3d C = cofactor(F);
+  const VolumeLaw law = volume_law(F.col(0).dot(C.col(0)), lambda, mu);
+  Modes modes;
+  modes.add(law.ddg, C);
+  if (curvature == Curvature::Projected) add_projection(F, law, mu, modes);
+  Stiffness H;
+  const auto block = [&H](int a, int b) { return Eigen::Map<Matrix3d>(H.col(a).data() + 9 * b); };
+  for (int a = 0; a < 3; ++a) {
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    block(a, a) = mu * Matrix3d::Identity();
+    block(a, b) = -law.dg * cross_product_by(F.col(c));
+    block(b, a) = -block(a, b);
+  }
+  for (int m = 0; m < modes.n; ++m)
+    for (int a = 0; a < 3; ++a) {
+      const Vector3d kE = modes.k[m] * modes.E[m].col(a);
+      for (int b = 0; b < 3; ++b) block(a, b) += kE * modes.E[m].col(b).transpose();
+    }
+  return H;
+}
+
+typedef double Wide __attribute__((vector_size(32), aligned(8), may_alias));
+#define TESTBED_EVERY_WIDTH __attribute__((target_clones("avx2", "default")))
+
+/// y += A b, A n x 3.
+template <int n>
+[[gnu::always_inline]] inline void add_product(const Eigen::Matrix<double, n, 3>& A, const double* b,
+                                               double* y) {
+  const double *A0 = A.data(), *A1 = A0 + n, *A2 = A1 + n;
+  int i = 0;
+  for (; i + 4 <= n; i += 4)
+    *reinterpret_cast<Wide*>(y + i) += b[0] * *reinterpret_cast<const Wide*>(A0 + i) +
+                                       b[1] * *reinterpret_cast<const Wide*>(A1 + i) +
+                                       b[2] * *reinterpret_cast<const Wide*>(A2 + i);
+  for (; i < n; ++i) y[i] += b[0] * A0[i] + b[1] * A1[i] + b[2] * A2[i];
+}
+
+/// Of blocks (r, e), r <= e, of every patch.
+std::vector<int> positions(const TetSprings& springs, const BlockMatrix& K) {
+  std::vector<int> result;
+  for (int p = 0; p < springs.n_patches(); ++p)
+    for (int r = springs.first[p]; r < springs.first[p + 1]; ++r)
+      for (int e = r; e < springs.first[p + 1]; ++e)
+        result.push_back(K.find(springs.node[r], springs.node[e]));
+  return result;
 }
 
 /// Number of each of a tetrahedron's six edges among all edges, 6 x m.
@@ -227,46 +313,23 @@ void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, con
   }
 }
 
-TetStiffness stiffness_at(const TetSprings& springs, const Matrix3Xd& x) {
-  TetStiffness result;
-  result.H.reserve(springs.n_patches());
-  for (int p = 0; p < springs.n_patches(); ++p)
-    result.H.push_back(
-        stiffness(deformation_gradient(springs, p, x), springs.lambda[p], springs.mu, Curvature::Projected));
-  return result;
-}
-
-void add_product(const TetSprings& springs, const TetStiffness& stiffness, const Matrix3Xd& p, Matrix3Xd& y) {
-  for (int patch = 0; patch < springs.n_patches(); ++patch) {
-    const Matrix3d dF = deformation_gradient(springs, patch, p);
-    Matrix3d VdP;
-    Eigen::Map<Eigen::Matrix<double, 9, 1>>(VdP.data()) =
-        springs.volume[patch] *
-        (stiffness.H[patch] * Eigen::Map<const Eigen::Matrix<double, 9, 1>>(dF.data()));
-    for (int e = springs.first[patch]; e < springs.first[patch + 1]; ++e)
-      y.col(springs.node[e]) += VdP * springs.b.col(e);
-  }
-}
-
-void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
-                 const Eigen::VectorXd& scale) {
-  std::vector<Eigen::Matrix<double, 9, 3>> columns;
+TESTBED_EVERY_WIDTH void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K,
+                                     Curvature curvature, const Eigen::VectorXd& scale) {
+  if (K.coupled.empty()) K.coupled = positions(springs, K);
+  const int* at = K.coupled.data();
   for (int p = 0; p < springs.n_patches(); ++p) {
     const double s = scale_of(scale, p);
-    const Matrix9d VH =
-        s * springs.volume[p] *
+    const Stiffness H =
         stiffness(deformation_gradient(springs, p, x) / s, springs.lambda[p], springs.mu, curvature);
-    const int begin = springs.first[p], end = springs.first[p + 1];
-    columns.clear();
-    for (int e = begin; e < end; ++e) columns.push_back(VH * spread(springs.b.col(e)));
-    for (int r = begin; r < end; ++r) {
-      int k = K.row_start[springs.node[r]];  // a patch's nodes ascend, as do a row's columns
-      for (int e = begin; e < end; ++e) {
-        while (K.column[k] != springs.node[e]) ++k;
-        for (int j = 0; j < 3; ++j) K.block[k] += springs.b(j, r) * columns[e - begin].middleRows<3>(3 * j);
-      }
+    const int end = springs.first[p + 1];
+    for (int r = springs.first[p]; r < end; ++r) {
+      const Vector3d Vb = s * springs.volume[p] * springs.b.col(r);
+      Eigen::Matrix<double, 9, 3> row = Eigen::Matrix<double, 9, 3>::Zero();
+      add_product(H, Vb.data(), row.data());
+      for (int e = r; e < end; ++e) add_product(row, springs.b.col(e).data(), K.block[*at++].data());
     }
   }
+  mirror(K);
 }
 
 Eigen::Matrix2Xi pairs_of(const TetSprings& springs) {

@@ -69,18 +69,8 @@ double energy(const TetSprings& springs, const Eigen::Matrix3Xd& x, const Eigen:
 void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f,
                 const Eigen::VectorXd& scale = {});
 
-/// Projected second derivative of psi (Pa) per patch, over the columns of F.
-struct TetStiffness {
-  std::vector<Eigen::Matrix<double, 9, 9>> H;
-};
-TetStiffness stiffness_at(const TetSprings& springs, const Eigen::Matrix3Xd& x);
-
-/// y += K p (N) for the projected Hessian K of the energy, without forming it.
-void add_product(const TetSprings& springs, const TetStiffness& stiffness, const Eigen::Matrix3Xd& p,
-                 Eigen::Matrix3Xd& y);
-
-/// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K's pattern must
-/// hold pairs_of(springs).
+/// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K is symmetric and
+/// its pattern holds pairs_of(springs).
 void add_hessian(const TetSprings& springs, const Eigen::Matrix3Xd& x, BlockMatrix& K,
                  Curvature curvature = Curvature::Projected, const Eigen::VectorXd& scale = {});
 

@@ -4,6 +4,7 @@
 #include "fem_reference/elasticity.h"
 #include "massspring/tet_springs.h"
 #include "tests/massspring/box_tets.h"
+#include "tests/massspring/dense.h"
 
 namespace testbed {
 namespace {
@@ -11,16 +12,9 @@ namespace {
 /// The springs' stiffness at rest, components 3 node + c.
 Eigen::MatrixXd stiffness_of(const TetMesh& mesh, const Material& material, const Blend& blend) {
   const TetSprings springs = couple_springs(mesh.X, mesh.T, lame_of(material), blend);
-  const TetStiffness at_rest = stiffness_at(springs, mesh.X);
-  const Eigen::Index n = mesh.X.size();
-  Eigen::MatrixXd K(n, n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    Eigen::Matrix3Xd unit = Eigen::Matrix3Xd::Zero(3, n / 3), column = unit;
-    unit(k) = 1;
-    add_product(springs, at_rest, unit, column);
-    K.col(k) = column.reshaped();
-  }
-  return K;
+  BlockMatrix K = make_block_matrix(static_cast<int>(mesh.X.cols()), pairs_of(springs));
+  add_hessian(springs, mesh.X, K);
+  return dense(K);
 }
 
 class EdgeCoupled : public testing::TestWithParam<double> {};
