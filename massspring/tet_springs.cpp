@@ -49,10 +49,11 @@ VolumeLaw volume_law(double J, double lambda, double mu) {
 }
 
 Matrix3d deformation_gradient(const TetSprings& springs, int patch, const Matrix3Xd& x) {
-  Matrix3d F = Matrix3d::Zero();
+  double F[9] = {};  // as far as a compiler sees, a matrix might alias x
   for (int e = springs.first[patch]; e < springs.first[patch + 1]; ++e)
-    F += x.col(springs.node[e]) * springs.b.col(e).transpose();
-  return F;
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) F[3 * j + i] += x(i, springs.node[e]) * springs.b(j, e);
+  return Eigen::Map<Matrix3d>(F);
 }
 
 double scale_of(const Eigen::VectorXd& scale, int patch) {
@@ -74,7 +75,7 @@ struct SingularValues {
 /// Columns are turned against each other until they are orthogonal [Hestenes 1958], which is exact to
 /// rounding however small one is beside the others.
 SingularValues singular_values(const Matrix3d& F) {
-  constexpr double kOrthogonal = 1e-15;
+  constexpr double kOrthogonal = 1e-14;
   constexpr int kMaxSweeps = 20;
   Matrix3d A = F, V = Matrix3d::Identity();
   bool is_orthogonal = false;
@@ -173,7 +174,7 @@ Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curva
 }
 
 typedef double Wide __attribute__((vector_size(32), aligned(8), may_alias));
-#define TESTBED_EVERY_WIDTH __attribute__((target_clones("avx2", "default")))
+#define TESTBED_EVERY_WIDTH __attribute__((flatten, target_clones("avx2", "default")))
 
 /// y += A b, A n x 3.
 template <int n>
