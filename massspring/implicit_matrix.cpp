@@ -26,11 +26,15 @@ ImplicitMatrix::ImplicitMatrix(const Motion& motion, const Gradients& gradients)
       has_volume_(gradients.volume),
       reduced_(without(motion.model, gradients)),
       model_(reduced_ ? *reduced_ : motion.model) {
-  if (!is_springs_alone(model_)) K_ = stiffness_pattern(model_);
+  if (is_springs_alone(model_))
+    rows_.emplace(*model_.springs, static_cast<int>(model_.mass.size()));
+  else
+    K_ = stiffness_pattern(model_);
 }
 
 void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
                          Curvature curvature) {
+  rounded_.reset();
   mass_ = factors.mass * model_.mass;
   if (model_.springs && model_.springs->damping > 0)
     damping_ = damping_matrix(*model_.springs, damped_at, factors.damping);
@@ -70,12 +74,22 @@ void ImplicitMatrix::multiply_sparse(const Matrix3Xd& p, Matrix3Xd& y) const {
     add_product(*model_.springs, *springs_, p, y);
     if (damping_) add_product(*model_.springs, *damping_, p, y);
   }
-  for (size_t i = 0; i < contact_.size(); ++i) y.col(i) += contact_[i] * p.col(i);
+  add_contacts(p, y);
+}
+
+template <class Field>
+void ImplicitMatrix::add_contacts(const Field& p, Field& y) const {
+  using Scalar = typename Field::Scalar;
+  for (size_t i = 0; i < contact_.size(); ++i)
+    y.col(i).template head<3>() += contact_[i].template cast<Scalar>() * p.col(i).template head<3>();
   for (const NearPair& pair : pairs_) {
     double closing = 0;
-    for (int a = 0; a < 4; ++a) closing += pair.weight[a] * pair.normal.dot(p.col(pair.node[a]));
     for (int a = 0; a < 4; ++a)
-      y.col(pair.node[a]) += pair.stiffness * closing * pair.weight[a] * pair.normal;
+      closing +=
+          pair.weight[a] * pair.normal.dot(p.col(pair.node[a]).template head<3>().template cast<double>());
+    for (int a = 0; a < 4; ++a)
+      y.col(pair.node[a]).template head<3>() +=
+          (pair.stiffness * closing * pair.weight[a] * pair.normal).template cast<Scalar>();
   }
 }
 
@@ -84,6 +98,43 @@ void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
   if (g_) y += g_->cwiseProduct(p).sum() * *g_;
   for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, p, y);
   filter(motion_.constraints, y);
+}
+
+void ImplicitMatrix::round() {
+  rounded_.emplace();
+  rounded_->mass = mass_.cast<float>();
+  if (springs_) rounded_->springs = rows_->in_rows(*springs_);
+  if (springs_ && damping_) rounded_->damping = rows_->in_rows(*damping_);
+  if (K_) rounded_->K = rounded(*K_);
+  if (g_) pad(g_->leftCols(model_.network.n_surface), 1, rounded_->g);
+}
+
+double ImplicitMatrix::multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y) {
+  if (!rounded_) round();
+  const Rounded& A = *rounded_;
+  if (K_)
+    y.setZero(4, p.cols());
+  else
+    testbed::multiply(A.mass, p, y);
+  if (!contact_.empty() || !pairs_.empty()) add_contacts(p, y);
+  if (!is_sparse && g_) add_scaled(static_cast<float>(dot(A.g, p)), A.g, y);
+  if (!is_sparse && !volume_curvature_.empty()) {
+    const Eigen::Index n = model_.network.n_surface;
+    const Matrix3Xd q = p.topLeftCorner(3, n).cast<double>();
+    Matrix3Xd z = Matrix3Xd::Zero(3, n);
+    for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, q, z);
+    y.topLeftCorner(3, n) += z.cast<float>();
+  }
+  double p_Ap;
+  if (K_) {
+    p_Ap = add_product(*K_, A.K, p, y);
+  } else {
+    if (damping_) rows_->add_product(A.damping, p, y);
+    p_Ap = rows_->add_product(A.springs, p, y);
+  }
+  for (const Constraint& c : motion_.constraints)
+    y.col(c.node).head<3>() = c.S.cast<float>() * y.col(c.node).head<3>().eval();
+  return p_Ap;
 }
 
 void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
@@ -128,6 +179,8 @@ LinearSystem ImplicitMatrix::system() {
             multiply_sparse(p, y);
             filter(motion_.constraints, y);
           },
+          [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(false, p, y); },
+          [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(true, p, y); },
           [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
           [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
           [this]() -> const BlockMatrix& { return matrix(); },

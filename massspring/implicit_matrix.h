@@ -36,6 +36,10 @@ class ImplicitMatrix {
 
  private:
   void multiply_sparse(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
+  template <class Field>
+  void add_contacts(const Field& p, Field& y) const;
+  void round();
+  double multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y);
   void diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
   const BlockMatrix& matrix();
 
@@ -52,6 +56,16 @@ class ImplicitMatrix {
   std::vector<VolumeCurvature> volume_curvature_;  ///< times their factor; only exact curvature has it
   Eigen::Matrix3Xd x_;                             ///< positions that it is taken at
   std::optional<BlockMatrix> A_;
+
+  /// In single precision, where that is asked for.
+  struct Rounded {
+    Eigen::VectorXf mass;
+    Eigen::Matrix4Xf springs, damping;  ///< in rows
+    std::vector<float> K;
+    PaddedField g;  ///< of the nodes of the surface
+  };
+  std::optional<SpringRows> rows_;
+  std::optional<Rounded> rounded_;
 };
 
 }  // namespace testbed

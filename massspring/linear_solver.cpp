@@ -11,29 +11,115 @@ using Eigen::Matrix3Xd;
 // much as some 400 block Jacobi iterations at 1e3 nodes and 1500 at 4e3, a solve with it 15 and 45. An
 // iteration with multigrid costs as much as 5 with block Jacobi where nodes exceed the caches, 8 where not.
 constexpr int kLargestFactored = 30000;  // nodes; beyond, fill outgrows memory and patience
+constexpr int kSmallest = 500;           // nodes from which on single precision is faster
 constexpr int kMany = 500, kManyLarge = 100;
 constexpr int kWornOut = 12;  // iterations at which a factor is made anew
 constexpr int kMaxIterations = 5000, kMaxMultigrid = 1000;
 
+struct RoundedReport {
+  int iterations = 0;
+  double residual = 0;
+  bool is_indefinite = false;
+};
+
+/// Conjugate gradients in single precision for A x = r, |r| = 1, from x = 0; r becomes the residual, as far
+/// as rounding lets it.
+template <class Precondition>
+RoundedReport rounded_conjugate_gradients(const LinearSystem& A, const Precondition& precondition,
+                                          PaddedField& r, PaddedField& x, double tolerance,
+                                          int max_iterations) {
+  constexpr double kRounding = 1e-5;
+  RoundedReport report;
+  PaddedField z, Ap;
+  double rz = precondition(r, z);
+  PaddedField p = z;
+  x.setZero(4, r.cols());
+  while (report.iterations < max_iterations) {
+    const double pAp = A.rounded_product(p, Ap);
+    if (!(pAp > 0 && rz > 0)) {
+      report.is_indefinite = pAp < -kRounding * std::sqrt(dot(p, p) * dot(Ap, Ap));
+      break;
+    }
+    const double rr = advance(static_cast<float>(rz / pAp), p, Ap, x, r);
+    ++report.iterations;
+    report.residual = std::sqrt(rr);
+    if (report.residual <= tolerance) break;
+    const double rz_before = rz;
+    rz = precondition(r, z);
+    turn(static_cast<float>(rz / rz_before), z, p);
+  }
+  return report;
+}
+
 }  // namespace
+
+/// Iterative refinement: the residual in double precision, corrections to it in single.
+template <class Precondition>
+SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
+                                 Matrix3Xd& x, double tolerance, int max_iterations) {
+  constexpr double kDeepest = 1e-5, kBelow = 0.9, kLost = 0.5;
+  SolveReport report;
+  const double b_norm = b.norm();
+  Matrix3Xd r, Ax;
+  PaddedField rounded, correction;
+  const auto measure = [&] {
+    A.product(x, Ax);
+    r = b - Ax;
+    report.residual = b_norm > 0 ? r.norm() / b_norm : r.norm();
+    report.is_converged = report.residual <= tolerance;
+  };
+  measure();
+  while (!report.is_converged && report.iterations < max_iterations) {
+    const double before = report.residual, size = r.norm();
+    pad(r, 1 / size, rounded);
+    const RoundedReport inner = rounded_conjugate_gradients(A, precondition, rounded, correction,
+                                                            std::max(kDeepest, kBelow * tolerance / before),
+                                                            max_iterations - report.iterations);
+    report.iterations += inner.iterations;
+    add_unpadded(correction, size, x);
+    measure();
+    if (report.is_converged || inner.is_indefinite) break;
+    if (!(report.residual <= kLost * before || report.residual <= 2 * inner.residual * before)) {
+      is_single_enough_ = false;
+      add_unpadded(correction, -size, x);
+      break;
+    }
+  }
+  return report;
+}
 
 SolveReport LinearSolver::solve(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance) {
   if (factor_) return solve_by_factor(A, b, x, tolerance);
   A.diagonal(inverse_);
   for (Eigen::Matrix3d& block : inverse_) block = block.inverse().eval();
-  if (is_multigrid_chosen_) return solve_by_multigrid(A, b, x, tolerance);
   const auto jacobi = [&](const Matrix3Xd& r, Matrix3Xd& z) {
     z.resizeLike(r);
     for (Eigen::Index i = 0; i < r.cols(); ++i) z.col(i).noalias() = inverse_[i] * r.col(i);
   };
+  if (is_multigrid_chosen_) return solve_by_multigrid(A, b, x, tolerance);
   if (krylov_ == Krylov::BiCgStab) {
     choice_ = "bi-conjugate gradients, block Jacobi: asked for";
     return bi_conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
   }
   const bool is_large = b.cols() > kLargestFactored;
   const int many = is_large ? kManyLarge : kMany;
-  const SolveReport first = conjugate_gradients(A.product, jacobi, b, x, tolerance, many);
-  if (first.is_converged || first.iterations < many) return first;
+  SolveReport first;
+  const bool is_single = is_single_enough_ && b.cols() >= kSmallest;
+  if (is_single) {
+    rounded_inverse_ = pad(inverse_);
+    const auto rounded_jacobi = [&](const PaddedField& r, PaddedField& z) {
+      return multiply(rounded_inverse_, r, z);
+    };
+    first = refine(A, rounded_jacobi, b, x, tolerance, many);
+  }
+  int n_before = 0;
+  if (!is_single || !is_single_enough_) {
+    n_before = first.iterations;
+    first = conjugate_gradients(A.product, jacobi, b, x, tolerance, many);
+  }
+  const bool is_done = first.is_converged || first.iterations < many;
+  first.iterations += n_before;
+  if (is_done) return first;
 
   SolveReport rest;
   const std::string why = ": block Jacobi took more than " + std::to_string(many) + " iterations";

@@ -26,6 +26,9 @@ class LinearSolver {
 
  private:
   using Matrix3Xd = Eigen::Matrix3Xd;
+  template <class Precondition>
+  SolveReport refine(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
+                     Matrix3Xd& x, double tolerance, int max_iterations);
   SolveReport solve_by_factor(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance);
   SolveReport solve_by_multigrid(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance);
 
@@ -35,6 +38,8 @@ class LinearSolver {
   bool is_multigrid_chosen_ = false;
   int first_iterations_ = 0;  ///< of multigrid when it was made
   std::vector<Eigen::Matrix3d> inverse_;
+  SymmetricBlocks rounded_inverse_;
+  bool is_single_enough_ = true;  ///< single precision led to the tolerance so far
   std::string choice_ = "block Jacobi: no system was hard so far";
 };
 

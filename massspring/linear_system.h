@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "massspring/block_matrix.h"
+#include "massspring/single_precision.h"
 
 namespace testbed {
 
@@ -13,6 +14,8 @@ struct LinearSystem {
   std::function<void(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y)> product;  ///< y = A p, 3 x n
   /// The same without what couples all nodes: the rank-one part of an enclosed volume, say.
   std::function<void(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y)> sparse_product;
+  /// Both in single precision; p . y.
+  std::function<double(const PaddedField&p, PaddedField&y)> rounded_product, rounded_sparse_product;
   std::function<void(Eigen::Matrix3Xd& y)> filter;              ///< takes away constrained directions
   std::function<void(std::vector<Eigen::Matrix3d>&)> diagonal;  ///< diagonal blocks of A
   /// A, or what is near it: only to make a preconditioner of.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "massspring/every_width.h"
+
 namespace testbed {
 namespace {
 
@@ -45,11 +47,9 @@ void for_each_spring(const Springs& springs, const Eigen::Matrix3Xd& x, const Vi
 }
 
 // Forces of many springs. Division and root are done for a batch of springs at once, in registers as wide as
-// the machine's; nodes are padded to four doubles, so that each is loaded and stored whole. Without
-// contraction (CMakeLists.txt) every width gives the same bits.
+// the machine's; nodes are padded to four doubles, so that each is loaded and stored whole.
 constexpr int kBatch = 128;
 typedef double Padded __attribute__((vector_size(32), aligned(8)));
-#define TESTBED_EVERY_WIDTH __attribute__((target_clones("avx512f", "avx2", "default")))
 
 /// Bodies of more nodes than fit the second-level cache wait for memory unless the nodes of the springs to
 /// come are asked for in time, those where a batch of springs ends being the ones that hardware does not

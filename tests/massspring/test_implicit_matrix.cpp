@@ -66,5 +66,38 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
   EXPECT_LT((y - expected).norm(), difference_tolerance * y.norm());
 }
 
+TEST(ImplicitMatrix, IsInSinglePrecisionTheSameToItsRounding) {
+  constexpr double single_rounding = 1e-6;
+  MassSpringModel springs = small_model(), coupled = small_model();
+  springs.springs->damping = 3;
+  coupled.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
+  for (const MassSpringModel& model : {springs, coupled}) {
+    Forces forces = some_constraints(model);
+    forces.volume_pressure = 70;
+    forces.followers.push_back({40, model.network.F});
+    const Motion motion(model, forces);
+    State state = initial_state(model);
+    state.x *= 0.8;
+    ImplicitMatrix A(motion);
+    A.set(state, state.x, {2, 0.3, 0.1}, Curvature::Exact);
+    Matrix3Xd p = random_points(5, 1, 6), y, rounded_y;
+    filter(forces.constraints, p);
+    PaddedField single_p, single_y;
+    pad(p, 1, single_p);
+    const LinearSystem system = A.system();
+    for (const bool is_sparse : {false, true}) {
+      (is_sparse ? system.sparse_product : system.product)(p, y);
+      const double p_y =
+          (is_sparse ? system.rounded_sparse_product : system.rounded_product)(single_p, single_y);
+      rounded_y = Matrix3Xd::Zero(3, 5);
+      add_unpadded(single_y, 1, rounded_y);
+      ASSERT_GT(y.norm(), 1);
+      EXPECT_LT((rounded_y - y).norm(), single_rounding * y.norm());
+      EXPECT_NEAR(p_y, p.cwiseProduct(y).sum(), single_rounding * p.norm() * y.norm());
+      EXPECT_EQ(single_y.row(3).norm() + single_y.rightCols(3).norm(), 0);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace testbed

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <limits>
 
 #include "massspring/linear_solver.h"
 #include "tests/massspring/small_network.h"
@@ -12,13 +13,14 @@ using Eigen::Matrix3Xd;
 
 constexpr double solver_tolerance = 1e-12, agreement = 1e-8;
 
-/// Chain of n nodes, its springs in three directions of stiffness k, and mass 1: hard for k large.
-BlockMatrix chain(int n, double k) {
+/// Chains of n nodes in all, their springs in three directions of stiffness k, and mass 1: hard for k large.
+BlockMatrix chain(int n, double k, int length = std::numeric_limits<int>::max()) {
   Eigen::Matrix2Xi pairs(2, n - 1);
   for (int i = 0; i + 1 < n; ++i) pairs.col(i) << i, i + 1;
   BlockMatrix A = make_block_matrix(n, pairs);
   for (int i = 0; i < n; ++i) A.block[A.diagonal[i]].setIdentity();
   for (int i = 0; i + 1 < n; ++i) {
+    if ((i + 1) % length == 0) continue;
     Eigen::Matrix3d B = Eigen::Matrix3d::Constant(k / 4);
     B.diagonal().setConstant(k);
     A.block[A.find(i, i)] += B;
@@ -38,11 +40,23 @@ Eigen::VectorXd direct(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd
 }
 
 LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd& positions) {
+  const auto rounded_product = [&A, A_rounded = rounded(A)](const Matrix3Xd* g, const PaddedField& p,
+                                                            PaddedField& y) {
+    y.setZero(4, p.cols());
+    if (g) {
+      PaddedField root;
+      pad(*g, 1, root);
+      add_scaled(static_cast<float>(dot(root, p)), root, y);
+    }
+    return add_product(A, A_rounded, p, y);
+  };
   return {[&](const Matrix3Xd& p, Matrix3Xd& y) {
             multiply(A, p, y);
             y += g.cwiseProduct(p).sum() * g;
           },
           [&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(A, p, y); },
+          [=, &g](const PaddedField& p, PaddedField& y) { return rounded_product(&g, p, y); },
+          [=](const PaddedField& p, PaddedField& y) { return rounded_product(nullptr, p, y); },
           [](Matrix3Xd&) {},
           [&](std::vector<Eigen::Matrix3d>& diagonal) {
             diagonal.clear();
@@ -53,7 +67,7 @@ LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd
 }
 
 TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {
-  constexpr int n = 300;
+  constexpr int n = 500;  // enough for single precision
   const Matrix3Xd b = random_points(n, 1, 2), g = random_points(n, 0.3, 3);
   for (double k : {0.1, 1e5}) {
     LinearSolver solver;
@@ -65,6 +79,19 @@ TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {
       EXPECT_LT((x.reshaped() - exact).norm(), agreement * exact.norm()) << "k = " << k;
     }
   }
+}
+
+TEST(LinearSolver, AgreesWithADirectSolveWhereSinglePrecisionDoesNotReach) {
+  constexpr int n = 600;
+  constexpr double k = 1e7;
+  const BlockMatrix A = chain(n, k, 30);
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  Matrix3Xd exact, x = Matrix3Xd::Zero(3, n);
+  BlockCholesky(A).solve(b, exact);
+  LinearSolver solver;
+  EXPECT_TRUE(solver.solve(system_of(A, none, none), b, x, solver_tolerance).is_converged);
+  EXPECT_EQ(solver.choice().rfind("block Jacobi", 0), 0u) << solver.choice();
+  EXPECT_LT((x - exact).norm(), agreement * exact.norm());
 }
 
 TEST(LinearSolver, KeepsBlockJacobiWhereItIsFastAndAFactorWhereItIsNot) {

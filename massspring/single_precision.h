@@ -1,0 +1,76 @@
+// Node vectors in single precision, for work that memory bounds: half the bytes, and registers full of lanes.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "massspring/springs.h"
+
+namespace testbed {
+
+/// 4 x n of node vectors and a row of zeros, with as many columns of zeros at the end as make n a multiple
+/// of four, so that the widest registers are full. Sums over nodes are added in double precision, in an
+/// order that no machine changes.
+using PaddedField = Eigen::Matrix4Xf;
+
+/// Symmetric blocks at nodes, as columns of their diagonal xx yy zz and of xy yz zx.
+struct SymmetricBlocks {
+  PaddedField diagonal, off_diagonal;
+};
+
+/// Number of columns of n nodes.
+inline Eigen::Index padded(Eigen::Index n) {
+  return (n + 3) / 4 * 4;
+}
+
+/// factor u, 3 x n, rounded.
+void pad(const Eigen::Matrix3Xd& u, double factor, PaddedField& result);
+
+/// u += factor w.
+void add_unpadded(const PaddedField& w, double factor, Eigen::Matrix3Xd& u);
+
+SymmetricBlocks pad(const std::vector<Eigen::Matrix3d>& blocks);
+
+/// Over the columns of u.
+double dot(const PaddedField& u, const PaddedField& w);
+
+/// z = D r; r . z.
+double multiply(const SymmetricBlocks& D, const PaddedField& r, PaddedField& z);
+
+/// x += alpha p, r -= alpha Ap; r . r.
+double advance(float alpha, const PaddedField& p, const PaddedField& Ap, PaddedField& x, PaddedField& r);
+
+/// y = p, each node times its factor.
+void multiply(const Eigen::VectorXf& factor, const PaddedField& p, PaddedField& y);
+
+/// p = z + beta p.
+void turn(float beta, const PaddedField& z, PaddedField& p);
+
+/// y += alpha u on the columns of u.
+void add_scaled(float alpha, const PaddedField& u, PaddedField& y);
+
+/// Springs in rows, one for each node, of those that it is the first of.
+class SpringRows {
+ public:
+  SpringRows(const Springs& springs, int n_nodes);
+
+  /// Blocks in the order of the rows.
+  Eigen::Matrix4Xf in_rows(const SpringBlocks& B) const;
+
+  /// y += B p, B in rows; then p . y.
+  double add_product(const Eigen::Matrix4Xf& B, const PaddedField& p, PaddedField& y) const;
+
+ private:
+  std::vector<int> start_;  ///< of each row, n_nodes + 1; rows are even, for two springs fill a register
+  std::vector<int> other_;  ///< the second node; of what fills a row the first
+  std::vector<int> at_;     ///< of each spring
+};
+
+/// Blocks of a block matrix, by columns.
+std::vector<float> rounded(const BlockMatrix& A);
+
+/// y += A p of rounded blocks; then p . y.
+double add_product(const BlockMatrix& pattern, const std::vector<float>& blocks, const PaddedField& p,
+                   PaddedField& y);
+
+}  // namespace testbed
