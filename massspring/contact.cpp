@@ -52,15 +52,21 @@ bool push_out_of(const RigidBody& body, const Vector3d& shift, const Vector3d& x
 
 }  // namespace
 
-void push_out(const std::vector<RigidBody>& bodies, const State& before, double h, Matrix3Xd& x,
-              Matrix3Xd& v) {
-  for (const RigidBody& body : bodies) {
+void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd& v) {
+  for (size_t b = 0; b < bodies_.size(); ++b) {
+    const RigidBody& body = bodies_[b];
+    Eigen::VectorXd& clearance = clearance_[b];
+    if (clearance.size() == 0) clearance.setZero(x.cols());
     const Vector3d shift = h * velocity_of(body, before.t, h);
     for (Eigen::Index i = 0; i < x.cols(); ++i) {
+      clearance(i) -= (x.col(i) - before.x.col(i) - shift).norm();
+      if (clearance(i) > 0) continue;
       Vector3d xi = x.col(i), vi = v.col(i);
-      if (!push_out_of(body, shift, before.x.col(i), before.t, h, xi, vi)) continue;
-      x.col(i) = xi;
-      v.col(i) = vi;
+      if (push_out_of(body, shift, before.x.col(i), before.t, h, xi, vi)) {
+        x.col(i) = xi;
+        v.col(i) = vi;
+      }
+      clearance(i) = body.gap(xi, before.t + h).distance;
     }
   }
 }

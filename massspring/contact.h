@@ -9,8 +9,18 @@ namespace testbed {
 /// Explicit schemes: nodes that end a step from `before` to positions x and velocities v inside a body, or
 /// went through it, are set onto its surface, lose their velocity into it and, by Coulomb's friction, of that
 /// along it as much as the blow allows. Takes energy only.
-void push_out(const std::vector<RigidBody>& bodies, const State& before, double h, Eigen::Matrix3Xd& x,
-              Eigen::Matrix3Xd& v);
+class PushOut {
+ public:
+  explicit PushOut(const std::vector<RigidBody>& bodies) : bodies_(bodies), clearance_(bodies.size()) {}
+
+  /// To be called for every step in turn: nodes are not looked at while they have gone less far than a body
+  /// was away.
+  void operator()(const State& before, double h, Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
+
+ private:
+  const std::vector<RigidBody>& bodies_;
+  std::vector<Eigen::VectorXd> clearance_;  ///< per body and node, what it may go before it is looked at (m)
+};
 
 /// Linearised implicit scheme: nodes in touch move along their obstacle, or with it while friction holds
 /// them, until the force that keeps them there would pull.

@@ -14,9 +14,15 @@ class Euler : public Scheme {
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     motion_.forces_at(state, f_);
     v.resizeLike(f_);
-    for (Eigen::Index i = 0; i < v.cols(); ++i) v.col(i) = state.v.col(i) + h * inverse_mass_(i) * f_.col(i);
+    x.resizeLike(f_);
+    const Matrix3Xd& u = is_symplectic_ ? v : state.v;
+    const auto move = [&](Eigen::Index i) { x.col(i) = state.x.col(i) + h * u.col(i); };
+    for (Eigen::Index i = 0; i < v.cols(); ++i) {
+      v.col(i) = state.v.col(i) + h * inverse_mass_(i) * f_.col(i);
+      move(i);
+    }
     motion_.constrain(v);
-    x = state.x + h * (is_symplectic_ ? v : state.v);
+    for (const Constraint& c : motion_.constraints) move(c.node);
     return {};
   }
 

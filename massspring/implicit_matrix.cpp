@@ -95,7 +95,7 @@ void ImplicitMatrix::add_contacts(const Field& p, Field& y) const {
 
 void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
   multiply_sparse(p, y);
-  if (g_) y += g_->cwiseProduct(p).sum() * *g_;
+  if (g_) add_rank_one(*g_, p, y);
   for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, p, y);
   filter(motion_.constraints, y);
 }

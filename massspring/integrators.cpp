@@ -63,7 +63,9 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Int
       options_(options),
       end_(end),
       supports_(motion_.constraints),
+      push_out_(forces.bodies),
       size_((model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
+      rest_norm_(model.network.X.norm()),
       scheme_(make_scheme(integrator, motion_, options)) {
   if (size_ == 0)
     throw std::runtime_error("all nodes lie in one point, expected a body: its size tells far from near");
@@ -169,13 +171,12 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     f = momenta(motion_.model, (v_ - v_before_) / h) - f;
     touches_.settle(bodies, state, h, f, x_, v_);
   } else if (is_explicit(integrator_)) {
-    push_out(bodies, state, h, x_, v_);
+    push_out_(state, h, x_, v_);
   }
-  const Matrix3Xd& X = motion_.model.network.X;
-  prescribe(supports_, X, state.t + h, end_, x_);
-  const double extent = (x_ - X).norm();  // one pass; not finite where any position is not
+  prescribe(supports_, motion_.model.network.X, state.t + h, end_, x_);
   constexpr double kFarOff = 1e6;
-  if (!(extent < kFarOff * size_) || !std::isfinite(v_.squaredNorm())) report.status = Status::Diverged;
+  if (!(x_.norm() < rest_norm_ + kFarOff * size_) || !std::isfinite(v_.squaredNorm()))
+    report.status = Status::Diverged;
   if (report.status == Status::Diverged) return report;
   state.x.swap(x_);
   state.v.swap(v_);
@@ -192,7 +193,7 @@ double stable_step(const MassSpringModel& model, const Forces& forces, const Sta
   const auto product = [&](const Matrix3Xd& q) -> Matrix3Xd {  // M^-1/2 K M^-1/2 q
     scaled = q * scale.asDiagonal();
     multiply(K, scaled, Kq);
-    if (g) Kq += g->cwiseProduct(scaled).sum() * *g;
+    if (g) add_rank_one(*g, scaled, Kq);
     filter(forces.constraints, Kq);
     return Kq * scale.asDiagonal();
   };

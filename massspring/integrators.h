@@ -69,7 +69,9 @@ class TimeStepper {
   double end_;
   std::vector<Constraint> supports_;
   Touches touches_;
-  double size_;  ///< of the body's box (m)
+  PushOut push_out_;
+  double size_;       ///< of the body's box (m)
+  double rest_norm_;  ///< of all positions at rest (m)
   std::unique_ptr<Scheme> scheme_;
   Eigen::Matrix3Xd x_, v_, v_before_;
 };

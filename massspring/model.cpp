@@ -113,9 +113,15 @@ void add_skin(const Skin& skin, MassSpringModel& model) {
   if (skin.bending > 0) model.bending = make_bending(X, F, skin.bending);
 }
 
+void add_momenta(const MassSpringModel& model, double factor, const Eigen::Matrix3Xd& v,
+                 Eigen::Matrix3Xd& p) {
+  p += factor * v * model.mass.asDiagonal();
+  if (model.spread_mass) add_product(*model.spread_mass, -factor, v, p);
+}
+
 Eigen::Matrix3Xd momenta(const MassSpringModel& model, const Eigen::Matrix3Xd& v) {
-  Eigen::Matrix3Xd p = v * model.mass.asDiagonal();
-  if (model.spread_mass) add_product(*model.spread_mass, -1, v, p);
+  Eigen::Matrix3Xd p = Eigen::Matrix3Xd::Zero(3, v.cols());
+  add_momenta(model, 1, v, p);
   return p;
 }
 
@@ -166,7 +172,7 @@ void undamped_forces(const MassSpringModel& model, const Forces& forces, const S
   for (const FollowerPressure& follower : forces.followers) {
     Eigen::Matrix3Xd gradient;
     volume_and_gradient(follower.F, state.x, gradient);
-    f -= load_factor * follower.pressure * gradient;
+    f.leftCols(gradient.cols()) -= load_factor * follower.pressure * gradient;
   }
   if (forces.volume_pressure)
     add_volume_forces(*forces.volume_pressure, state.target_volume, model.network.F, state.x, f);

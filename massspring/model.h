@@ -79,6 +79,9 @@ struct FollowerPressure {
   Eigen::Matrix3Xi F;
 };
 
+/// p += factor M v, 3 x n.
+void add_momenta(const MassSpringModel& model, double factor, const Eigen::Matrix3Xd& v, Eigen::Matrix3Xd& p);
+
 /// M v (kg m/s), 3 x n.
 Eigen::Matrix3Xd momenta(const MassSpringModel& model, const Eigen::Matrix3Xd& v);
 

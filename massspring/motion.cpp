@@ -10,7 +10,7 @@ Motion::Motion(const MassSpringModel& model, const Forces& forces)
 void Motion::forces_at(const State& state, Eigen::Matrix3Xd& f) const {
   undamped_forces_at(state, f);
   if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, state.x, state.v, f);
-  if (forces.mass_damping > 0) f -= forces.mass_damping * momenta(model, state.v);
+  if (forces.mass_damping > 0) add_momenta(model, -forces.mass_damping, state.v, f);
 }
 
 void Motion::undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const {

@@ -179,7 +179,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     std::vector<VolumeCurvature> curvatures;
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
       multiply(K_, p, y);
-      if (g) y += g->cwiseProduct(p).sum() * *g;
+      if (g) add_rank_one(*g, p, y);
       for (const auto& [factor, F] : curvatures) add_volume_curvature(factor, *F, state.x, p, y);
       project(y);
     };

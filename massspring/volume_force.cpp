@@ -8,7 +8,7 @@
 namespace testbed {
 
 double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient) {
-  gradient.setZero(3, x.cols());
+  gradient.setZero(3, F.maxCoeff() + 1);
   const Eigen::Vector3d origin = x.col(0);
   double V = 0;
   for (const auto& t : F.colwise()) {
@@ -29,7 +29,7 @@ void add_volume_forces(double P, double target, const Eigen::Matrix3Xi& F, const
                        Eigen::Matrix3Xd& f) {
   thread_local Eigen::Matrix3Xd gradient;  // kept, so that a step allocates nothing
   const double V = volume_and_gradient(F, x, gradient);
-  f += P * (target - V) / target * gradient;
+  f.leftCols(gradient.cols()) += P * (target - V) / target * gradient;
 }
 
 Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Matrix3Xi& F,
@@ -37,6 +37,10 @@ Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Mat
   Eigen::Matrix3Xd g;
   volume_and_gradient(F, x, g);
   return std::sqrt(P / target) * g;
+}
+
+void add_rank_one(const Eigen::Matrix3Xd& g, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) {
+  y.leftCols(g.cols()) += g.cwiseProduct(p.leftCols(g.cols())).sum() * g;
 }
 
 void add_volume_curvature(double factor, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,

@@ -6,8 +6,8 @@
 
 namespace testbed {
 
-/// Volume V (m3) enclosed by the triangles F at positions x, and dV/dx, 3 x n: a third of the area vector A n
-/// of each triangle to each vertex.
+/// Volume V (m3) enclosed by the triangles F at positions x, and dV/dx, 3 x m, m the nodes up to the
+/// last one of F: a third of the area vector A n of each triangle to each vertex.
 double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient);
 
 /// Energy (J) 1/2 P (V - V_1)^2 / V_1 of the volume V enclosed by the triangles F at positions x (m), with
@@ -18,10 +18,14 @@ double volume_energy(double P, double target, const Eigen::Matrix3Xi& F, const E
 void add_volume_forces(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
                        Eigen::Matrix3Xd& f);
 
-/// g (N^1/2 m^-1/2), 3 x n, of the Hessian's positive semidefinite part g g^T = P/V_1 (dV/dx)(dV/dx)^T. What
-/// is left out, P (V - V_1)/V_1 d2V/dx2, has eigenvalues of both signs and vanishes at the target.
+/// g (N^1/2 m^-1/2), 3 x m like dV/dx, of the Hessian's positive semidefinite part g g^T = P/V_1
+/// (dV/dx)(dV/dx)^T. What is left out, P (V - V_1)/V_1 d2V/dx2, has eigenvalues of both signs and vanishes at
+/// the target.
 Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Matrix3Xi& F,
                                        const Eigen::Matrix3Xd& x);
+
+/// y += g g^T p, 3 x n.
+void add_rank_one(const Eigen::Matrix3Xd& g, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
 
 /// Penalty on the volume of tetrahedra that fill the body once.
 struct LocalVolume {
