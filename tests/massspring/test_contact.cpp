@@ -7,6 +7,7 @@
 #include "meshing/shapes.h"
 #include "meshing/surface_io.h"
 #include "tests/massspring/box_tets.h"
+#include "tests/massspring/small_network.h"
 
 namespace testbed {
 namespace {
@@ -131,6 +132,36 @@ TEST_P(ContactOf, AMovingObstaclePushesTheBodyAlong) {
     EXPECT_GE(cube.state.x.row(1).minCoeff(), cube.state.t - 1e-9);
   }
   EXPECT_GT(cube.state.x.row(1).minCoeff(), 0.9);
+}
+
+TEST(PushOut, LeavesAloneOnlyNodesThatItWouldNotMove) {
+  Obstacle ball, plate;
+  ball.shape = Ball{{0.4, 0, 0}, 0.3};
+  ball.motion = {{0, 0, 0, 0}, {1, -0.8, 0.3, 0}};
+  plate.shape = Box{{-0.5, -0.6, -0.5}, {0.5, -0.599, 0.5}};
+  plate.friction = 0.4;
+  const std::vector<RigidBody> bodies{RigidBody(ball), RigidBody(plate)};
+  constexpr double h = 0.01;
+  constexpr int n = 200;
+  State state{0, random_points(n, 1, 1), random_points(n, 3, 2), {}, {}, 0};
+  PushOut push_out(bodies);
+  int n_moved = 0;
+  while (state.t < 1) {
+    state.v.row(1).array() -= 9.81 * h;
+    state.v -= 20 * h * state.x;  // sends them round and past the obstacles again and again
+    const Matrix3Xd free_x = state.x + h * state.v;
+    Matrix3Xd x = free_x, v = state.v, all_x = x, all_v = v;
+    push_out(state, h, x, v);
+    PushOut looks_at_all(bodies);
+    looks_at_all(state, h, all_x, all_v);
+    ASSERT_EQ(x, all_x) << state.t;
+    ASSERT_EQ(v, all_v) << state.t;
+    n_moved += static_cast<int>((x - free_x).colwise().any().count());
+    state.x = x;
+    state.v = v;
+    state.t += h;
+  }
+  EXPECT_GT(n_moved, 500);
 }
 
 TEST(RigidBody, GapsAreTheDistancesToDenseSamplesOfTheSurfaces) {
