@@ -132,9 +132,13 @@ double ImplicitMatrix::multiply_rounded(bool is_sparse, const PaddedField& p, Pa
     if (damping_) rows_->add_product(A.damping, p, y);
     p_Ap = rows_->add_product(A.springs, p, y);
   }
+  filter_rounded(y);
+  return p_Ap;
+}
+
+void ImplicitMatrix::filter_rounded(PaddedField& y) const {
   for (const Constraint& c : motion_.constraints)
     y.col(c.node).head<3>() = c.S.cast<float>() * y.col(c.node).head<3>().eval();
-  return p_Ap;
 }
 
 void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
@@ -182,6 +186,7 @@ LinearSystem ImplicitMatrix::system() {
           [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(false, p, y); },
           [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(true, p, y); },
           [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
+          [this](PaddedField& y) { filter_rounded(y); },
           [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
           [this]() -> const BlockMatrix& { return matrix(); },
           &x_};

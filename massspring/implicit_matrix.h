@@ -39,6 +39,7 @@ class ImplicitMatrix {
   template <class Field>
   void add_contacts(const Field& p, Field& y) const;
   void round();
+  void filter_rounded(PaddedField& y) const;
   double multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y);
   void diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
   const BlockMatrix& matrix();

@@ -69,6 +69,10 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
     report.is_converged = report.residual <= tolerance;
   };
   measure();
+  if (report.residual > 1) {  // a guess worse than none
+    x.setZero();
+    measure();
+  }
   while (!report.is_converged && report.iterations < max_iterations) {
     const double before = report.residual, size = r.norm();
     pad(r, 1 / size, rounded);
@@ -156,8 +160,19 @@ SolveReport LinearSolver::solve_by_multigrid(const LinearSystem& A, const Matrix
                                              double tolerance) {
   const bool is_new = !multigrid_;
   if (is_new) multigrid_ = std::make_unique<Multigrid>(A, inverse_);
-  const auto precondition = [&](const Matrix3Xd& r, Matrix3Xd& z) { multigrid_->apply(A, inverse_, r, z); };
-  const SolveReport report = conjugate_gradients(A.product, precondition, b, x, tolerance, kMaxMultigrid);
+  multigrid_->set_smoother(inverse_);
+  const auto precondition = [&](const PaddedField& r, PaddedField& z) { return multigrid_->apply(A, r, z); };
+  const auto widened = [&](const Matrix3Xd& r, Matrix3Xd& z) {
+    const double size = r.norm();
+    PaddedField rounded_r, rounded_z;
+    pad(r, size > 0 ? 1 / size : 1, rounded_r);
+    precondition(rounded_r, rounded_z);
+    z = Matrix3Xd::Zero(3, r.cols());
+    add_unpadded(rounded_z, size, z);
+  };
+  SolveReport report;
+  if (is_single_enough_) report = refine(A, precondition, b, x, tolerance, kMaxMultigrid);
+  if (!is_single_enough_) report = conjugate_gradients(A.product, widened, b, x, tolerance, kMaxMultigrid);
   if (is_new) first_iterations_ = report.iterations;
   constexpr int kMore = 15;  // iterations that cost as much as making it anew
   if (!report.is_converged || report.iterations > first_iterations_ + kMore) multigrid_.reset();

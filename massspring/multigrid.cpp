@@ -11,8 +11,7 @@ namespace {
 
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
-
-using Matrix6Xd = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+using Eigen::Vector3f;
 
 constexpr int kCoarsest = 20;  // bodies whose matrix is inverted
 
@@ -54,15 +53,20 @@ double largest_eigenvalue(const LinearSystem& A, const std::vector<Eigen::Matrix
 }
 
 /// Adds a force f at an offset d from the centre of a group to the force and torque on it.
-void add_wrench(const Vector3d& f, const Vector3d& d, Matrix6Xd& wrench, int group) {
+void add_wrench(const Vector3f& f, const Vector3f& d, BodyField& wrench, int group) {
   wrench.col(group).head<3>() += f;
-  wrench.col(group).tail<3>() += d.cross(f);
+  wrench.col(group).segment<3>(3) += d.cross(f);
 }
 
 /// How a point at an offset d from the centre of a group moves with it.
-Vector3d translation(const Matrix6Xd& motion, int group, const Vector3d& d) {
-  const Vector3d t = motion.col(group).head<3>(), w = motion.col(group).tail<3>();
+Vector3f translation(const BodyField& motion, int group, const Vector3f& d) {
+  const Vector3f t = motion.col(group).head<3>(), w = motion.col(group).segment<3>(3);
   return t + w.cross(d);
+}
+
+void append(const Eigen::Matrix<double, 6, 6>& block, std::vector<float>& blocks) {
+  const Eigen::Matrix<float, 6, 6> rounded = block.cast<float>();
+  blocks.insert(blocks.end(), rounded.data(), rounded.data() + rounded.size());
 }
 
 }  // namespace
@@ -93,6 +97,7 @@ Multigrid::Groups Multigrid::group(const std::vector<int>& row_start, const std:
   groups.centre *= size.cwiseInverse().asDiagonal();
   groups.offset.resize(3, n);
   for (int i = 0; i < n; ++i) groups.offset.col(i) = X.col(i) - groups.centre.col(groups.of[i]);
+  pad(groups.offset, 1, groups.rounded);
   return groups;
 }
 
@@ -104,31 +109,33 @@ Multigrid::Level Multigrid::level_of(const std::vector<int>& row_start, const st
   std::vector<std::vector<int>> members(n_groups);
   for (int i = 0; i < n; ++i) members[groups.of[i]].push_back(i);
   Level level;
+  BodyMatrix& A = level.A;
   std::vector<int> at(n_groups, -1);  // position of a column in the row at hand
-  level.row_start.push_back(0);
+  A.row_start.push_back(0);
   for (int g = 0; g < n_groups; ++g) {
-    const size_t first = level.column.size();
+    const size_t first = A.column.size();
     for (const int i : members[g])
       for (int k = row_start[i]; k < row_start[i + 1]; ++k)
         if (int& position = at[groups.of[column[k]]]; position < static_cast<int>(first)) {
-          position = static_cast<int>(level.column.size());
-          level.column.push_back(groups.of[column[k]]);
+          position = static_cast<int>(A.column.size());
+          A.column.push_back(groups.of[column[k]]);
         }
-    std::sort(level.column.begin() + first, level.column.end());
-    for (size_t k = first; k < level.column.size(); ++k) at[level.column[k]] = static_cast<int>(k);
-    level.block.resize(level.column.size(), Matrix6d::Zero());
+    std::sort(A.column.begin() + first, A.column.end());
+    for (size_t k = first; k < A.column.size(); ++k) at[A.column[k]] = static_cast<int>(k);
+    level.block.resize(A.column.size(), Matrix6d::Zero());
     for (const int i : members[g]) {
       const auto P = prolongation<D>(groups.offset.col(i));
       for (int k = row_start[i]; k < row_start[i + 1]; ++k)
         level.block[at[groups.of[column[k]]]].noalias() +=
             P.transpose() * (block[k] * prolongation<D>(groups.offset.col(column[k])));
     }
-    level.diagonal.push_back(at[g]);
-    level.row_start.push_back(static_cast<int>(level.column.size()));
-    level.inverse.push_back(pseudo_inverse(level.block[at[g]]));
+    A.diagonal.push_back(at[g]);
+    A.row_start.push_back(static_cast<int>(A.column.size()));
+    append(pseudo_inverse(level.block[at[g]]), A.inverse);
   }
-  level.x.setZero(6, n_groups);
-  level.b = level.x;
+  for (const Matrix6d& block : level.block) append(block, A.block);
+  for (std::vector<float>* blocks : {&A.block, &A.inverse}) blocks->resize(blocks->size() + 2);
+  level.b.resize(8, n_groups);
   return level;
 }
 
@@ -138,20 +145,21 @@ Multigrid::Multigrid(const LinearSystem& system, const std::vector<Eigen::Matrix
   groups_ = group(A.row_start, A.column, *system.positions);
   levels_.push_back(level_of(A.row_start, A.column, A.block, groups_));
   Matrix3Xd centre = groups_.centre;
-  while (levels_.back().x.cols() > kCoarsest) {
+  while (levels_.back().b.cols() > kCoarsest) {
     Level& fine = levels_.back();
-    fine.groups = group(fine.row_start, fine.column, centre);
+    fine.groups = group(fine.A.row_start, fine.A.column, centre);
     centre = fine.groups.centre;
-    if (centre.cols() == fine.x.cols()) break;
-    Level coarse = level_of(fine.row_start, fine.column, fine.block, fine.groups);
+    if (centre.cols() == fine.b.cols()) break;
+    Level coarse = level_of(fine.A.row_start, fine.A.column, fine.block, fine.groups);
+    fine.block = {};
     levels_.push_back(std::move(coarse));
   }
   const Level& coarsest = levels_.back();
-  const Eigen::Index n = coarsest.x.cols();
+  const Eigen::Index n = coarsest.b.cols();
   Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(6 * n, 6 * n);
   for (Eigen::Index i = 0; i < n; ++i)
-    for (int k = coarsest.row_start[i]; k < coarsest.row_start[i + 1]; ++k)
-      dense.block<6, 6>(6 * i, 6 * coarsest.column[k]) = coarsest.block[k];
+    for (int k = coarsest.A.row_start[i]; k < coarsest.A.row_start[i + 1]; ++k)
+      dense.block<6, 6>(6 * i, 6 * coarsest.A.column[k]) = coarsest.block[k];
   coarsest_inverse_ = pseudo_inverse(dense);
 }
 
@@ -159,57 +167,55 @@ Multigrid::Multigrid(const LinearSystem& system, const std::vector<Eigen::Matrix
 void Multigrid::cycle(size_t l) {
   Level& level = levels_[l];
   if (l + 1 == levels_.size()) {
-    level.x.reshaped() = coarsest_inverse_ * level.b.reshaped();
+    level.x.resize(8, level.b.cols());
+    const Eigen::VectorXd b = level.b.topRows<6>().cast<double>().reshaped();
+    level.x.topRows<6>().reshaped() = (coarsest_inverse_ * b).cast<float>();
     return;
   }
-  const int n = static_cast<int>(level.x.cols());
-  const std::vector<int>& start = level.row_start;
-  const auto less_sum = [&](Vector6d s, int begin, int end) {
-    for (int k = begin; k < end; ++k) s.noalias() -= level.block[k] * level.x.col(level.column[k]);
-    return s;
-  };
-  for (int i = 0; i < n; ++i)
-    level.x.col(i).noalias() = level.inverse[i] * less_sum(level.b.col(i), start[i], level.diagonal[i]);
+  const auto n = level.b.cols();
   Level& coarse = levels_[l + 1];
   const Groups& groups = level.groups;
+  sweep_down(level.A, level.b, level.x);
   const int n_visits = l + 2 < levels_.size() ? 2 : 1;
   for (int visit = 0; visit < n_visits; ++visit) {
+    residual(level.A, level.b, level.x, level.rest);
     coarse.b.setZero();
-    for (int i = 0; i < n; ++i) {
-      const Vector6d f = less_sum(level.b.col(i), start[i], start[i + 1]);
-      add_wrench(f.head<3>(), groups.offset.col(i), coarse.b, groups.of[i]);
-      coarse.b.col(groups.of[i]).tail<3>() += f.tail<3>();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      add_wrench(level.rest.col(i).head<3>(), groups.rounded.col(i).head<3>(), coarse.b, groups.of[i]);
+      coarse.b.col(groups.of[i]).segment<3>(3) += level.rest.col(i).segment<3>(3);
     }
     cycle(l + 1);
-    for (int i = 0; i < n; ++i) {
-      level.x.col(i).head<3>() += translation(coarse.x, groups.of[i], groups.offset.col(i));
-      level.x.col(i).tail<3>() += coarse.x.col(groups.of[i]).tail<3>();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      level.x.col(i).head<3>() += translation(coarse.x, groups.of[i], groups.rounded.col(i).head<3>());
+      level.x.col(i).segment<3>(3) += coarse.x.col(groups.of[i]).segment<3>(3);
     }
   }
-  for (int i = n - 1; i >= 0; --i)
-    level.x.col(i) += level.inverse[i] * less_sum(level.b.col(i), start[i], start[i + 1]);
+  sweep_up(level.A, level.b, level.x);
 }
 
-void Multigrid::apply(const LinearSystem& A, const std::vector<Eigen::Matrix3d>& inverse, const Matrix3Xd& r,
-                      Matrix3Xd& z) {
-  constexpr double kDamping =
-      1.2;  // over the largest eigenvalue: the upper half of the spectrum fades fastest
-  constexpr double kOvershoot = 1.5;  // groups that move as rigid bodies are too stiff [Braess 1995]
-  const double omega = kDamping / largest_;
-  const Eigen::Index n = r.cols();
-  z.resize(3, n);
-  for (Eigen::Index i = 0; i < n; ++i) z.col(i).noalias() = omega * (inverse[i] * r.col(i));
-  A.sparse_product(z, Az_);
+void Multigrid::set_smoother(const std::vector<Eigen::Matrix3d>& inverse) {
+  constexpr float kDamping =
+      1.2f;  // over the largest eigenvalue: the upper half of the spectrum fades fastest
+  smoother_ = pad(inverse);
+  smoother_.diagonal *= kDamping / static_cast<float>(largest_);
+  smoother_.off_diagonal *= kDamping / static_cast<float>(largest_);
+}
+
+double Multigrid::apply(const LinearSystem& A, const PaddedField& r, PaddedField& z) {
+  constexpr float kOvershoot = 1.5f;  // groups that move as rigid bodies are too stiff [Braess 1995]
+  const auto n = static_cast<Eigen::Index>(groups_.of.size());
+  multiply(smoother_, r, z);
+  A.rounded_sparse_product(z, Az_);
   Level& coarse = levels_.front();
   coarse.b.setZero();
   for (Eigen::Index i = 0; i < n; ++i)
-    add_wrench(r.col(i) - Az_.col(i), groups_.offset.col(i), coarse.b, groups_.of[i]);
+    add_wrench((r.col(i) - Az_.col(i)).head<3>(), groups_.rounded.col(i).head<3>(), coarse.b, groups_.of[i]);
   cycle(0);
   for (Eigen::Index i = 0; i < n; ++i)
-    z.col(i) += kOvershoot * translation(coarse.x, groups_.of[i], groups_.offset.col(i));
-  A.filter(z);
-  A.sparse_product(z, Az_);
-  for (Eigen::Index i = 0; i < n; ++i) z.col(i) += omega * (inverse[i] * (r.col(i) - Az_.col(i)));
+    z.col(i).head<3>() += kOvershoot * translation(coarse.x, groups_.of[i], groups_.rounded.col(i).head<3>());
+  A.rounded_filter(z);
+  A.rounded_sparse_product(z, Az_);
+  return correct(smoother_, r, Az_, z);
 }
 
 }  // namespace testbed

@@ -16,17 +16,19 @@ class Multigrid {
   /// @param inverse  of the system's diagonal blocks
   Multigrid(const LinearSystem& system, const std::vector<Eigen::Matrix3d>& inverse);
 
-  /// z = a symmetric positive definite approximation of A^-1 r, 3 x n, A without its rank-one part.
-  void apply(const LinearSystem& A, const std::vector<Eigen::Matrix3d>& inverse, const Eigen::Matrix3Xd& r,
-             Eigen::Matrix3Xd& z);
+  /// From the inverse of the diagonal blocks of the system at hand.
+  void set_smoother(const std::vector<Eigen::Matrix3d>& inverse);
+
+  /// z = a symmetric positive definite approximation of A^-1 r, A without its rank-one part; r . z.
+  double apply(const LinearSystem& A, const PaddedField& r, PaddedField& z);
 
  private:
-  using Vector6d = Eigen::Matrix<double, 6, 1>;
   using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
   struct Groups {
     std::vector<int> of;      ///< group of each member
     Eigen::Matrix3Xd offset;  ///< of each member from the centre of its group (m)
+    PaddedField rounded;      ///< offset
     Eigen::Matrix3Xd centre;  ///< of each group (m)
   };
   static Groups group(const std::vector<int>& row_start, const std::vector<int>& column,
@@ -34,10 +36,10 @@ class Multigrid {
 
   /// Rigid bodies: their matrix over translations and rotations about their centres.
   struct Level {
-    std::vector<int> row_start, column, diagonal;
-    std::vector<Matrix6d> block, inverse;
-    Groups groups;  ///< that they form on the next level
-    Eigen::Matrix<double, 6, Eigen::Dynamic> x, b;
+    BodyMatrix A;
+    std::vector<Matrix6d> block;  ///< of A before rounding, until the next level is made
+    Groups groups;                ///< that they form on the next level
+    BodyField x, b, rest;
   };
   template <class Block>
   static Level level_of(const std::vector<int>& row_start, const std::vector<int>& column,
@@ -48,7 +50,8 @@ class Multigrid {
   Groups groups_;
   std::vector<Level> levels_;
   Eigen::MatrixXd coarsest_inverse_;
-  Eigen::Matrix3Xd Az_;
+  SymmetricBlocks smoother_;
+  PaddedField Az_;
 };
 
 }  // namespace testbed

@@ -37,6 +37,9 @@ double dot(const PaddedField& u, const PaddedField& w);
 /// z = D r; r . z.
 double multiply(const SymmetricBlocks& D, const PaddedField& r, PaddedField& z);
 
+/// z += D (r - Az); r . z.
+double correct(const SymmetricBlocks& D, const PaddedField& r, const PaddedField& Az, PaddedField& z);
+
 /// x += alpha p, r -= alpha Ap; r . r.
 double advance(float alpha, const PaddedField& p, const PaddedField& Ap, PaddedField& x, PaddedField& r);
 
@@ -72,5 +75,24 @@ std::vector<float> rounded(const BlockMatrix& A);
 /// y += A p of rounded blocks; then p . y.
 double add_product(const BlockMatrix& pattern, const std::vector<float>& blocks, const PaddedField& p,
                    PaddedField& y);
+
+/// Motions of rigid bodies, or forces and torques on them, padded to eight rows that do not count.
+using BodyField = Eigen::Matrix<float, 8, Eigen::Dynamic>;
+
+/// Compressed rows of 6 x 6 blocks, 36 floats each by columns and two more at the end.
+struct BodyMatrix {
+  std::vector<int> row_start, column, diagonal;
+  std::vector<float> block, inverse;  ///< inverse: of the diagonal blocks
+};
+
+/// x = (L + D)^-1 b, L and D the part of A below its diagonal and on it: a sweep of block Gauss-Seidel from
+/// zero.
+void sweep_down(const BodyMatrix& A, const BodyField& b, BodyField& x);
+
+/// x += (D + U)^-1 (b - A x): a sweep backwards.
+void sweep_up(const BodyMatrix& A, const BodyField& b, BodyField& x);
+
+/// r = b - A x.
+void residual(const BodyMatrix& A, const BodyField& b, const BodyField& x, BodyField& r);
 
 }  // namespace testbed

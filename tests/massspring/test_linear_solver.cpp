@@ -58,6 +58,7 @@ LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd
           [=, &g](const PaddedField& p, PaddedField& y) { return rounded_product(&g, p, y); },
           [=](const PaddedField& p, PaddedField& y) { return rounded_product(nullptr, p, y); },
           [](Matrix3Xd&) {},
+          [](PaddedField&) {},
           [&](std::vector<Eigen::Matrix3d>& diagonal) {
             diagonal.clear();
             for (int i : A.diagonal) diagonal.push_back(A.block[i]);
