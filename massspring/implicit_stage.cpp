@@ -87,7 +87,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       1e-9;  // of the body's size: where Newton's last step is this small, its error is far less
   constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
   constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
-  constexpr int kMaxNewton = 2000, kMaxHalvings = 40;
+  constexpr int kMaxNewton = 500, kMaxHalvings = 40;
   const Forces& forces = motion_.forces;
 
   const bool is_free = motion_.constraints.empty() && !motion_.barrier;
@@ -127,7 +127,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       linear = solver_.solve(system, r, dx, std::clamp(r.norm() / first, kTightest, kLoosest));
       report.linear_iterations += linear.iterations;
       if (linear.is_converged) break;
-      if (falling.size() > 0) falling += dx;
+      if (is_exact && falling.size() > 0) falling += dx;
     }
     report.residual = linear.residual;
     ++report.newton_iterations;
@@ -184,7 +184,8 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       is_accepted = move(way, step) <= value + kSufficientDecrease * step * slope ||
                     (is_flat && has_smaller_gradient());
     negative_gradient(trial, start.x, a, w, r);
-    const bool is_last = way.dx.colwise().norm().maxCoeff() <= kStepTolerance * size_;
+    const bool is_last = std::max(dx.colwise().norm().maxCoeff(), way.dx.colwise().norm().maxCoeff()) <=
+                         kStepTolerance * size_;
     if (!is_accepted) {
       trial = before;
       if (!is_last) report.status = Status::NotConverged;

@@ -89,7 +89,8 @@ StepReport TimeStepper::step(State& state, double h) {
     report.is_at_rest = true;
     return report;
   }
-  return options_.tolerance > 0 ? step_in_parts(state, h) : step_whole(state, h);
+  constexpr int kMaxHalvings = 6;
+  return options_.tolerance > 0 ? step_in_parts(state, h) : step_or_halves(state, h, kMaxHalvings);
 }
 
 /// Slow, and no force would make any node fast within a second. Damping does not count: it holds back only
@@ -106,6 +107,29 @@ bool TimeStepper::stays_at_rest(const State& state, double h) const {
   motion_.undamped_forces_at(state, f);
   filter(motion_.constraints, f);
   return (f.colwise().norm().transpose().array() * kWhile < slow * motion_.model.mass.array()).all();
+}
+
+StepReport TimeStepper::step_or_halves(State& state, double h, int n_halvings) {
+  if (is_explicit(integrator_) || integrator_ == Integrator::ImplicitEuler || n_halvings == 0)
+    return step_whole(state, h);
+  const State before = state;
+  StepReport report = step_whole(state, h);
+  if (report.status != Status::NotConverged) return report;
+  state = before;
+  report.status = Status::Ok;
+  report.is_halved = true;
+  for (int half = 0; half < 2 && report.status != Status::Diverged; ++half) {
+    const StepReport part = step_or_halves(state, h / 2, n_halvings - 1);
+    report.status = std::max(report.status, part.status);
+    report.newton_iterations += part.newton_iterations;
+    report.linear_iterations += part.linear_iterations;
+    report.residual = part.residual;
+  }
+  if (report.status == Status::Diverged)
+    state = before;
+  else
+    state.t = before.t + h;
+  return report;
 }
 
 StepReport TimeStepper::step_in_parts(State& state, double h) {

@@ -52,13 +52,15 @@ class TimeStepper {
 
   /// Advances the state by h seconds; leaves it unchanged where the step diverges, which is when a position
   /// or velocity is not finite or the body a million times its size. With a tolerance in parts, each taken
-  /// whole and in halves, whose difference tells the error [Hairer et al. 1993, II.4].
+  /// whole and in halves, whose difference tells the error [Hairer et al. 1993, II.4]. A step within which
+  /// Newton's method of a scheme that minimises does not end is taken in halves, again and again if need be.
   StepReport step(State& state, double h);
 
   std::string solver_choice() const { return scheme_->solver_choice(); }
 
  private:
   StepReport step_whole(State& state, double h);
+  StepReport step_or_halves(State& state, double h, int n_halvings);
   StepReport step_in_parts(State& state, double h);
   bool stays_at_rest(const State& state, double h) const;
 

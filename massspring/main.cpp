@@ -220,7 +220,7 @@ void run(const Arguments& arguments) {
   write_row();
   progress.stage("mass-spring: solve");
   StepReport report;
-  int newton_iterations = 0, linear_iterations = 0, n_done = 0, n_at_rest = 0;
+  int newton_iterations = 0, linear_iterations = 0, n_done = 0, n_at_rest = 0, n_halved = 0;
   Status status = Status::Ok;
   const auto has_ended = [&] {
     return n_done == n_steps || status == Status::Diverged || (is_static && status == Status::NotConverged);
@@ -243,6 +243,7 @@ void run(const Arguments& arguments) {
     newton_iterations += report.newton_iterations;
     linear_iterations += report.linear_iterations;
     n_at_rest += report.is_at_rest;
+    n_halved += report.is_halved;
     ++n_done;
     write_row();
     if (has_ended() || (every > 0 && n_done % every == 0)) write_frame();
@@ -252,6 +253,7 @@ void run(const Arguments& arguments) {
 
   record["n_steps_done"] = n_done;
   if (scene.time.sleep_below > 0) record["n_steps_at_rest"] = n_at_rest;
+  if (n_halved > 0) record["n_steps_halved"] = n_halved;
   record["newton_iterations"] = newton_iterations;
   record["linear_iterations"] = linear_iterations;
   record["residual"] = report.residual;

@@ -53,6 +53,7 @@ struct StepReport {
   int linear_iterations = 0;
   double residual = 0;  ///< of the last linear solve (dynamic) or of the balance of forces (static), relative
   bool is_at_rest = false;  ///< nothing moved, so that nothing was solved
+  bool is_halved = false;   ///< shorter steps took its place, as Newton's method did not end
   std::string reason;       ///< why a static load step found no equilibrium
 };
 
