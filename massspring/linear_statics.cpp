@@ -17,17 +17,21 @@ Matrix3d without(const Vector3d& direction) {
 
 BlockMatrix stiffness_at_rest(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
   BlockMatrix K = stiffness_pattern(model);
-  add_stiffness(model, initial_state(model), K);
+  add_stiffness(model, initial_state(model), K, Curvature::Exact);  // no negative eigenvalues at rest
   filter(constraints, K);
   return K;
 }
 
-BlockMatrix preconditioner_of(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
-  if (model.springs || !model.tet_springs) return stiffness_at_rest(model, constraints);
+/// Factor of K, the model's stiffness, or where coupled springs are not P1 already of that of P1.
+BlockCholesky preconditioner_of(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                                const BlockMatrix& K) {
+  const auto& [X, F, E, T, n_surface] = model.network;
+  if (model.springs || !model.tet_springs || model.tet_springs->n_patches() == T.cols())
+    return BlockCholesky(K);
   MassSpringModel p1;
   p1.network = model.network;
-  p1.tet_springs = couple_springs(model.network.X, model.network.T, lame_of(model.material), edge_coupled);
-  return stiffness_at_rest(p1, constraints);
+  p1.tet_springs = couple_springs(X, T, lame_of(model.material), edge_coupled);
+  return BlockCholesky(stiffness_at_rest(p1, constraints));
 }
 
 }  // namespace
@@ -48,7 +52,7 @@ std::vector<Constraint> hold_rigid_motion(const Matrix3Xd& X) {
 LinearStatics::LinearStatics(const MassSpringModel& model, const std::vector<Constraint>& constraints)
     : constraints_(constraints),
       K_(stiffness_at_rest(model, constraints)),
-      preconditioner_(preconditioner_of(model, constraints)) {
+      preconditioner_(preconditioner_of(model, constraints, K_)) {
   if (!preconditioner_.is_ok())
     throw std::runtime_error(
         "the stiffness is not positive definite: too few directions are held, or the network is floppy");

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -199,18 +200,37 @@ std::vector<int> positions(const TetSprings& springs, const BlockMatrix& K) {
   return result;
 }
 
+/// Where each of 0 ... n - 1 occurs in a list: v at the places at[first[v]] ... at[first[v + 1] - 1],
+/// ascending.
+struct Occurrences {
+  std::vector<int> first, at;
+};
+
+template <class List>
+Occurrences occurrences(const List& list, int n) {
+  Occurrences result{std::vector<int>(n + 1, 0), std::vector<int>(list.size())};
+  for (int v : list) ++result.first[v + 1];
+  std::partial_sum(result.first.begin(), result.first.end(), result.first.begin());
+  std::vector<int> next(result.first.begin(), result.first.end() - 1);
+  int place = 0;
+  for (int v : list) result.at[next[v]++] = place++;
+  return result;
+}
+
 /// Number of each of a tetrahedron's six edges among all edges, 6 x m.
 Eigen::MatrixXi edge_numbers(const Matrix4Xi& T) {
-  std::vector<std::pair<int, int>> pairs;
+  std::vector<std::array<int, 3>> edges;  // its ends, its place in the result
   for (const auto& t : T.colwise())
     for (int i = 0; i < 4; ++i)
-      for (int j = i + 1; j < 4; ++j) pairs.emplace_back(std::minmax(t[i], t[j]));
-  std::vector<std::pair<int, int>> edges = pairs;
+      for (int j = i + 1; j < 4; ++j)
+        edges.push_back({std::min(t[i], t[j]), std::max(t[i], t[j]), static_cast<int>(edges.size())});
   std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
   Eigen::MatrixXi numbers(6, T.cols());
-  for (std::size_t k = 0; k < pairs.size(); ++k)
-    numbers(k) = static_cast<int>(std::lower_bound(edges.begin(), edges.end(), pairs[k]) - edges.begin());
+  int number = 0;
+  for (std::size_t k = 0; k < edges.size(); ++k) {
+    if (k > 0 && (edges[k][0] != edges[k - 1][0] || edges[k][1] != edges[k - 1][1])) ++number;
+    numbers(edges[k][2]) = number;
+  }
   return numbers;
 }
 
@@ -218,51 +238,54 @@ Eigen::MatrixXi edge_numbers(const Matrix4Xi& T) {
 /// to, each with an equal share of `part` of its volume.
 void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches, double part,
                     double lambda, TetSprings& springs) {
-  struct Entry {
-    int patch, node;
-    Vector3d b;
-    double weight;
-  };
-  std::vector<Entry> entries;
-  entries.reserve(4 * patches.size());
-  const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
-  Eigen::VectorXd volume = Eigen::VectorXd::Zero(n_new);
+  std::vector<TetGradients> shares(T.cols());  // of volume times gradients
+  Eigen::VectorXd share(T.cols());
   for (Eigen::Index t = 0; t < T.cols(); ++t) {
-    const double share = part * rest_volume(X, T.col(t)) / static_cast<double>(patches.rows());
-    const TetGradients gradients = barycentric_gradients(X, T.col(t));
-    for (int p : patches.col(t)) {
-      volume[p] += share;
-      for (int k = 0; k < 4; ++k) entries.push_back({p, T(k, t), share * gradients.col(k), share / 4});
-    }
+    share[t] = part * rest_volume(X, T.col(t)) / static_cast<double>(patches.rows());
+    shares[t] = share[t] * barycentric_gradients(X, T.col(t));
   }
-  std::stable_sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
-    return std::pair(a.patch, a.node) < std::pair(b.patch, b.node);
-  });
-
-  const std::size_t n_entries = springs.node.size();
-  const auto resize = [&](std::size_t n) {
-    springs.b.conservativeResize(3, static_cast<Eigen::Index>(n));
-    springs.weight.conservativeResize(static_cast<Eigen::Index>(n));
+  const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
+  const auto resize = [&](Eigen::Index n) {
+    springs.b.conservativeResize(3, n);
+    springs.weight.conservativeResize(n);
   };
-  resize(n_entries + entries.size());
-  for (std::size_t e = 0; e < entries.size(); ++e) {
-    const auto& [patch, node, b, weight] = entries[e];
-    const bool is_new_patch = e == 0 || patch != entries[e - 1].patch;
-    if (e > 0 && is_new_patch) springs.first.push_back(static_cast<int>(springs.node.size()));
-    if (is_new_patch || node != entries[e - 1].node) {
-      springs.node.push_back(node);
-      springs.b.col(static_cast<Eigen::Index>(springs.node.size()) - 1).setZero();
-      springs.weight[static_cast<Eigen::Index>(springs.node.size()) - 1] = 0;
-    }
-    springs.b.col(static_cast<Eigen::Index>(springs.node.size()) - 1) += b / volume[patch];
-    springs.weight[static_cast<Eigen::Index>(springs.node.size()) - 1] += weight / volume[patch];
-  }
-  springs.first.push_back(static_cast<int>(springs.node.size()));
-  resize(springs.node.size());
+  const auto n_entries = static_cast<Eigen::Index>(springs.node.size()), n_most = 4 * patches.size();
+  resize(n_entries + n_most);
+  springs.b.rightCols(n_most).setZero();
+  springs.weight.tail(n_most).setZero();
   springs.volume.conservativeResize(n_before + n_new);
-  springs.volume.tail(n_new) = volume;
   springs.lambda.conservativeResize(n_before + n_new);
   springs.lambda.tail(n_new).setConstant(lambda);
+
+  const Occurrences in_patch = occurrences(patches.reshaped(), n_new);
+  std::vector<int> patch_of(X.cols(), -1), entry_of(X.cols());  // of nodes: the last that they were met in
+  for (int p = 0; p < n_new; ++p) {
+    const auto tets = [&](const auto& visit) {
+      for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
+        visit(in_patch.at[k] / static_cast<int>(patches.rows()));
+    };
+    const int begin = springs.first.back();
+    tets([&](int t) {
+      for (int i : T.col(t))
+        if (std::exchange(patch_of[i], p) != p) springs.node.push_back(i);
+    });
+    const int end = static_cast<int>(springs.node.size());
+    std::sort(springs.node.begin() + begin, springs.node.end());
+    for (int e = begin; e < end; ++e) entry_of[springs.node[e]] = e;
+    double volume = 0;
+    tets([&](int t) {
+      volume += share[t];
+      for (int k = 0; k < 4; ++k) {
+        springs.b.col(entry_of[T(k, t)]) += shares[t].col(k);
+        springs.weight[entry_of[T(k, t)]] += share[t] / 4;
+      }
+    });
+    springs.b.middleCols(begin, end - begin) /= volume;
+    springs.weight.segment(begin, end - begin) /= volume;
+    springs.volume[n_before + p] = volume;
+    springs.first.push_back(end);
+  }
+  resize(springs.first.back());
 }
 
 }  // namespace
@@ -334,16 +357,20 @@ TESTBED_EVERY_WIDTH void add_hessian(const TetSprings& springs, const Matrix3Xd&
 }
 
 Eigen::Matrix2Xi pairs_of(const TetSprings& springs) {
-  std::vector<std::pair<int, int>> pairs;
-  for (int p = 0; p < springs.n_patches(); ++p)
-    for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
-      for (int r = springs.first[p]; r < e; ++r)
-        pairs.emplace_back(std::minmax(springs.node[r], springs.node[e]));
-  std::sort(pairs.begin(), pairs.end());
-  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-  Eigen::Matrix2Xi result(2, pairs.size());
-  for (std::size_t k = 0; k < pairs.size(); ++k) result.col(k) << pairs[k].first, pairs[k].second;
-  return result;
+  const int n = springs.node.empty() ? 0 : 1 + *std::max_element(springs.node.begin(), springs.node.end());
+  const Occurrences of_node = occurrences(springs.node, n);
+  std::vector<int> end;  // of each entry's patch
+  for (int p = 0; p < springs.n_patches(); ++p) end.resize(springs.first[p + 1], springs.first[p + 1]);
+  std::vector<int> partner_of(n, -1), partners, pairs;
+  for (int i = 0; i < n; ++i) {
+    partners.clear();
+    for (int k = of_node.first[i]; k < of_node.first[i + 1]; ++k)
+      for (int e = of_node.at[k] + 1; e < end[of_node.at[k]]; ++e)
+        if (std::exchange(partner_of[springs.node[e]], i) != i) partners.push_back(springs.node[e]);
+    std::sort(partners.begin(), partners.end());
+    for (int j : partners) pairs.insert(pairs.end(), {i, j});
+  }
+  return Eigen::Map<Eigen::Matrix2Xi>(pairs.data(), 2, static_cast<Eigen::Index>(pairs.size() / 2));
 }
 
 double smallest_jacobian(const TetSprings& springs, const Matrix3Xd& x) {
