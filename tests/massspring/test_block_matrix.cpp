@@ -37,5 +37,20 @@ TEST(BlockMatrix, MultipliesAsADenseMatrix) {
   EXPECT_LT((y.reshaped() - dense * x.reshaped()).norm(), rounding * dense.norm() * x.norm());
 }
 
+TEST(BlockMatrix, MirrorsTheUpperHalf) {
+  Eigen::Matrix2Xi pairs(2, 4);
+  pairs << 0, 1, 4, 1,  //
+      3, 2, 0, 4;
+  BlockMatrix A = make_block_matrix(5, pairs);
+  for (Eigen::Matrix3d& block : A.block) block.setRandom();
+  const BlockMatrix before = A;
+  mirror(A);
+  for (int i = 0; i < A.rows(); ++i)
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) {
+      const int j = A.column[k];
+      EXPECT_EQ(A.block[k], i <= j ? before.block[k] : before.block[A.find(j, i)].transpose());
+    }
+}
+
 }  // namespace
 }  // namespace testbed
