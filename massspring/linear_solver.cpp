@@ -69,10 +69,6 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
     report.is_converged = report.residual <= tolerance;
   };
   measure();
-  if (report.residual > 1) {  // a guess worse than none
-    x.setZero();
-    measure();
-  }
   while (!report.is_converged && report.iterations < max_iterations) {
     const double before = report.residual, size = r.norm();
     pad(r, 1 / size, rounded);
