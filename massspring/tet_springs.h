@@ -69,8 +69,8 @@ double energy(const TetSprings& springs, const Eigen::Matrix3Xd& x, const Eigen:
 void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f,
                 const Eigen::VectorXd& scale = {});
 
-/// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K is symmetric and
-/// its pattern holds pairs_of(springs).
+/// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K is symmetric,
+/// its pattern holds pairs_of(springs), and it remembers where their blocks lie: it takes those of no others.
 void add_hessian(const TetSprings& springs, const Eigen::Matrix3Xd& x, BlockMatrix& K,
                  Curvature curvature = Curvature::Projected, const Eigen::VectorXd& scale = {});
 
