@@ -86,6 +86,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   constexpr double kStepTolerance =
       1e-9;  // of the body's size: where Newton's last step is this small, its error is far less
   constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
+  constexpr double kBesideSaddle = 1e-4;               // of the body's size: steps of the projected Hessian
   constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
   constexpr int kMaxNewton = 500, kMaxHalvings = 40;
   const Forces& forces = motion_.forces;
@@ -165,11 +166,11 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       return lowest;
     };
     Way way = way_along(dx);
-    // Neither the projected Hessian, stiffer than a body that buckles, nor negative curvature says how far.
-    if (!is_exact) {
+    // Beside a saddle the projected Hessian is far too stiff; further off, negative curvature would lead into
+    // any tangle that is lower.
+    if (falling.size() > 0 && dx.colwise().norm().maxCoeff() < kBesideSaddle * size_) {
       const double lowest = fit(way);
-      if (falling.size() > 0)
-        if (Way out = way_along(falling); fit(out) < lowest) way = out;
+      if (Way out = way_along(falling); fit(out) < lowest) way = out;
     }
     const double slope = -r.cwiseProduct(way.dx).sum();
     const auto has_smaller_gradient = [&] {
@@ -179,10 +180,21 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     // Near the minimum the sum is flat to the rounding of its terms; there its gradient decides.
     const bool is_flat = -slope < kRounding * (std::abs(value) + energy_scale_);
     bool is_accepted = false;
-    double step = largest_step(way.dx);
-    for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2)
-      is_accepted = move(way, step) <= value + kSufficientDecrease * step * slope ||
-                    (is_flat && has_smaller_gradient());
+    double step = largest_step(way.dx), moved = 0;
+    for (int halving = 0; halving < kMaxHalvings; ++halving, step /= 2) {
+      moved = move(way, step);
+      is_accepted =
+          moved <= value + kSufficientDecrease * step * slope || (is_flat && has_smaller_gradient());
+      if (is_accepted) break;
+    }
+    if (is_accepted && step == 1 && !is_exact && !is_flat &&
+        !motion_.barrier) {  // stiffer than a body that buckles
+      for (double further = move(way, 2); further < moved; further = move(way, 2 * step)) {
+        step *= 2;
+        moved = further;
+      }
+      move(way, step);
+    }
     negative_gradient(trial, start.x, a, w, r);
     const bool is_last = std::max(dx.colwise().norm().maxCoeff(), way.dx.colwise().norm().maxCoeff()) <=
                          kStepTolerance * size_;
