@@ -1,9 +1,13 @@
 #include "massspring/calibrate.h"
 
 #include <algorithm>
+#include <array>
+#include <set>
 #include <stdexcept>
+#include <utility>
 
 #include "massspring/calibrations/calibrations.h"
+#include "massspring/parts.h"
 #include "meshing/names.h"
 #include "meshing/surface.h"
 
@@ -19,16 +23,34 @@ Eigen::VectorXd masses_without_tetrahedra(const SpringNetwork& network, double t
   return mass * (total / mass.sum());
 }
 
-/// Springs inside the body by ascending nodes, which follow a curve through space: whoever goes through the
-/// springs finds most of their nodes in the cache.
-void sort_springs(SpringNetwork& network) {
-  const auto less = [](const auto& s, const auto& t) { return s(0) != t(0) ? s(0) < t(0) : s(1) < t(1); };
-  std::vector<Eigen::Vector2i> inside;
-  const Eigen::Index n_edges = std::min(network.F.cols() * 3 / 2, network.E.cols());
-  for (const auto& s : network.E.rightCols(network.E.cols() - n_edges).colwise()) inside.push_back(s);
-  std::sort(inside.begin(), inside.end(), less);
-  for (size_t s = 0; s < inside.size(); ++s)
-    network.E.col(n_edges + static_cast<Eigen::Index>(s)) = inside[s];
+/// Springs along the surface before those inside, both part by part [parts.h], and in a part by ascending
+/// nodes, which follow a curve through space: whoever goes through the springs finds most of their nodes in
+/// the cache.
+void sort_springs(MassSpringModel& model) {
+  const SpringNetwork& network = model.network;
+  const Eigen::Matrix2Xi E = network.E, edges = edges_of(network.F);
+  const auto n = static_cast<int>(E.cols());
+  const bool is_parted = network.X.cols() >= least_parted;
+  const std::vector<int> eighth = is_parted ? eighths(network.X) : std::vector<int>(network.X.cols(), 0);
+  std::set<std::pair<int, int>> surface;
+  for (const auto& e : edges.colwise()) surface.insert(std::minmax(e(0), e(1)));
+  std::vector<std::array<int, 4>> order(n);  // range, nodes, spring
+  for (int s = 0; s < n; ++s) {
+    const auto [a, b] = std::minmax(eighth[E(0, s)], eighth[E(1, s)]);
+    const bool is_inside = surface.count(std::minmax(E(0, s), E(1, s))) == 0;
+    order[s] = {part_of(a, b) + (is_inside ? n_parts : 0), E(0, s), E(1, s), s};
+  }
+  std::sort(order.begin(), order.end());
+  const Eigen::VectorXd stiffness = model.springs->stiffness;
+  for (int s = 0; s < n; ++s) {
+    model.network.E.col(s) = E.col(order[s][3]);
+    model.springs->stiffness(s) = stiffness(order[s][3]);
+  }
+  model.springs->E = model.network.E;
+  if (!is_parted) return;
+  for (int range = 0; range <= 2 * n_parts; ++range)
+    model.springs->first.push_back(static_cast<int>(
+        std::lower_bound(order.begin(), order.end(), std::array<int, 4>{range, 0, 0, 0}) - order.begin()));
 }
 
 template <const Blend& blend>
@@ -66,12 +88,12 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
                              "': the network has no tetrahedra, expected some");
   MassSpringModel model;
   model.network = network;
-  sort_springs(model.network);
   model.material = material;
   model.mass = network.T.cols() > 0
                    ? lumped_mass(network.X, network.T, material.rho)
                    : masses_without_tetrahedra(network, material.rho * volume(network.X, network.F));
   calibration.set_stiffness(model);
+  if (model.springs) sort_springs(model);
   return model;
 }
 
@@ -92,7 +114,9 @@ MassSpringModel calibrate_with_links(const SpringNetwork& network, const Materia
   if (!model.tet_springs || model.springs)
     throw std::runtime_error(found + ", expected 0 with " + calibration.name +
                              " springs: they are not coupled");
-  model.springs = calibrate(network, linked, find_calibration("uniform")).springs;
+  const MassSpringModel links = calibrate(network, linked, find_calibration("uniform"));
+  model.springs = links.springs;
+  model.network.E = links.network.E;
   model.material = material;
   return model;
 }

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "massspring/parts.h"
+
 namespace testbed {
 namespace {
 
@@ -58,16 +60,18 @@ void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd&
     Eigen::VectorXd& clearance = clearance_[b];
     if (clearance.size() == 0) clearance.setZero(x.cols());
     const Vector3d shift = h * velocity_of(body, before.t, h);
-    for (Eigen::Index i = 0; i < x.cols(); ++i) {
-      clearance(i) -= (x.col(i) - before.x.col(i) - shift).norm();
-      if (clearance(i) > 0) continue;
-      Vector3d xi = x.col(i), vi = v.col(i);
-      if (push_out_of(body, shift, before.x.col(i), before.t, h, xi, vi)) {
-        x.col(i) = xi;
-        v.col(i) = vi;
+    for_each_chunk(x.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+      for (Eigen::Index i = begin; i < end; ++i) {
+        clearance(i) -= (x.col(i) - before.x.col(i) - shift).norm();
+        if (clearance(i) > 0) continue;
+        Vector3d xi = x.col(i), vi = v.col(i);
+        if (push_out_of(body, shift, before.x.col(i), before.t, h, xi, vi)) {
+          x.col(i) = xi;
+          v.col(i) = vi;
+        }
+        clearance(i) = body.gap(xi, before.t + h).distance;
       }
-      clearance(i) = body.gap(xi, before.t + h).distance;
-    }
+    });
   }
 }
 

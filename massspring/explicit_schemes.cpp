@@ -1,4 +1,5 @@
 #include "massspring/integrators.h"
+#include "massspring/parts.h"
 
 namespace testbed {
 namespace {
@@ -17,10 +18,12 @@ class Euler : public Scheme {
     x.resizeLike(f_);
     const Matrix3Xd& u = is_symplectic_ ? v : state.v;
     const auto move = [&](Eigen::Index i) { x.col(i) = state.x.col(i) + h * u.col(i); };
-    for (Eigen::Index i = 0; i < v.cols(); ++i) {
-      v.col(i) = state.v.col(i) + h * inverse_mass_(i) * f_.col(i);
-      move(i);
-    }
+    for_each_chunk(v.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+      for (Eigen::Index i = begin; i < end; ++i) {
+        v.col(i) = state.v.col(i) + h * inverse_mass_(i) * f_.col(i);
+        move(i);
+      }
+    });
     motion_.constrain(v);
     for (const Constraint& c : motion_.constraints) move(c.node);
     return {};

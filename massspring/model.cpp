@@ -5,6 +5,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "massspring/parts.h"
 #include "massspring/tractions.h"
 #include "meshing/surface.h"
 
@@ -115,7 +116,10 @@ void add_skin(const Skin& skin, MassSpringModel& model) {
 
 void add_momenta(const MassSpringModel& model, double factor, const Eigen::Matrix3Xd& v,
                  Eigen::Matrix3Xd& p) {
-  p += factor * v * model.mass.asDiagonal();
+  for_each_chunk(v.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+    const Eigen::Index m = end - begin;
+    p.middleCols(begin, m) += factor * v.middleCols(begin, m) * model.mass.segment(begin, m).asDiagonal();
+  });
   if (model.spread_mass) add_product(*model.spread_mass, -factor, v, p);
 }
 
@@ -167,7 +171,10 @@ double potential(const MassSpringModel& model, const Forces& forces, const State
 
 void undamped_forces(const MassSpringModel& model, const Forces& forces, const State& state,
                      Eigen::Matrix3Xd& f, double load_factor) {
-  f = load_factor * forces.load;
+  f.resizeLike(forces.load);
+  for_each_chunk(f.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+    f.middleCols(begin, end - begin) = load_factor * forces.load.middleCols(begin, end - begin);
+  });
   add_elastic_forces(model, state, f);
   for (const FollowerPressure& follower : forces.followers) {
     Eigen::Matrix3Xd gradient;

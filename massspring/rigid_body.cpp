@@ -59,6 +59,7 @@ std::function<Gap(const Vector3d&)> gap_to_mesh(const ClosedMesh& mesh) {
 RigidBody::RigidBody(const Obstacle& obstacle)
     : friction(obstacle.friction),
       motion_(obstacle.motion),
+      is_flat_(std::holds_alternative<HalfSpace>(obstacle.shape)),
       gap_(std::visit(
           [](const auto& shape) -> std::function<Gap(const Vector3d&)> {
             if constexpr (std::is_same_v<decltype(shape), const ClosedMesh&>)
@@ -80,8 +81,14 @@ std::optional<Vector3d> RigidBody::first_touch(const Vector3d& x, const Vector3d
                                                double least) const {
   const Vector3d shift = translation(t + h), start = x - translation(t), way = y - shift - start;
   const double length = way.norm();
-  if (const Gap gap = gap_(start); gap.distance < least)
-    return gap.normal.dot(way) < 0 ? std::optional<Vector3d>(start + shift) : std::nullopt;
+  const Gap first = gap_(start);
+  if (first.distance < least)
+    return first.normal.dot(way) < 0 ? std::optional<Vector3d>(start + shift) : std::nullopt;
+  if (is_flat_) {
+    const double last = gap_(start + way).distance;
+    if (last >= least) return {};
+    return start + (first.distance - least) / (first.distance - last) * way + shift;
+  }
   double gone = 0;
   constexpr double kShortest = 1e-3;  // of `least`: a step, so that grazing ways end
   while (true) {

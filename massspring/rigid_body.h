@@ -32,6 +32,7 @@ class RigidBody {
 
  private:
   Path motion_;
+  bool is_flat_;                                    ///< a half-space, to which gaps are linear
   std::function<Gap(const Eigen::Vector3d&)> gap_;  ///< of a point in the body's frame
 };
 

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "massspring/every_width.h"
+#include "massspring/parts.h"
 
 namespace testbed {
 namespace {
@@ -51,14 +52,20 @@ void for_each_spring(const Springs& springs, const Eigen::Matrix3Xd& x, const Vi
 constexpr int kBatch = 128;
 typedef double Padded __attribute__((vector_size(32), aligned(8)));
 
+/// Springs begin to end - 1 of a body of n nodes.
+struct Range {
+  int begin, end, n_nodes;
+};
+
 /// Bodies of more nodes than fit the second-level cache wait for memory unless the nodes of the springs to
 /// come are asked for in time, those where a batch of springs ends being the ones that hardware does not
 /// foresee.
-[[gnu::always_inline]] inline void prefetch_batch_after(int first, const Eigen::Matrix2Xi& E, int n_nodes,
-                                                        const Padded* in, const Padded* out) {
+[[gnu::always_inline]] inline void prefetch_batch_after(int first, const Range& range,
+                                                        const Eigen::Matrix2Xi& E, const Padded* in,
+                                                        const Padded* out) {
   constexpr int kNodesInCache = 16384;
-  if (n_nodes <= kNodesInCache) return;
-  for (int s = first + kBatch, end = std::min(s + kBatch, static_cast<int>(E.cols())); s < end; ++s) {
+  if (range.n_nodes <= kNodesInCache) return;
+  for (int s = first + kBatch, end = std::min(s + kBatch, range.end); s < end; ++s) {
     __builtin_prefetch(in + E(1, s));
     __builtin_prefetch(out + E(1, s), 1);
   }
@@ -67,13 +74,12 @@ typedef double Padded __attribute__((vector_size(32), aligned(8)));
 /// @param X, F  a column for each node
 template <class Law>
 [[gnu::always_inline]] inline void add_forces_of(const Springs& springs, const double* rest_length,
-                                                 int n_nodes, const Padded* X, Padded* F) {
+                                                 const Range& range, const Padded* X, Padded* F) {
   Padded l[kBatch];
   double squared[kBatch], factor[kBatch];
-  const int n = static_cast<int>(springs.E.cols());
-  for (int first = 0; first < n; first += kBatch) {
-    prefetch_batch_after(first, springs.E, n_nodes, X, F);
-    const int m = std::min(kBatch, n - first);
+  for (int first = range.begin; first < range.end; first += kBatch) {
+    prefetch_batch_after(first, range, springs.E, X, F);
+    const int m = std::min(kBatch, range.end - first);
     const int* E = springs.E.data() + 2 * first;
     const double *k = springs.stiffness.data() + first, *r = rest_length + first;
     for (int s = 0; s < m; ++s) {
@@ -100,13 +106,12 @@ template <class Law>
 }
 
 /// @param block, P, Y  a column for each spring, node, node
-TESTBED_EVERY_WIDTH void add_padded_product(const Eigen::Matrix2Xi& pairs, const Padded* block, int n_nodes,
-                                            const Padded* P, Padded* Y) {
+TESTBED_EVERY_WIDTH void add_padded_product(const Eigen::Matrix2Xi& pairs, const Padded* block,
+                                            const Range& range, const Padded* P, Padded* Y) {
   const int* E = pairs.data();
-  const int n = static_cast<int>(pairs.cols());
-  for (int first = 0; first < n; first += kBatch) {
-    prefetch_batch_after(first, pairs, n_nodes, P, Y);
-    for (int s = first, end = std::min(n, first + kBatch); s < end;) {
+  for (int first = range.begin; first < range.end; first += kBatch) {
+    prefetch_batch_after(first, range, pairs, P, Y);
+    for (int s = first, end = std::min(range.end, first + kBatch); s < end;) {
       const int a = E[2 * s];
       const Padded p_a = P[a];
       Padded sum{};
@@ -122,26 +127,43 @@ TESTBED_EVERY_WIDTH void add_padded_product(const Eigen::Matrix2Xi& pairs, const
   }
 }
 
-TESTBED_EVERY_WIDTH void add_hooke(const Springs& springs, const double* r, int n_nodes, const Padded* x,
-                                   Padded* f) {
-  add_forces_of<Hooke>(springs, r, n_nodes, x, f);
+TESTBED_EVERY_WIDTH void add_hooke(const Springs& springs, const double* r, const Range& range,
+                                   const Padded* x, Padded* f) {
+  add_forces_of<Hooke>(springs, r, range, x, f);
 }
-TESTBED_EVERY_WIDTH void add_definite(const Springs& springs, const double* r, int n_nodes, const Padded* x,
-                                      Padded* f) {
-  add_forces_of<Definite>(springs, r, n_nodes, x, f);
+TESTBED_EVERY_WIDTH void add_definite(const Springs& springs, const double* r, const Range& range,
+                                      const Padded* x, Padded* f) {
+  add_forces_of<Definite>(springs, r, range, x, f);
 }
 
-/// Calls kernel(n; n columns of in; n columns that it adds to) and adds the result to out.
+/// Calls kernel(range of springs; a column of in for each node; one that it adds to) for all springs, those
+/// of different parts at once, and adds the result to out.
 template <class Kernel>
-void apply_padded(const Kernel& kernel, const Eigen::Matrix3Xd& in, Eigen::Matrix3Xd& out) {
-  thread_local Eigen::Matrix4Xd padded_in, padded_out;  // kept, so that a step allocates nothing
-  padded_in.resize(4, in.cols());
-  padded_in.topRows<3>() = in;
-  padded_in.row(3).setZero();
-  padded_out.setZero(4, in.cols());
-  kernel(static_cast<int>(in.cols()), reinterpret_cast<const Padded*>(padded_in.data()),
-         reinterpret_cast<Padded*>(padded_out.data()));
-  out += padded_out.topRows<3>();
+void apply_padded(const Springs& springs, const Kernel& kernel, const Eigen::Matrix3Xd& in,
+                  Eigen::Matrix3Xd& out) {
+  thread_local Eigen::Matrix4Xd kept_in, kept_out;  // so that a step allocates nothing
+  const int n = static_cast<int>(in.cols());
+  kept_in.resize(4, n);
+  kept_out.resize(4, n);
+  Eigen::Map<Eigen::Matrix4Xd> padded_in(kept_in.data(), 4, n), padded_out(kept_out.data(), 4, n);
+  for_each_chunk(n, [&](Eigen::Index begin, Eigen::Index end) {
+    const Eigen::Index m = end - begin;
+    padded_in.middleCols(begin, m).topRows<3>() = in.middleCols(begin, m);
+    padded_in.middleCols(begin, m).row(3).setZero();
+    padded_out.middleCols(begin, m).setZero();
+  });
+  const auto* const P = reinterpret_cast<const Padded*>(padded_in.data());
+  auto* const Y = reinterpret_cast<Padded*>(padded_out.data());
+  const std::vector<int>& first = springs.first;
+  if (first.empty())
+    kernel(Range{0, static_cast<int>(springs.E.cols()), n}, P, Y);
+  else
+    for_each_part([&](int part) {
+      for (int k : {part, n_parts + part}) kernel(Range{first[k], first[k + 1], n}, P, Y);
+    });
+  for_each_chunk(n, [&](Eigen::Index begin, Eigen::Index end) {
+    out.middleCols(begin, end - begin) += padded_out.middleCols(begin, end - begin).topRows<3>();
+  });
 }
 
 Eigen::Matrix3d matrix_of(const SpringBlocks& B, int s) {
@@ -161,8 +183,12 @@ double energy(const Springs& springs, const Eigen::VectorXd& rest_length, const 
 void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                 Eigen::Matrix3Xd& f) {
   const auto add = springs.law == SpringLaw::Hooke ? add_hooke : add_definite;
-  apply_padded([&](int n, const Padded* in, Padded* out) { add(springs, rest_length.data(), n, in, out); }, x,
-               f);
+  apply_padded(
+      springs,
+      [&](const Range& range, const Padded* in, Padded* out) {
+        add(springs, rest_length.data(), range, in, out);
+      },
+      x, f);
 }
 
 SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
@@ -207,7 +233,11 @@ void add_product(const Springs& springs, const SpringBlocks& B, const Eigen::Mat
                  Eigen::Matrix3Xd& y) {
   const auto* blocks = reinterpret_cast<const Padded*>(B.data());
   apply_padded(
-      [&](int n, const Padded* in, Padded* out) { add_padded_product(springs.E, blocks, n, in, out); }, p, y);
+      springs,
+      [&](const Range& range, const Padded* in, Padded* out) {
+        add_padded_product(springs.E, blocks, range, in, out);
+      },
+      p, y);
 }
 
 void add_damping_forces(const Springs& springs, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,

@@ -1,0 +1,84 @@
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <set>
+
+#include "massspring/calibrate.h"
+#include "massspring/parts.h"
+#include "meshing/network.h"
+#include "meshing/shapes.h"
+#include "meshing/surface.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+class Parts : public testing::Test {
+ protected:
+  static MassSpringModel make() {
+    const SurfaceMesh surface = make_shape("ball", 2562);
+    return calibrate(link_pcp(surface, sample_interior(surface, {}), {}), Material{},
+                     find_calibration("affine"));
+  }
+  const MassSpringModel model = make();
+  const Springs& springs = *model.springs;
+  const State state = initial_state(model);
+  const Matrix3Xd x = model.network.X + random_points(static_cast<int>(model.mass.size()), 0.01, 1);
+};
+
+TEST_F(Parts, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
+  ASSERT_GE(model.mass.size(), least_parted);
+  ASSERT_EQ(springs.first.size(), 2 * n_parts + 1);
+  EXPECT_EQ(springs.first.front(), 0);
+  EXPECT_EQ(springs.first.back(), springs.E.cols());
+  for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
+    std::set<int> taken;
+    for (int part = first; part < first + size; ++part) {
+      std::set<int> own;
+      for (int k : {part, n_parts + part})
+        for (int s = springs.first[k]; s < springs.first[k + 1]; ++s)
+          own.insert({springs.E(0, s), springs.E(1, s)});
+      for (int node : own) EXPECT_TRUE(taken.insert(node).second) << "node " << node << ", part " << part;
+    }
+  }
+  int n_in_eighths = 0;
+  for (int k : {0, n_parts}) n_in_eighths += springs.first[k + 8] - springs.first[k];
+  EXPECT_GT(n_in_eighths, 0.7 * static_cast<double>(springs.E.cols()));
+}
+
+TEST_F(Parts, PutTheEdgesOfTheSurfaceFirst) {
+  std::set<std::pair<int, int>> edges;
+  const Eigen::Matrix2Xi E = edges_of(model.network.F);
+  for (const auto& e : E.colwise()) edges.insert(std::minmax(e(0), e(1)));
+  for (Eigen::Index s = 0; s < springs.E.cols(); ++s)
+    EXPECT_EQ(edges.count(std::minmax(springs.E(0, s), springs.E(1, s))) == 1,
+              s < static_cast<Eigen::Index>(edges.size()));
+}
+
+TEST_F(Parts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
+  const SpringBlocks B = hessian(springs, state.rest_length, x);
+  const auto sums = [&](int n_threads) {
+    omp_set_num_threads(n_threads);
+    Matrix3Xd f = Matrix3Xd::Ones(3, x.cols()), y = f;
+    add_forces(springs, state.rest_length, x, f);
+    add_product(springs, B, x, y);
+    omp_set_num_threads(1);
+    return std::pair(f, y);
+  };
+  const auto one = sums(1);
+  Springs unparted = springs;
+  unparted.first.clear();
+  Matrix3Xd f = Matrix3Xd::Ones(3, x.cols());
+  add_forces(unparted, state.rest_length, x, f);
+  EXPECT_LT((one.first - f).norm(), 1e-13 * f.norm());
+  for (int n_threads : {2, 3, 8}) {
+    const auto many = sums(n_threads);
+    EXPECT_EQ(one.first, many.first) << n_threads;
+    EXPECT_EQ(one.second, many.second) << n_threads;
+  }
+}
+
+}  // namespace
+}  // namespace testbed
