@@ -25,7 +25,8 @@ class QuasiStaticSolver {
   QuasiStaticSolver(const MassSpringModel& model, const Forces& forces);
 
   /// Moves `state` to equilibrium at `load_factor` times the full loads and prescribed displacements. Beyond
-  /// a limit point, where the energy has no minimum, ends once the body has run away by its own size.
+  /// a limit point, where the energy has no minimum, ends once the body has run away by its own size. Starts
+  /// from where the last two equilibria point to, if that is nearer to balance than `state`.
   StepReport solve(double load_factor, State& state);
 
   int n_free_rigid_motions() const { return n_free_rigid_motions_; }
@@ -35,6 +36,12 @@ class QuasiStaticSolver {
   double floppy_load_share() const { return floppy_load_share_; }
 
  private:
+  struct Equilibrium {
+    double load_factor;
+    Eigen::Matrix3Xd x;
+  };
+
+  void predict(double load_factor, State& state) const;
   void factorise(BlockMatrix P);
   Eigen::Matrix3Xd residual(const State& state, double load_factor) const;
   void project(Eigen::Matrix3Xd& y) const;
@@ -46,6 +53,7 @@ class QuasiStaticSolver {
   double floppy_load_share_ = 0;
   BlockMatrix K_;
   std::unique_ptr<BlockCholesky> preconditioner_;
+  Equilibrium last_, before_last_;
 };
 
 }  // namespace testbed

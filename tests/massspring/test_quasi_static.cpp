@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
+#include "massspring/calibrate.h"
 #include "massspring/quasi_static.h"
 #include "meshing/surface.h"
+#include "tests/massspring/box_tets.h"
 
 namespace testbed {
 namespace {
@@ -90,6 +92,35 @@ TEST(QuasiStatic, SupportsFollowTheirMotionOverTheLoadFactor) {
     EXPECT_EQ(solver.solve(load_factor, state).status, Status::Ok);
     EXPECT_LT((state.x - model.network.X).colwise().operator-(shift).norm(), kTolerance);
   }
+}
+
+TEST(QuasiStatic, StartsWhereTheLastEquilibriaPointAndEndsWhereOneStepDoes) {
+  const TetMesh mesh = box_tets(4, 2, 2, 0.25);
+  SpringNetwork network;
+  network.X = mesh.X;
+  network.F = mesh.F;
+  network.T = mesh.T;
+  network.n_surface = static_cast<int>(mesh.X.cols());
+  const MassSpringModel model = calibrate(network, {1e8, 0.25, 1000, 0}, find_calibration("node_averaged"));
+  Forces forces;
+  forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
+  for (int i = 0; i < mesh.X.cols(); ++i)
+    if (mesh.X(0, i) == 0)
+      forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  QuasiStaticSolver in_steps(model, forces), at_once(model, forces);
+  State state = initial_state(model), whole = state;
+  std::vector<int> iterations;
+  for (double load_factor : {0.2, 0.4, 0.6, 0.8, 1.0}) {
+    const StepReport report = in_steps.solve(load_factor, state);
+    ASSERT_EQ(report.status, Status::Ok);
+    iterations.push_back(report.newton_iterations);
+  }
+  const StepReport report = at_once.solve(1, whole);
+  ASSERT_EQ(report.status, Status::Ok);
+  EXPECT_GT((whole.x - model.network.X).norm(), 1e-4);
+  EXPECT_LT((state.x - whole.x).norm(), kTolerance * (whole.x - model.network.X).norm());
+  EXPECT_GE(iterations.front(), 2);
+  EXPECT_LE(iterations.back(), 1);
 }
 
 TEST(QuasiStatic, RefusesLoadsThatWouldDriveAFreeBodyAndNamesThem) {
