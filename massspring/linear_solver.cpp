@@ -113,9 +113,11 @@ SolveReport LinearSolver::solve(const LinearSystem& A, const Matrix3Xd& b, Matri
     first = refine(A, rounded_jacobi, b, x, tolerance, many);
   }
   int n_before = 0;
-  if (!is_single || !is_single_enough_) {
+  const bool is_hard = is_single && !first.is_converged && first.iterations >= many;
+  if (!is_single || !is_single_enough_ || (is_hard && !is_large)) {
     n_before = first.iterations;
     first = conjugate_gradients(A.product, jacobi, b, x, tolerance, many);
+    if (is_hard && first.is_converged) is_single_enough_ = false;
   }
   const bool is_done = first.is_converged || first.iterations < many;
   first.iterations += n_before;
