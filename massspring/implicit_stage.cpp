@@ -46,12 +46,6 @@ void bend(const Turn& turn, double step, const Matrix3Xd& before, Matrix3Xd& x) 
   }
 }
 
-/// Newton's step, straight but for the turn in it.
-struct Way {
-  Matrix3Xd dx;
-  Turn turn;
-};
-
 }  // namespace
 
 ImplicitStage::ImplicitStage(Motion& motion)
@@ -86,7 +80,6 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   constexpr double kStepTolerance =
       1e-9;  // of the body's size: where Newton's last step is this small, its error is far less
   constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
-  constexpr double kBesideSaddle = 1e-4;               // of the body's size: steps of the projected Hessian
   constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
   constexpr int kMaxNewton = 500, kMaxHalvings = 40;
   const Forces& forces = motion_.forces;
@@ -113,66 +106,26 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     SolveReport linear;
     // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
     bool is_exact = false;
-    Matrix3Xd falling;  // direction of negative curvature
     for (Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
-      is_exact = curvature == Curvature::Exact;
       A_.set(trial, start.x, {(1 / a + forces.mass_damping) / a, 1, 1 / a}, curvature);
-      LinearSystem system = A_.system();
-      if (is_exact)
-        system.product = [&, product = system.product](const Matrix3Xd& p, Matrix3Xd& y) {
-          product(p, y);
-          const double curvature_along = p.cwiseProduct(y).sum();
-          if (curvature_along < 0) falling = r.cwiseProduct(p).sum() / -curvature_along * p;
-        };
       dx = Matrix3Xd::Zero(3, r.cols());
-      linear = solver_.solve(system, r, dx, std::clamp(r.norm() / first, kTightest, kLoosest));
+      linear = solver_.solve(A_.system(), r, dx, std::clamp(r.norm() / first, kTightest, kLoosest));
       report.linear_iterations += linear.iterations;
+      is_exact = curvature == Curvature::Exact;
       if (linear.is_converged) break;
-      if (is_exact && falling.size() > 0) falling += dx;
     }
     report.residual = linear.residual;
     ++report.newton_iterations;
 
     const State before = trial;
-    const double value = objective(before, start.x, a, w), norm = r.norm();
-    const auto way_along = [&](const Matrix3Xd& along) {
-      return Way{along, is_free ? turn_in(before.x, along, motion_.model.mass) : Turn{}};
-    };
-    const auto move = [&](const Way& way, double step) {
-      trial.x = before.x + step * way.dx;
-      if (is_free) bend(way.turn, step, before.x, trial.x);
+    const double value = objective(before, start.x, a, w), slope = -r.cwiseProduct(dx).sum(), norm = r.norm();
+    const Turn turn = is_free ? turn_in(before.x, dx, motion_.model.mass) : Turn{};
+    const auto move = [&](double step) {
+      trial.x = before.x + step * dx;
+      if (is_free) bend(turn, step, before.x, trial.x);
       trial.v = before.v + (trial.x - before.x) / a;
       return objective(trial, start.x, a, w);
     };
-    const auto largest_step = [&](const Matrix3Xd& along) {
-      return motion_.barrier ? motion_.barrier->largest_step(before.x, along) : 1;
-    };
-    // Doubles or halves a way while that lowers the sum; returns how low.
-    const auto fit = [&](Way& way) {
-      double step = largest_step(way.dx), lowest = move(way, step);
-      const bool is_far = step == 1;
-      for (int halving = 0; halving < kMaxHalvings; ++halving, step /= 2) {
-        const double nearer = move(way, step / 2);
-        if (nearer >= lowest) break;
-        lowest = nearer;
-      }
-      while (is_far && step >= 1 && largest_step(2 * step * way.dx) == 1) {
-        const double further = move(way, 2 * step);
-        if (!(further < lowest)) break;
-        lowest = further;
-        step *= 2;
-      }
-      way = way_along(step * way.dx);
-      return lowest;
-    };
-    Way way = way_along(dx);
-    // Beside a saddle the projected Hessian is far too stiff; further off, negative curvature would lead into
-    // any tangle that is lower.
-    if (falling.size() > 0 && dx.colwise().norm().maxCoeff() < kBesideSaddle * size_) {
-      const double lowest = fit(way);
-      if (Way out = way_along(falling); fit(out) < lowest) way = out;
-    }
-    const double slope = -r.cwiseProduct(way.dx).sum();
     const auto has_smaller_gradient = [&] {
       negative_gradient(trial, start.x, a, w, r);
       return r.norm() < norm;
@@ -180,24 +133,23 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     // Near the minimum the sum is flat to the rounding of its terms; there its gradient decides.
     const bool is_flat = -slope < kRounding * (std::abs(value) + energy_scale_);
     bool is_accepted = false;
-    double step = largest_step(way.dx), moved = 0;
+    double step = motion_.barrier ? motion_.barrier->largest_step(before.x, dx) : 1, moved = 0;
     for (int halving = 0; halving < kMaxHalvings; ++halving, step /= 2) {
-      moved = move(way, step);
+      moved = move(step);
       is_accepted =
           moved <= value + kSufficientDecrease * step * slope || (is_flat && has_smaller_gradient());
       if (is_accepted) break;
     }
     if (is_accepted && step == 1 && !is_exact && !is_flat &&
         !motion_.barrier) {  // stiffer than a body that buckles
-      for (double further = move(way, 2); further < moved; further = move(way, 2 * step)) {
+      for (double further = move(2); further < moved; further = move(2 * step)) {
         step *= 2;
         moved = further;
       }
-      move(way, step);
+      move(step);
     }
     negative_gradient(trial, start.x, a, w, r);
-    const bool is_last = std::max(dx.colwise().norm().maxCoeff(), way.dx.colwise().norm().maxCoeff()) <=
-                         kStepTolerance * size_;
+    const bool is_last = dx.colwise().norm().maxCoeff() <= kStepTolerance * size_;
     if (!is_accepted) {
       trial = before;
       if (!is_last) report.status = Status::NotConverged;
