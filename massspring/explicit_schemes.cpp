@@ -17,15 +17,14 @@ class Euler : public Scheme {
     v.resizeLike(f_);
     x.resizeLike(f_);
     const Matrix3Xd& u = is_symplectic_ ? v : state.v;
-    const auto move = [&](Eigen::Index i) { x.col(i) = state.x.col(i) + h * u.col(i); };
     for_each_chunk(v.cols(), [&](Eigen::Index begin, Eigen::Index end) {
-      for (Eigen::Index i = begin; i < end; ++i) {
-        v.col(i) = state.v.col(i) + h * inverse_mass_(i) * f_.col(i);
-        move(i);
-      }
+      const Eigen::Index m = end - begin;
+      v.middleCols(begin, m) = state.v.middleCols(begin, m) +
+                               h * f_.middleCols(begin, m) * inverse_mass_.segment(begin, m).asDiagonal();
+      x.middleCols(begin, m) = state.x.middleCols(begin, m) + h * u.middleCols(begin, m);
     });
     motion_.constrain(v);
-    for (const Constraint& c : motion_.constraints) move(c.node);
+    for (const Constraint& c : motion_.constraints) x.col(c.node) = state.x.col(c.node) + h * u.col(c.node);
     return {};
   }
 
