@@ -4,6 +4,7 @@
 #include <set>
 
 #include "massspring/calibrate.h"
+#include "massspring/integrators.h"
 #include "massspring/parts.h"
 #include "meshing/network.h"
 #include "meshing/shapes.h"
@@ -78,6 +79,29 @@ TEST_F(Parts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     EXPECT_EQ(one.first, many.first) << n_threads;
     EXPECT_EQ(one.second, many.second) << n_threads;
   }
+}
+
+TEST_F(Parts, ExplicitStepsOnAFloorHaveTheSameBitsOnOneThreadAndTwo) {
+  Forces forces;
+  forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
+  forces.mass_damping = 1;
+  forces.volume_pressure = 1e4;
+  Obstacle floor;
+  floor.shape = HalfSpace{{0, x.row(1).minCoeff(), 0}, {0, 1, 0}};
+  forces.bodies.emplace_back(floor);
+  const auto end_on = [&](int n_threads) {
+    omp_set_num_threads(n_threads);
+    State moved = state;
+    moved.x = x;
+    TimeStepper stepper(model, forces, Integrator::SymplecticEuler, 1);
+    for (int n = 0; n < 20; ++n) EXPECT_EQ(stepper.step(moved, 1e-4).status, Status::Ok);
+    omp_set_num_threads(1);
+    return moved;
+  };
+  const State one = end_on(1), two = end_on(2);
+  EXPECT_GT((one.x - x).norm(), 1e-3 * x.norm());
+  EXPECT_EQ(one.x, two.x);
+  EXPECT_EQ(one.v, two.v);
 }
 
 }  // namespace
