@@ -77,8 +77,6 @@ void ImplicitStage::negative_gradient(const State& trial, const Matrix3Xd& start
 
 StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y, const Matrix3Xd& w,
                                 Matrix3Xd& x, Matrix3Xd& v) {
-  constexpr double kStepTolerance =
-      1e-9;  // of the body's size: where Newton's last step is this small, its error is far less
   constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
   constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
   constexpr int kMaxNewton = 500, kMaxHalvings = 40;

@@ -12,6 +12,9 @@ namespace testbed {
 /// every iterate lowers the sum.
 class ImplicitStage {
  public:
+  /// Of Newton's last step, over the body's size: its error is far less.
+  static constexpr double kStepTolerance = 1e-9;
+
   explicit ImplicitStage(Motion& motion);
 
   /// @param start  where damping directions, rest lengths and the first guess of v come from

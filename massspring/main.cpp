@@ -8,6 +8,7 @@
 #include "massspring/collapse.h"
 #include "massspring/diagnostics.h"
 #include "massspring/frequencies.h"
+#include "massspring/implicit_stage.h"
 #include "massspring/integrators.h"
 #include "massspring/quasi_static.h"
 #include "meshing/build_network.h"
@@ -193,6 +194,10 @@ void run(const Arguments& arguments) {
     stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end, options);
     n_steps = std::max(1, static_cast<int>(std::ceil(scene.time.end / h - 1e-9)));
     record["step"] = h;
+    if (scene.time.integrator == Integrator::ImplicitEuler)
+      record["tolerance"] = options.linear_tolerance;
+    else if (!is_explicit(scene.time.integrator))
+      record["tolerance"] = ImplicitStage::kStepTolerance;
   }
   record["n_steps"] = n_steps;
 
