@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "massspring/integrators.h"
 
 namespace testbed {
@@ -30,7 +32,8 @@ class LinearisedEuler : public Scheme {
     v = state.v + dv_;
     x = state.x + h * v;
     StepReport report;
-    if (!linear.is_converged) report.status = Status::NotConverged;
+    if (!linear.is_converged)
+      report.status = std::isfinite(linear.residual) ? Status::NotConverged : Status::Diverged;
     report.newton_iterations = 1;
     report.linear_iterations = linear.iterations;
     report.residual = linear.residual;

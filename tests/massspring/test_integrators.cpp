@@ -231,6 +231,18 @@ TEST(Integrators, SupportsFollowTheirMotion) {
   }
 }
 
+TEST(Integrators, ALinearisedStepWithoutFiniteForcesDiverges) {
+  const MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  forces.volume_pressure = 1e3;
+  State state = lively(model);
+  state.target_volume = -1;  // of a body that has turned inside out
+  const State before = state;
+  TimeStepper stepper(model, forces, Integrator::ImplicitEuler, 1);
+  EXPECT_EQ(stepper.step(state, 0.01).status, Status::Diverged);
+  EXPECT_EQ(state.x, before.x);
+}
+
 TEST(Integrators, DivergenceIsAStatusAndLeavesTheLastSoundState) {
   const MassSpringModel model = small_model(1e8);
   const Forces forces = no_forces(model);
