@@ -13,7 +13,9 @@ namespace testbed {
 
 /// Conjugate gradients, preconditioned by the inverse diagonal blocks until these need too many iterations,
 /// then by a Cholesky factor or, where its fill is not affordable, multigrid, which are kept from system to
-/// system while they serve. Or, to compare, bi-conjugate gradients with the inverse diagonal blocks.
+/// system while they serve; from 500 nodes on in single precision, refined by residuals in double, unless
+/// that has once been too little [Wilkinson 1963]. Or, to compare, bi-conjugate gradients with the inverse
+/// diagonal blocks.
 class LinearSolver {
  public:
   explicit LinearSolver(Krylov krylov = Krylov::Cg) : krylov_(krylov) {}

@@ -17,7 +17,7 @@ struct LinearSystem {
   /// Both in single precision; p . y.
   std::function<double(const PaddedField&p, PaddedField&y)> rounded_product, rounded_sparse_product;
   std::function<void(Eigen::Matrix3Xd& y)> filter;              ///< takes away constrained directions
-  std::function<void(PaddedField& y)> rounded_filter;
+  std::function<void(PaddedField& y)> rounded_filter;           ///< the same in single precision
   std::function<void(std::vector<Eigen::Matrix3d>&)> diagonal;  ///< diagonal blocks of A
   /// A, or what is near it: only to make a preconditioner of.
   std::function<const BlockMatrix&()> matrix;

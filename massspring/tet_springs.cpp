@@ -175,7 +175,6 @@ Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curva
 }
 
 typedef double Wide __attribute__((vector_size(32), aligned(8), may_alias));
-#define TESTBED_EVERY_WIDTH __attribute__((flatten, target_clones("avx2", "default")))
 
 /// y += A b, A n x 3.
 template <int n>
@@ -337,8 +336,12 @@ void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, con
   }
 }
 
-TESTBED_EVERY_WIDTH void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K,
-                                     Curvature curvature, const Eigen::VectorXd& scale) {
+// Registers of 512 bits take a quarter longer.
+__attribute__((flatten, target_clones("avx2", "default"))) void add_hessian(const TetSprings& springs,
+                                                                            const Matrix3Xd& x,
+                                                                            BlockMatrix& K,
+                                                                            Curvature curvature,
+                                                                            const Eigen::VectorXd& scale) {
   if (K.coupled.empty()) K.coupled = positions(springs, K);
   const int* at = K.coupled.data();
   for (int p = 0; p < springs.n_patches(); ++p) {
