@@ -9,6 +9,7 @@
 #include "meshing/network.h"
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
+#include "tests/massspring/box_tets.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed {
@@ -49,13 +50,33 @@ TEST_F(Parts, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
   EXPECT_GT(n_in_eighths, 0.7 * static_cast<double>(springs.E.cols()));
 }
 
-TEST_F(Parts, PutTheEdgesOfTheSurfaceFirst) {
-  std::set<std::pair<int, int>> edges;
+void expect_surface_first(const MassSpringModel& model) {
   const Eigen::Matrix2Xi E = edges_of(model.network.F);
+  std::set<std::pair<int, int>> edges;
   for (const auto& e : E.colwise()) edges.insert(std::minmax(e(0), e(1)));
-  for (Eigen::Index s = 0; s < springs.E.cols(); ++s)
-    EXPECT_EQ(edges.count(std::minmax(springs.E(0, s), springs.E(1, s))) == 1,
+  const Eigen::Matrix2Xi& springs = model.springs->E;
+  for (Eigen::Index s = 0; s < springs.cols(); ++s)
+    EXPECT_EQ(edges.count(std::minmax(springs(0, s), springs(1, s))) == 1,
               s < static_cast<Eigen::Index>(edges.size()));
+}
+
+TEST_F(Parts, PutTheEdgesOfTheSurfaceFirst) {
+  expect_surface_first(model);
+}
+
+// A skin stiffens the first springs.
+TEST(Springs, OfTetrahedraHaveTheEdgesOfTheSurfaceFirst) {
+  const TetMesh mesh = box_tets(3, 3, 3, 0.5);
+  SpringNetwork network;
+  network.X = mesh.X;
+  network.F = mesh.F;
+  network.T = mesh.T;
+  network.n_surface = static_cast<int>(mesh.X.cols());
+  MassSpringModel model = calibrate(network, Material{}, find_calibration("van_gelder"));
+  expect_surface_first(model);
+  Skin skin;
+  skin.stiffness = 10;
+  EXPECT_NO_THROW(add_skin(skin, model));
 }
 
 TEST_F(Parts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
