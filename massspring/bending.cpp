@@ -12,6 +12,8 @@ using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 using Gradient = Eigen::Matrix<double, 3, 4>;
 
+constexpr double kCrumpled = 0.1;  // of a triangle's area at rest
+
 struct Angle {
   double theta;
   Gradient gradient;  ///< by x_0 ... x_3 (1/m)
@@ -31,13 +33,34 @@ std::optional<Angle> angle_at(const Eigen::Vector4i& hinge, const Matrix3Xd& x) 
   return angle;
 }
 
-/// Calls visit(hinge number, stiffness, theta - theta_0, gradient of theta).
+/// Multiplies an angle and its gradient by t (2 - t) where the triangle (x_0, x_1, x_2 of which `third` is
+/// the last) has shrunk to t < 1 times `least`: unbounded, the gradient would go with one over its height.
+void fade(const Eigen::Vector4i& hinge, int third, double least, const Matrix3Xd& x, double& angle,
+          Gradient& gradient) {
+  const Vector3d x0 = x.col(hinge[0]), x1 = x.col(hinge[1]), x2 = x.col(hinge[third]);
+  const Vector3d n = (x1 - x0).cross(x2 - x0);
+  const double area = n.norm() / 2, t = area / least;
+  if (t >= 1) return;
+  gradient *= t * (2 - t);
+  const Vector3d slope = angle * 2 * (1 - t) / least / (4 * area) * n;
+  gradient.col(0) += (x1 - x2).cross(slope);
+  gradient.col(1) += (x2 - x0).cross(slope);
+  gradient.col(third) += (x0 - x1).cross(slope);
+  angle *= t * (2 - t);
+}
+
+/// Calls visit(hinge number, stiffness, theta - theta_0 faded, its gradient).
 template <class Visit>
 void for_each_hinge(const Bending& bending, const Matrix3Xd& x, const Visit& visit) {
-  for (int b = 0; b < bending.hinges.cols(); ++b)
-    if (const auto angle = angle_at(bending.hinges.col(b), x))
-      visit(b, bending.stiffness[b], std::remainder(angle->theta - bending.rest_angle[b], 2 * M_PI),
-            angle->gradient);
+  for (int b = 0; b < bending.hinges.cols(); ++b) {
+    const Eigen::Vector4i hinge = bending.hinges.col(b);
+    auto bent = angle_at(hinge, x);
+    if (!bent) continue;
+    double angle = std::remainder(bent->theta - bending.rest_angle[b], 2 * M_PI);
+    for (int side = 0; side < 2; ++side)
+      fade(hinge, 2 + side, kCrumpled * bending.area(side, b), x, angle, bent->gradient);
+    visit(b, bending.stiffness[b], angle, bent->gradient);
+  }
 }
 
 }  // namespace
@@ -49,6 +72,7 @@ Bending make_bending(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b) 
   Bending bending;
   const Eigen::Index n = F.cols() * 3 / 2;
   bending.hinges.resize(4, n);
+  bending.area.resize(2, n);
   bending.rest_angle.resize(n);
   bending.stiffness.resize(n);
   Eigen::Index b = 0;
@@ -57,12 +81,12 @@ Bending make_bending(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b) 
     if (i > j) continue;
     const Eigen::Vector4i hinge(i, j, third, opposite.at({j, i}));
     const Vector3d e = X.col(j) - X.col(i);
-    const double areas =
-        (e.cross(X.col(hinge[2]) - X.col(i)).norm() + e.cross(X.col(hinge[3]) - X.col(i)).norm()) / 2;
+    for (int side = 0; side < 2; ++side)
+      bending.area(side, b) = e.cross(X.col(hinge[2 + side]) - X.col(i)).norm() / 2;
     const auto angle = angle_at(hinge, X);
     bending.hinges.col(b) = hinge;
     bending.rest_angle[b] = angle ? angle->theta : 0;
-    bending.stiffness[b] = angle ? k_b * e.squaredNorm() / areas : 0;
+    bending.stiffness[b] = angle ? k_b * e.squaredNorm() / bending.area.col(b).sum() : 0;
     ++b;
   }
   return bending;

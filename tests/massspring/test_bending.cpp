@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 
 #include "massspring/bending.h"
@@ -19,22 +20,34 @@ class BentSurface : public testing::Test {
   const SurfaceMesh ball = make_shape("ball", 42);
   const Bending bending = make_bending(ball.X, ball.F, 0.3);
   const Matrix3Xd x = 1.1 * ball.X + random_points(static_cast<int>(ball.X.cols()), 0.15, 3);
-  Matrix3Xd forces(const Matrix3Xd& at) const {
+  static Matrix3Xd forces(const Bending& bending, const Matrix3Xd& at) {
     Matrix3Xd f = Matrix3Xd::Zero(3, at.cols());
     add_forces(bending, at, f);
     return f;
+  }
+  Matrix3Xd forces(const Matrix3Xd& at) const { return forces(bending, at); }
+  void expect_minus_energy_gradient(const Bending& bending, const Matrix3Xd& f) const {
+    for (int k = 0; k < x.size(); ++k) {
+      Matrix3Xd up = x, down = x;
+      up(k) += kStep;
+      down(k) -= kStep;
+      EXPECT_NEAR(f(k), -(energy(bending, up) - energy(bending, down)) / (2 * kStep), kDifference * f.norm());
+    }
   }
 };
 
 TEST_F(BentSurface, ForceIsMinusEnergyGradient) {
   const Matrix3Xd f = forces(x);
   ASSERT_GT(f.norm(), 0.1);
-  for (int k = 0; k < x.size(); ++k) {
-    Matrix3Xd up = x, down = x;
-    up(k) += kStep;
-    down(k) -= kStep;
-    EXPECT_NEAR(f(k), -(energy(bending, up) - energy(bending, down)) / (2 * kStep), kDifference * f.norm());
-  }
+  expect_minus_energy_gradient(bending, f);
+}
+
+TEST_F(BentSurface, ForceIsMinusEnergyGradientWhereTrianglesCrumple) {
+  Bending large = bending;
+  large.area *= 20;  // all triangles have shrunk to a fraction of a tenth of these
+  const Matrix3Xd f = forces(large, x);
+  ASSERT_GT((f - forces(x)).norm(), 0.1 * f.norm());
+  expect_minus_energy_gradient(large, f);
 }
 
 TEST_F(BentSurface, HessianIsMinusForceGradientAtRest) {
@@ -75,6 +88,29 @@ TEST(Bending, RegularTetrahedronHasItsDihedralAngleAndEnergyByHand) {
   }
   bending.rest_angle.array() -= 0.1;
   EXPECT_NEAR(energy(bending, X), 6 * bending.stiffness[0] * 0.01 / 2, kRounding);
+}
+
+// Two triangles of height 1, one of which is flattened to ever smaller heights: 2 t (2 - t) pi / height
+// grows to 4 pi / 0.1 and no further.
+TEST(Bending, PushOfACrumpledTriangleIsBounded) {
+  Matrix3Xd X(3, 4);
+  X << 0, 1, 0.5, 0.5,  //
+      0, 0, 1, -1,      //
+      0, 0, 0, 1;
+  Bending bending;
+  bending.hinges = Eigen::Vector4i(0, 1, 2, 3);
+  bending.area = Eigen::Vector2d(0.5, 0.5);
+  bending.rest_angle = Eigen::VectorXd::Zero(1);
+  bending.stiffness = Eigen::VectorXd::Ones(1);
+  double largest = 0;
+  for (double height = 1; height > 1e-9; height /= 3) {
+    X(1, 2) = height;
+    Matrix3Xd f = Matrix3Xd::Zero(3, 4);
+    add_forces(bending, X, f);
+    largest = std::max(largest, f.col(2).norm());
+  }
+  EXPECT_GT(largest, 2);
+  EXPECT_LT(largest, 4 * M_PI / 0.1);
 }
 
 }  // namespace
