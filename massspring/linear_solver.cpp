@@ -7,12 +7,13 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-// Counts, not seconds, decide, so that a run repeats itself. On springs applied one by one a factor costs as
-// much as some 400 block Jacobi iterations at 1e3 nodes and 1500 at 4e3, a solve with it 15 and 45. An
-// iteration with multigrid costs as much as 5 with block Jacobi where nodes exceed the caches, 8 where not.
+// Counts, not seconds, decide, so that a run repeats itself. On springs applied one by one a factor of n
+// nodes costs as much as some 0.4 n block Jacobi iterations, a solve with it 0.01 n. An iteration with
+// multigrid costs as much as 5 with block Jacobi where nodes exceed the caches, 8 where not.
 constexpr int kLargestFactored = 30000;  // nodes; beyond, fill outgrows memory and patience
 constexpr int kSmallest = 500;           // nodes from which on single precision is faster
-constexpr int kMany = 500, kManyLarge = 100;
+constexpr int kManyLarge = 100;
+constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;  // iterations at which a factor is made anew
 constexpr int kMaxIterations = 5000, kMaxMultigrid = 1000;
 
@@ -102,7 +103,7 @@ SolveReport LinearSolver::solve(const LinearSystem& A, const Matrix3Xd& b, Matri
     return bi_conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
   }
   const bool is_large = b.cols() > kLargestFactored;
-  const int many = is_large ? kManyLarge : kMany;
+  const int many = is_large ? kManyLarge : patience_;
   SolveReport first;
   const bool is_single = is_single_enough_ && b.cols() >= kSmallest;
   if (is_single) {
@@ -148,8 +149,14 @@ SolveReport LinearSolver::solve_by_factor(const LinearSystem& A, const Matrix3Xd
   };
   const SolveReport report = conjugate_gradients(A.product, precondition, b, x, tolerance, kMaxIterations);
   if (report.iterations > kWornOut) {
-    factor_->update(A.matrix());
-    if (!factor_->is_ok()) factor_.reset();
+    const int cost = static_cast<int>((kFactor + kFactorSolve * report.iterations) * b.cols());
+    const bool is_worth_it = cost <= patience_;
+    if (is_worth_it) factor_->update(A.matrix());
+    if (!is_worth_it || !factor_->is_ok()) {
+      factor_.reset();
+      choice_ = "block Jacobi: a Cholesky factor wears out too soon";
+    }
+    patience_ = std::max(patience_, cost);
   }
   return report;
 }

@@ -13,9 +13,9 @@ namespace testbed {
 
 /// Conjugate gradients, preconditioned by the inverse diagonal blocks until these need too many iterations,
 /// then by a Cholesky factor or, where its fill is not affordable, multigrid, which are kept from system to
-/// system while they serve; from 500 nodes on in single precision, refined by residuals in double, unless
-/// that has once been too little [Wilkinson 1963]. Or, to compare, bi-conjugate gradients with the inverse
-/// diagonal blocks.
+/// system while they serve, the factor only while it costs less than it saves; from 500 nodes on in single
+/// precision, refined by residuals in double, unless that has once been too little [Wilkinson 1963]. Or, to
+/// compare, bi-conjugate gradients with the inverse diagonal blocks.
 class LinearSolver {
  public:
   explicit LinearSolver(Krylov krylov = Krylov::Cg) : krylov_(krylov) {}
@@ -38,6 +38,7 @@ class LinearSolver {
   std::unique_ptr<BlockCholesky> factor_;
   std::unique_ptr<Multigrid> multigrid_;
   bool is_multigrid_chosen_ = false;
+  int patience_ = 500;        ///< iterations with block Jacobi beyond which a factor is tried
   int first_iterations_ = 0;  ///< of multigrid when it was made
   std::vector<Eigen::Matrix3d> inverse_;
   SymmetricBlocks rounded_inverse_;

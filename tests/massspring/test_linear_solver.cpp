@@ -114,6 +114,25 @@ TEST(LinearSolver, KeepsBlockJacobiWhereItIsFastAndAFactorWhereItIsNot) {
   EXPECT_LT(fast, slow / 10);
 }
 
+TEST(LinearSolver, DropsAFactorThatWearsOutSoonerThanItIsWorth) {
+  constexpr int n = 1500;
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix weak = chain(n, 0.1), strong = chain(n, 1e5);
+  LinearSolver worn, fresh;
+  Matrix3Xd x;
+  const auto iterations = [&](LinearSolver& solver, const BlockMatrix& A) {
+    x.setZero(3, n);
+    const SolveReport report = solver.solve(system_of(A, none, none), b, x, 1e-6);
+    EXPECT_TRUE(report.is_converged);
+    return report.iterations;
+  };
+  iterations(worn, strong);
+  EXPECT_EQ(worn.choice().rfind("Cholesky", 0), 0u) << worn.choice();
+  EXPECT_GT(iterations(worn, weak), 12);
+  EXPECT_EQ(worn.choice().rfind("block Jacobi", 0), 0u) << worn.choice();
+  EXPECT_EQ(iterations(worn, weak), iterations(fresh, weak));
+}
+
 TEST(LinearSolver, TakesMultigridWhereNodesAreTooManyToFactorise) {
   constexpr int n = 40000;
   Matrix3Xd x = Matrix3Xd::Zero(3, n), line = Matrix3Xd::Zero(3, n), exact;
