@@ -13,13 +13,15 @@ class Euler : public Scheme {
       : motion_(motion), is_symplectic_(is_symplectic), inverse_mass_(motion.model.mass.cwiseInverse()) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
-    motion_.forces_at(state, f_);
+    motion_.undamped_forces_at(state, f_);
+    motion_.add_spring_damping(state.x, state.v, f_);
+    const double kept = 1 - h * motion_.forces.mass_damping;
     v.resizeLike(f_);
     x.resizeLike(f_);
     const Matrix3Xd& u = is_symplectic_ ? v : state.v;
     for_each_chunk(v.cols(), [&](Eigen::Index begin, Eigen::Index end) {
       const Eigen::Index m = end - begin;
-      v.middleCols(begin, m) = state.v.middleCols(begin, m) +
+      v.middleCols(begin, m) = kept * state.v.middleCols(begin, m) +
                                h * f_.middleCols(begin, m) * inverse_mass_.segment(begin, m).asDiagonal();
       x.middleCols(begin, m) = state.x.middleCols(begin, m) + h * u.middleCols(begin, m);
     });

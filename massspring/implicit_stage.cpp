@@ -70,7 +70,7 @@ void ImplicitStage::negative_gradient(const State& trial, const Matrix3Xd& start
                                       const Matrix3Xd& w, Matrix3Xd& r) const {
   const MassSpringModel& model = motion_.model;
   motion_.undamped_forces_at(trial, r);
-  if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, start_x, trial.v, r);
+  motion_.add_spring_damping(start_x, trial.v, r);
   r -= momenta(model, (trial.v - w) / a + motion_.forces.mass_damping * trial.v);
   filter(motion_.constraints, r);
 }

@@ -9,7 +9,7 @@ Motion::Motion(const MassSpringModel& model, const Forces& forces)
 
 void Motion::forces_at(const State& state, Eigen::Matrix3Xd& f) const {
   undamped_forces_at(state, f);
-  if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, state.x, state.v, f);
+  add_spring_damping(state.x, state.v, f);
   if (forces.mass_damping > 0) add_momenta(model, -forces.mass_damping, state.v, f);
 }
 
@@ -18,6 +18,11 @@ void Motion::undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const {
   if (friction.size() > 0) f += friction;
   if (barrier) barrier->add_forces(state.x, f);
   if (self_contact) self_contact->add_forces(state.x, f);
+}
+
+void Motion::add_spring_damping(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,
+                                Eigen::Matrix3Xd& f) const {
+  if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, x, v, f);
 }
 
 double Motion::potential(const State& state) const {

@@ -15,6 +15,9 @@ struct Motion {
   /// The same without damping; but for the friction of `friction` the negative gradient of potential.
   void undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const;
 
+  /// Adds the damping of independent springs (N).
+  void add_spring_damping(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v, Eigen::Matrix3Xd& f) const;
+
   /// Energy (J): elastic, of volume, loads and contacts.
   double potential(const State& state) const;
 
