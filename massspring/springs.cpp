@@ -71,25 +71,31 @@ struct Range {
   }
 }
 
+/// x_a - x_b of m springs E, and their lengths.
+[[gnu::always_inline]] inline void measure(const int* E, int m, const Padded* X, Padded* l, double* length) {
+  for (int s = 0; s < m; ++s) {
+    l[s] = X[E[2 * s]] - X[E[2 * s + 1]];
+    const Padded squares = l[s] * l[s];
+    length[s] = squares[0] + squares[1] + squares[2];
+  }
+  for (int s = 0; s < m; ++s) length[s] = std::sqrt(length[s]);
+}
+
 /// @param X, F  a column for each node
 template <class Law>
 [[gnu::always_inline]] inline void add_forces_of(const Springs& springs, const double* rest_length,
                                                  const Range& range, const Padded* X, Padded* F) {
   Padded l[kBatch];
-  double squared[kBatch], factor[kBatch];
+  double length[kBatch], factor[kBatch];
   for (int first = range.begin; first < range.end; first += kBatch) {
     prefetch_batch_after(first, range, springs.E, X, F);
     const int m = std::min(kBatch, range.end - first);
     const int* E = springs.E.data() + 2 * first;
     const double *k = springs.stiffness.data() + first, *r = rest_length + first;
+    measure(E, m, X, l, length);
     for (int s = 0; s < m; ++s) {
-      l[s] = X[E[2 * s]] - X[E[2 * s + 1]];
-      const Padded squares = l[s] * l[s];
-      squared[s] = squares[0] + squares[1] + squares[2];
-    }
-    for (int s = 0; s < m; ++s) {
-      const double length = std::sqrt(squared[s]), t = Law::tension(k[s], length, r[s]) / length;
-      factor[s] = length > 0 ? t : 0;
+      const double t = Law::tension(k[s], length[s], r[s]) / length[s];
+      factor[s] = length[s] > 0 ? t : 0;
     }
     for (int s = 0; s < m;) {  // springs of one first node follow each other: its sum stays in a register
       const int a = E[2 * s];
@@ -101,6 +107,52 @@ template <class Law>
         ++s;
       } while (s < m && E[2 * s] == a);
       F[a] -= sum;
+    }
+  }
+}
+
+/// @param X, B  a column for each node, spring
+template <class Law>
+[[gnu::always_inline]] inline void hessian_of(const Springs& springs, const double* rest_length, double scale,
+                                              double least, const Padded* X, Padded* B) {
+  Padded l[kBatch];
+  double length[kBatch], along[kBatch], across[kBatch];
+  for (int first = 0, n = static_cast<int>(springs.E.cols()); first < n; first += kBatch) {
+    const int m = std::min(kBatch, n - first);
+    const double *k = springs.stiffness.data() + first, *r = rest_length + first;
+    measure(springs.E.data() + 2 * first, m, X, l, length);
+    for (int s = 0; s < m; ++s) {
+      const double t = std::max(least, Law::tension(k[s], length[s], r[s]) / length[s]);
+      const double u = std::sqrt(scale * (Law::slope(k[s], length[s], r[s]) - t)) / length[s];
+      along[s] = length[s] > 0 ? u : 0;
+      across[s] = length[s] > 0 ? scale * t : 0;
+    }
+    for (int s = 0; s < m; ++s) {
+      Padded block = along[s] * l[s];
+      block[3] = across[s];
+      B[first + s] = block;
+    }
+  }
+}
+
+TESTBED_EVERY_WIDTH void hooke_hessian(const Springs& springs, const double* r, double scale, double least,
+                                       const Padded* x, Padded* B) {
+  hessian_of<Hooke>(springs, r, scale, least, x, B);
+}
+TESTBED_EVERY_WIDTH void definite_hessian(const Springs& springs, const double* r, double scale, double least,
+                                          const Padded* x, Padded* B) {
+  hessian_of<Definite>(springs, r, scale, least, x, B);
+}
+
+/// Lanes xx yy zz and xy yz zx of the blocks' sums at nodes.
+TESTBED_EVERY_WIDTH void add_diagonal_of(const Eigen::Matrix2Xi& pairs, const Padded* block, Padded* diagonal,
+                                         Padded* off_diagonal) {
+  const int* E = pairs.data();
+  for (Eigen::Index s = 0; s < pairs.cols(); ++s) {
+    const Padded u = block[s], d = u * u + u[3], o = u * __builtin_shufflevector(u, u, 1, 2, 0, 3);
+    for (int i : {E[2 * s], E[2 * s + 1]}) {
+      diagonal[i] += d;
+      off_diagonal[i] += o;
     }
   }
 }
@@ -136,23 +188,31 @@ TESTBED_EVERY_WIDTH void add_definite(const Springs& springs, const double* r, c
   add_forces_of<Definite>(springs, r, range, x, f);
 }
 
+/// A column for each node of a field, until it is called again.
+const Padded* pad(const Eigen::Matrix3Xd& in) {
+  thread_local Eigen::Matrix4Xd kept;  // so that a step allocates nothing
+  const Eigen::Index n = in.cols();
+  kept.resize(4, n);
+  Eigen::Map<Eigen::Matrix4Xd> padded(kept.data(), 4, n);
+  for_each_chunk(n, [&](Eigen::Index begin, Eigen::Index end) {
+    padded.middleCols(begin, end - begin).topRows<3>() = in.middleCols(begin, end - begin);
+    padded.middleCols(begin, end - begin).row(3).setZero();
+  });
+  return reinterpret_cast<const Padded*>(padded.data());
+}
+
 /// Calls kernel(range of springs; a column of in for each node; one that it adds to) for all springs, those
 /// of different parts at once, and adds the result to out.
 template <class Kernel>
 void apply_padded(const Springs& springs, const Kernel& kernel, const Eigen::Matrix3Xd& in,
                   Eigen::Matrix3Xd& out) {
-  thread_local Eigen::Matrix4Xd kept_in, kept_out;  // so that a step allocates nothing
+  thread_local Eigen::Matrix4Xd kept_out;
   const int n = static_cast<int>(in.cols());
-  kept_in.resize(4, n);
   kept_out.resize(4, n);
-  Eigen::Map<Eigen::Matrix4Xd> padded_in(kept_in.data(), 4, n), padded_out(kept_out.data(), 4, n);
-  for_each_chunk(n, [&](Eigen::Index begin, Eigen::Index end) {
-    const Eigen::Index m = end - begin;
-    padded_in.middleCols(begin, m).topRows<3>() = in.middleCols(begin, m);
-    padded_in.middleCols(begin, m).row(3).setZero();
-    padded_out.middleCols(begin, m).setZero();
-  });
-  const auto* const P = reinterpret_cast<const Padded*>(padded_in.data());
+  Eigen::Map<Eigen::Matrix4Xd> padded_out(kept_out.data(), 4, n);
+  for_each_chunk(
+      n, [&](Eigen::Index begin, Eigen::Index end) { padded_out.middleCols(begin, end - begin).setZero(); });
+  const Padded* const P = pad(in);
   auto* const Y = reinterpret_cast<Padded*>(padded_out.data());
   const std::vector<int>& first = springs.first;
   if (first.empty())
@@ -194,12 +254,9 @@ void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, cons
 SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                      double scale, Curvature curvature) {
   const double least = curvature == Curvature::Projected ? 0 : -std::numeric_limits<double>::infinity();
-  SpringBlocks B = SpringBlocks::Zero(4, springs.E.cols());
-  for_each_spring(springs, x, [&](auto law, int s, int, int, const Eigen::Vector3d& l, double length) {
-    const double k = springs.stiffness(s), r = rest_length(s);
-    const double across = std::max(least, law.tension(k, length, r) / length);
-    B.col(s) << std::sqrt(scale * (law.slope(k, length, r) - across)) / length * l, scale * across;
-  });
+  SpringBlocks B(4, springs.E.cols());
+  const auto fill = springs.law == SpringLaw::Hooke ? hooke_hessian : definite_hessian;
+  fill(springs, rest_length.data(), scale, least, pad(x), reinterpret_cast<Padded*>(B.data()));
   return B;
 }
 
@@ -223,9 +280,14 @@ void add_blocks(const Springs& springs, const SpringBlocks& B, BlockMatrix& K) {
 }
 
 void add_diagonal(const Springs& springs, const SpringBlocks& B, std::vector<Eigen::Matrix3d>& diagonal) {
-  for (int s = 0; s < springs.E.cols(); ++s) {
-    const Eigen::Matrix3d block = matrix_of(B, s);
-    for (int i : springs.E.col(s)) diagonal[i] += block;
+  const auto n = static_cast<Eigen::Index>(diagonal.size());
+  Eigen::Matrix4Xd D = Eigen::Matrix4Xd::Zero(4, n), O = D;
+  add_diagonal_of(springs.E, reinterpret_cast<const Padded*>(B.data()), reinterpret_cast<Padded*>(D.data()),
+                  reinterpret_cast<Padded*>(O.data()));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    Eigen::Matrix3d block;
+    block << D(0, i), O(0, i), O(2, i), O(0, i), D(1, i), O(1, i), O(2, i), O(1, i), D(2, i);
+    diagonal[i] += block;
   }
 }
 
