@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 
+#include "massspring/parts.h"
+
 namespace testbed {
 
 int BlockMatrix::find(int i, int j) const {
@@ -49,11 +51,13 @@ void mirror(BlockMatrix& A) {
 
 void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) {
   y.resize(3, A.rows());
-  for (int i = 0; i < A.rows(); ++i) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) sum += A.block[k] * x.col(A.column[k]);
-    y.col(i) = sum;
-  }
+  for_each_chunk(A.rows(), [&](Eigen::Index begin, Eigen::Index end) {
+    for (Eigen::Index i = begin; i < end; ++i) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) sum += A.block[k] * x.col(A.column[k]);
+      y.col(i) = sum;
+    }
+  });
 }
 
 }  // namespace testbed

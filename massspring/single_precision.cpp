@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "massspring/every_width.h"
+#include "massspring/parts.h"
 
 /// Lanes x y z 0 of four nodes as y z x 0 and as z x y 0.
 #define TESTBED_TURNED_LEFT(u) \
@@ -117,15 +118,16 @@ TESTBED_EVERY_WIDTH double add_product_of_rows(int n, const int* start, const in
   return total;
 }
 
+/// Rows begin to end - 1.
 /// @param blocks  9 floats each, and three more at the end
-TESTBED_EVERY_WIDTH double multiply_blocks(int n, const int* start, const int* column, const float* blocks,
-                                           const float* p, float* y) {
+TESTBED_EVERY_WIDTH double multiply_blocks(int begin, int end, const int* start, const int* column,
+                                           const float* blocks, const float* p, float* y) {
   const Four* P = reinterpret_cast<const Four*>(p);
   Four* Y = reinterpret_cast<Four*>(y);
   double total = 0;
-  for (int first = 0; first < n; first += kNodes) {
+  for (int first = begin; first < end; first += kNodes) {
     Four dot{};
-    for (int i = first; i < std::min(n, first + kNodes); ++i) {
+    for (int i = first; i < std::min(end, first + kNodes); ++i) {
       Four sum{};
       for (int k = start[i]; k < start[i + 1]; ++k) {
         const Four q = P[column[k]];
@@ -282,8 +284,10 @@ std::vector<float> rounded(const BlockMatrix& A) {
 
 double add_product(const BlockMatrix& pattern, const std::vector<float>& blocks, const PaddedField& p,
                    PaddedField& y) {
-  return multiply_blocks(pattern.rows(), pattern.row_start.data(), pattern.column.data(), blocks.data(),
-                         p.data(), y.data());
+  return sum_over_chunks(pattern.rows(), [&](Eigen::Index begin, Eigen::Index end) {
+    return multiply_blocks(static_cast<int>(begin), static_cast<int>(end), pattern.row_start.data(),
+                           pattern.column.data(), blocks.data(), p.data(), y.data());
+  });
 }
 
 void sweep_down(const BodyMatrix& A, const BodyField& b, BodyField& x) {

@@ -13,6 +13,8 @@
 #include <string>
 #include <utility>
 
+#include "massspring/parts.h"
+
 namespace testbed {
 
 namespace {
@@ -233,6 +235,32 @@ Eigen::MatrixXi edge_numbers(const Matrix4Xi& T) {
   return numbers;
 }
 
+/// Calls visit(part, begin, end) for all ranges of patches, those of parts of one size at once.
+template <class Visit>
+void for_each_range(const TetSprings& springs, const Visit& visit) {
+  const std::vector<int>& first = springs.part;
+  if (first.empty()) return visit(0, 0, springs.n_patches());
+  for_each_part([&](int part) {
+    for (std::size_t k = part; k + 1 < first.size(); k += n_parts) visit(part, first[k], first[k + 1]);
+  });
+}
+
+/// The patches of each part of the body; column t of `patches` names those that tetrahedron t belongs to.
+std::vector<std::vector<int>> patches_of_parts(const Matrix3Xd& X, const Matrix4Xi& T,
+                                               const Eigen::MatrixXi& patches) {
+  const std::vector<int> eighth = eighths(X);
+  Eigen::Matrix2Xi range = Eigen::Vector2i(7, 0).replicate(1, patches.maxCoeff() + 1);
+  for (Eigen::Index t = 0; t < T.cols(); ++t)
+    for (int p : patches.col(t))
+      for (int i : T.col(t)) {
+        range(0, p) = std::min(range(0, p), eighth[i]);
+        range(1, p) = std::max(range(1, p), eighth[i]);
+      }
+  std::vector<std::vector<int>> result(n_parts);
+  for (int p = 0; p < range.cols(); ++p) result[part_of(range(0, p), range(1, p))].push_back(p);
+  return result;
+}
+
 /// Adds patches that average over tetrahedra: column t of `patches` names those that tetrahedron t belongs
 /// to, each with an equal share of `part` of its volume.
 void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches, double part,
@@ -256,9 +284,18 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   springs.lambda.conservativeResize(n_before + n_new);
   springs.lambda.tail(n_new).setConstant(lambda);
 
+  std::vector<int> order(n_new);
+  std::iota(order.begin(), order.end(), 0);
+  if (X.cols() >= least_parted) {
+    order.clear();
+    for (const std::vector<int>& own : patches_of_parts(X, T, patches)) {
+      springs.part.push_back(n_before + static_cast<int>(order.size()));
+      order.insert(order.end(), own.begin(), own.end());
+    }
+  }
   const Occurrences in_patch = occurrences(patches.reshaped(), n_new);
   std::vector<int> patch_of(X.cols(), -1), entry_of(X.cols());  // of nodes: the last that they were met in
-  for (int p = 0; p < n_new; ++p) {
+  for (const int p : order) {
     const auto tets = [&](const auto& visit) {
       for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
         visit(in_patch.at[k] / static_cast<int>(patches.rows()));
@@ -281,7 +318,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
     });
     springs.b.middleCols(begin, end - begin) /= volume;
     springs.weight.segment(begin, end - begin) /= volume;
-    springs.volume[n_before + p] = volume;
+    springs.volume[springs.first.size() - 1] = volume;
     springs.first.push_back(end);
   }
   resize(springs.first.back());
@@ -309,42 +346,48 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
   if (blend.edges > 0) append_patches(X, T, edge_numbers(T), blend.edges, shared, springs);
   if (blend.nodes > 0)
     append_patches(X, T, T, blend.nodes, shared + (lame.lambda - shared) / blend.nodes, springs);
+  if (!springs.part.empty()) springs.part.push_back(springs.n_patches());
   return springs;
 }
 
 double energy(const TetSprings& springs, const Matrix3Xd& x, const Eigen::VectorXd& scale) {
-  double sum = 0;
-  for (int p = 0; p < springs.n_patches(); ++p) {
-    const double s = scale_of(scale, p);
-    const Matrix3d F = deformation_gradient(springs, p, x) / s;
-    sum += s * s * s * springs.volume[p] *
-           (springs.mu / 2 * (F.squaredNorm() - 3) +
-            volume_law(F.determinant(), springs.lambda[p], springs.mu).g);
-  }
-  return sum;
+  std::array<double, n_parts> sums{};
+  for_each_range(springs, [&](int part, int begin, int end) {
+    double sum = 0;
+    for (int p = begin; p < end; ++p) {
+      const double s = scale_of(scale, p);
+      const Matrix3d F = deformation_gradient(springs, p, x) / s;
+      sum += s * s * s * springs.volume[p] *
+             (springs.mu / 2 * (F.squaredNorm() - 3) +
+              volume_law(F.determinant(), springs.lambda[p], springs.mu).g);
+    }
+    sums[part] += sum;
+  });
+  return std::accumulate(sums.begin(), sums.end(), 0.);
 }
 
 void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, const Eigen::VectorXd& scale) {
-  for (int p = 0; p < springs.n_patches(); ++p) {
-    const double s = scale_of(scale, p);
-    const Matrix3d F = deformation_gradient(springs, p, x) / s, C = cofactor(F);
-    const double J = F.col(0).dot(C.col(0));
-    const Matrix3d VP =
-        s * s * springs.volume[p] * (springs.mu * F + volume_law(J, springs.lambda[p], springs.mu).dg * C);
-    for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
-      f.col(springs.node[e]) -= VP * springs.b.col(e);
-  }
+  for_each_range(springs, [&](int, int begin, int end) {
+    for (int p = begin; p < end; ++p) {
+      const double s = scale_of(scale, p);
+      const Matrix3d F = deformation_gradient(springs, p, x) / s, C = cofactor(F);
+      const double J = F.col(0).dot(C.col(0));
+      const Matrix3d VP =
+          s * s * springs.volume[p] * (springs.mu * F + volume_law(J, springs.lambda[p], springs.mu).dg * C);
+      for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
+        f.col(springs.node[e]) -= VP * springs.b.col(e);
+    }
+  });
 }
 
+namespace {
+
+/// Adds the blocks of patches first to last - 1 on the diagonal and above it, at the given positions.
 // Registers of 512 bits take a quarter longer.
-__attribute__((flatten, target_clones("avx2", "default"))) void add_hessian(const TetSprings& springs,
-                                                                            const Matrix3Xd& x,
-                                                                            BlockMatrix& K,
-                                                                            Curvature curvature,
-                                                                            const Eigen::VectorXd& scale) {
-  if (K.coupled.empty()) K.coupled = positions(springs, K);
-  const int* at = K.coupled.data();
-  for (int p = 0; p < springs.n_patches(); ++p) {
+__attribute__((flatten, target_clones("avx2", "default"))) void add_blocks(
+    const TetSprings& springs, int first, int last, const Matrix3Xd& x, Curvature curvature,
+    const Eigen::VectorXd& scale, const int* at, BlockMatrix& K) {
+  for (int p = first; p < last; ++p) {
     const double s = scale_of(scale, p);
     const Stiffness H =
         stiffness(deformation_gradient(springs, p, x) / s, springs.lambda[p], springs.mu, curvature);
@@ -356,6 +399,21 @@ __attribute__((flatten, target_clones("avx2", "default"))) void add_hessian(cons
       for (int e = r; e < end; ++e) add_product(row, springs.b.col(e).data(), K.block[*at++].data());
     }
   }
+}
+
+}  // namespace
+
+void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
+                 const Eigen::VectorXd& scale) {
+  if (K.coupled.empty()) K.coupled = positions(springs, K);
+  std::vector<int> n_before{0};  // positions of the patches before each
+  for (int p = 0; p < springs.n_patches(); ++p) {
+    const int n = springs.first[p + 1] - springs.first[p];
+    n_before.push_back(n_before.back() + n * (n + 1) / 2);
+  }
+  for_each_range(springs, [&](int, int begin, int end) {
+    add_blocks(springs, begin, end, x, curvature, scale, K.coupled.data() + n_before[begin], K);
+  });
   mirror(K);
 }
 

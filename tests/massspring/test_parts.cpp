@@ -6,6 +6,8 @@
 #include "massspring/calibrate.h"
 #include "massspring/integrators.h"
 #include "massspring/parts.h"
+#include "massspring/quasi_static.h"
+#include "massspring/single_precision.h"
 #include "meshing/network.h"
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
@@ -124,6 +126,134 @@ TEST_F(Parts, ExplicitStepsOnAFloorHaveTheSameBitsOnOneThreadAndTwo) {
   EXPECT_EQ(one.x, two.x);
   EXPECT_EQ(one.v, two.v);
 }
+
+/// What work returns on n threads.
+template <class Work>
+auto on_threads(int n_threads, const Work& work) {
+  omp_set_num_threads(n_threads);
+  const auto result = work();
+  omp_set_num_threads(1);
+  return result;
+}
+
+class CoupledParts : public testing::TestWithParam<const char*> {
+ protected:
+  static MassSpringModel make() {
+    constexpr int n = 17;
+    const TetMesh mesh = box_tets(n, n, n, 1. / n, 0.2);
+    return calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface}, Material{},
+                     find_calibration(GetParam()));
+  }
+  const MassSpringModel model = make();
+  const TetSprings& springs = *model.tet_springs;
+  const int n = static_cast<int>(model.mass.size());
+  const Matrix3Xd x = model.network.X + random_points(n, 0.01, 1);
+  Forces forces = no_forces(model);
+
+  void SetUp() override {
+    ASSERT_GE(n, least_parted);
+    forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
+    for (int i = 0; i < n; ++i)
+      if (model.network.X(1, i) < 0.01)
+        forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  }
+};
+
+TEST_P(CoupledParts, OfOneSizeShareNoNodeAndHoldEveryPatchOnce) {
+  ASSERT_EQ(springs.part.size() % n_parts, 1);
+  EXPECT_EQ(springs.part.front(), 0);
+  EXPECT_EQ(springs.part.back(), springs.n_patches());
+  int n_in_eighths = 0;
+  for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
+    std::vector<int> owner(n, -1);
+    for (int part = first; part < first + size; ++part)
+      for (std::size_t k = part; k + 1 < springs.part.size(); k += n_parts)
+        for (int p = springs.part[k]; p < springs.part[k + 1]; ++p) {
+          n_in_eighths += size == 8;
+          for (int e = springs.first[p]; e < springs.first[p + 1]; ++e) {
+            int& other = owner[springs.node[e]];
+            EXPECT_TRUE(other == -1 || other == part) << "patch " << p << ", parts " << other << ", " << part;
+            other = part;
+          }
+        }
+  }
+  EXPECT_GT(n_in_eighths, 0.5 * springs.n_patches());
+}
+
+TEST_P(CoupledParts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
+  struct Sums {
+    double energy;
+    Matrix3Xd f, Kq;
+    std::vector<Eigen::Matrix3d> K;
+    PaddedField rounded;
+    double p_Kp;
+  };
+  // Over twelve decades: not every order adds single-precision numbers exactly.
+  const Matrix3Xd q = x * Eigen::pow(10, Eigen::ArrayXd::LinSpaced(n, -6, 6)).matrix().asDiagonal();
+  const auto sums_of = [&](const TetSprings& patches) {
+    Sums sums;
+    sums.energy = energy(patches, x);
+    sums.f = Matrix3Xd::Ones(3, n);
+    add_forces(patches, x, sums.f);
+    BlockMatrix K = stiffness_pattern(model);
+    add_hessian(patches, x, K);
+    multiply(K, q, sums.Kq);
+    PaddedField p;
+    pad(q, 1, p);
+    sums.rounded = p;
+    sums.p_Kp = add_product(K, rounded(K), p, sums.rounded);
+    sums.K = K.block;
+    return sums;
+  };
+  const Sums one = on_threads(1, [&] { return sums_of(springs); });
+  for (int n_threads : {2, 3, 8}) {
+    const Sums many = on_threads(n_threads, [&] { return sums_of(springs); });
+    EXPECT_EQ(one.energy, many.energy) << n_threads;
+    EXPECT_EQ(one.f, many.f) << n_threads;
+    EXPECT_EQ(one.K, many.K) << n_threads;
+    EXPECT_EQ(one.Kq, many.Kq) << n_threads;
+    EXPECT_EQ(one.rounded, many.rounded) << n_threads;
+    EXPECT_EQ(one.p_Kp, many.p_Kp) << n_threads;
+  }
+  TetSprings unparted = springs;
+  unparted.part.clear();
+  const Sums other = sums_of(unparted);
+  EXPECT_NEAR(one.energy, other.energy, 1e-12 * std::abs(other.energy));
+  EXPECT_LT((one.f - other.f).norm(), 1e-12 * other.f.norm());
+  EXPECT_LT((one.Kq - other.Kq).norm(), 1e-12 * other.Kq.norm());
+  EXPECT_LT((one.rounded.topLeftCorner(3, n).cast<double>() - q - one.Kq).norm(), 1e-5 * one.Kq.norm());
+  EXPECT_NEAR(one.p_Kp, q.cwiseProduct(q + one.Kq).sum(), 1e-5 * std::abs(one.p_Kp));
+}
+
+TEST_P(CoupledParts, ImplicitStepsHaveTheSameBitsOnOneThreadAndTwo) {
+  const auto end = [&] {
+    State state = initial_state(model);
+    state.x = x;
+    TimeStepper stepper(model, forces, Integrator::ImplicitEuler, 1);
+    EXPECT_EQ(stepper.step(state, 1e-3).status, Status::Ok);
+    return state;
+  };
+  const State one = on_threads(1, end), two = on_threads(2, end);
+  EXPECT_GT((one.x - x).norm(), 1e-4 * x.norm());
+  EXPECT_EQ(one.x, two.x);
+  EXPECT_EQ(one.v, two.v);
+}
+
+class Equilibria : public CoupledParts {};
+
+TEST_P(Equilibria, HaveTheSameBitsOnOneThreadAndTwo) {
+  const auto end = [&] {
+    State state = initial_state(model);
+    EXPECT_EQ(QuasiStaticSolver(model, forces).solve(1, state).status, Status::Ok);
+    return state.x;
+  };
+  const Matrix3Xd one = on_threads(1, end), two = on_threads(2, end);
+  EXPECT_GT((one - model.network.X).norm(), 0);
+  EXPECT_EQ(one, two);
+}
+
+INSTANTIATE_TEST_SUITE_P(, CoupledParts, testing::Values("edge_coupled", "node_averaged"));
+INSTANTIATE_TEST_SUITE_P(, Equilibria, testing::Values("edge_coupled"));
 
 }  // namespace
 }  // namespace testbed
