@@ -31,6 +31,7 @@ void for_each_part(const Visit& visit) {
   }
 }
 
+/// Nodes, or rows of a matrix, that a thread takes at a time.
 inline constexpr Eigen::Index chunk_size = 512;
 
 /// Calls visit(begin, end) for chunks of 0 ... n - 1, many at once.
