@@ -19,6 +19,15 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
+/// What work returns on n threads.
+template <class Work>
+auto on_threads(int n_threads, const Work& work) {
+  omp_set_num_threads(n_threads);
+  const auto result = work();
+  omp_set_num_threads(1);
+  return result;
+}
+
 class Parts : public testing::Test {
  protected:
   static MassSpringModel make() {
@@ -83,22 +92,20 @@ TEST(Springs, OfTetrahedraHaveTheEdgesOfTheSurfaceFirst) {
 
 TEST_F(Parts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
   const SpringBlocks B = hessian(springs, state.rest_length, x);
-  const auto sums = [&](int n_threads) {
-    omp_set_num_threads(n_threads);
+  const auto sums = [&] {
     Matrix3Xd f = Matrix3Xd::Ones(3, x.cols()), y = f;
     add_forces(springs, state.rest_length, x, f);
     add_product(springs, B, x, y);
-    omp_set_num_threads(1);
     return std::pair(f, y);
   };
-  const auto one = sums(1);
+  const auto one = on_threads(1, sums);
   Springs unparted = springs;
   unparted.first.clear();
   Matrix3Xd f = Matrix3Xd::Ones(3, x.cols());
   add_forces(unparted, state.rest_length, x, f);
   EXPECT_LT((one.first - f).norm(), 1e-13 * f.norm());
   for (int n_threads : {2, 3, 8}) {
-    const auto many = sums(n_threads);
+    const auto many = on_threads(n_threads, sums);
     EXPECT_EQ(one.first, many.first) << n_threads;
     EXPECT_EQ(one.second, many.second) << n_threads;
   }
@@ -112,28 +119,17 @@ TEST_F(Parts, ExplicitStepsOnAFloorHaveTheSameBitsOnOneThreadAndTwo) {
   Obstacle floor;
   floor.shape = HalfSpace{{0, x.row(1).minCoeff(), 0}, {0, 1, 0}};
   forces.bodies.emplace_back(floor);
-  const auto end_on = [&](int n_threads) {
-    omp_set_num_threads(n_threads);
+  const auto end = [&] {
     State moved = state;
     moved.x = x;
     TimeStepper stepper(model, forces, Integrator::SymplecticEuler, 1);
     for (int n = 0; n < 20; ++n) EXPECT_EQ(stepper.step(moved, 1e-4).status, Status::Ok);
-    omp_set_num_threads(1);
     return moved;
   };
-  const State one = end_on(1), two = end_on(2);
+  const State one = on_threads(1, end), two = on_threads(2, end);
   EXPECT_GT((one.x - x).norm(), 1e-3 * x.norm());
   EXPECT_EQ(one.x, two.x);
   EXPECT_EQ(one.v, two.v);
-}
-
-/// What work returns on n threads.
-template <class Work>
-auto on_threads(int n_threads, const Work& work) {
-  omp_set_num_threads(n_threads);
-  const auto result = work();
-  omp_set_num_threads(1);
-  return result;
 }
 
 class CoupledParts : public testing::TestWithParam<const char*> {
