@@ -245,6 +245,15 @@ TEST(TetSprings, ProjectionSetsNegativeEigenvaluesToZeroHoweverCrushed) {
   EXPECT_GT(n_indefinite, 500);
 }
 
+TEST(TetSprings, SmallestJacobianIsThatOfTheMostCrushedPatch) {
+  const TetMesh mesh = box_tets(2, 2, 2, 1);
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, soft, edge_coupled);
+  EXPECT_NEAR(smallest_jacobian(springs, mesh.X), 1, rounding);
+  Matrix3Xd x = mesh.X;
+  x(0, 2) -= 0.75;  // a corner, where it leaves both its tetrahedra a quarter of their height along x
+  EXPECT_NEAR(smallest_jacobian(springs, x), 0.25, rounding);
+}
+
 TEST(TetSprings, EnergyIsThatOfSquaredLengthsAmongThePatch) {
   const TetMesh mesh = box_tets(2, 2, 2, 1, 0.2);
   const TetSprings springs = couple_springs(mesh.X, mesh.T, soft, node_averaged);
