@@ -191,8 +191,7 @@ MomentFit moment_fit(const SpringNetwork& network, double mu) {
       for (int b = a; b < 3; ++b)
         for (int c = b; c < 3; ++c) {
           const Eigen::Vector3d& N = area[i];
-          add_row(i, 1 / (mu * std::pow(V[i], 2. / 3)),
-                  -(N[a] * I(b, c) + N[b] * I(a, c) + N[c] * I(a, b)),
+          add_row(i, 1 / (mu * std::pow(V[i], 2. / 3)), -(N[a] * I(b, c) + N[b] * I(a, c) + N[c] * I(a, b)),
                   [&](const Eigen::Vector3d& l) { return l[a] * l[b] * l[c] / l.squaredNorm(); });
           for (int d = c; d < 3; ++d)
             add_row(i, quadratic_weight / (mu * V[i]),
@@ -224,10 +223,8 @@ TEST(Calibrate, MomentFitIsThatOfItsEquationsWrittenOut) {
   ASSERT_GT(unused.size(), 10);
 
   const Eigen::MatrixXd A = fit.A(Eigen::all, used);
-  const Eigen::MatrixXd normal =
-      A.transpose() * A / rho + Eigen::MatrixXd::Identity(A.cols(), A.cols());
-  const Eigen::VectorXd q =
-      normal.llt().solve(A.transpose() * fit.b / rho + Eigen::VectorXd::Ones(A.cols()));
+  const Eigen::MatrixXd normal = A.transpose() * A / rho + Eigen::MatrixXd::Identity(A.cols(), A.cols());
+  const Eigen::VectorXd q = normal.llt().solve(A.transpose() * fit.b / rho + Eigen::VectorXd::Ones(A.cols()));
   double error = 0;
   for (std::size_t k = 0; k < used.size(); ++k) {
     const int s = used[k];

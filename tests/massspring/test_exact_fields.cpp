@@ -133,15 +133,16 @@ TEST_F(Errors, OfTheSurfaceAreWeightedByAreaAfterTheBestRigidMotion) {
   for (const auto& t : mesh.F.colwise())
     for (int i : t)
       areas(i) += (mesh.X.col(t[1]) - mesh.X.col(t[0])).cross(mesh.X.col(t[2]) - mesh.X.col(t[0])).norm() / 6;
-  const Matrix3Xd X = mesh.X.leftCols(n), difference = without_fitted_motion((u - exact).leftCols(n), X, areas),
+  const Matrix3Xd X = mesh.X.leftCols(n),
+                  difference = without_fitted_motion((u - exact).leftCols(n), X, areas),
                   reference = without_fitted_motion(exact.leftCols(n), X, areas);
   const SurfaceError found = surface_error(u, exact, mesh.X, mesh.F);
-  EXPECT_NEAR(found.l2,
-              std::sqrt(difference.colwise().squaredNorm().dot(areas) /
-                        reference.colwise().squaredNorm().dot(areas)),
+  EXPECT_NEAR(
+      found.l2,
+      std::sqrt(difference.colwise().squaredNorm().dot(areas) / reference.colwise().squaredNorm().dot(areas)),
+      rounding * 100);
+  EXPECT_NEAR(found.largest, difference.colwise().norm().maxCoeff() / reference.colwise().norm().maxCoeff(),
               rounding * 100);
-  EXPECT_NEAR(found.largest,
-              difference.colwise().norm().maxCoeff() / reference.colwise().norm().maxCoeff(), rounding * 100);
 }
 
 TEST_F(Errors, OfNodesWeighThemEquallyAndAreOfTheLargestDisplacement) {
