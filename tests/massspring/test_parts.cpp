@@ -61,6 +61,16 @@ TEST_F(Parts, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
   EXPECT_GT(n_in_eighths, 0.7 * static_cast<double>(springs.E.cols()));
 }
 
+TEST(Eighths, OfABarAreSlicesAcrossIt) {
+  constexpr int n = 80;
+  const Matrix3Xd X = Eigen::Vector3d(1, 16, 1).asDiagonal() * random_points(n, 1, 1);
+  const std::vector<int> eighth = eighths(X);
+  for (int i = 0; i < n; ++i) {
+    const auto n_before = (X.row(1).array() < X(1, i)).count();
+    EXPECT_EQ(eighth[i], n_before / (n / 8)) << i;
+  }
+}
+
 void expect_surface_first(const MassSpringModel& model) {
   const Eigen::Matrix2Xi E = edges_of(model.network.F);
   std::set<std::pair<int, int>> edges;
