@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
+#include <Eigen/Dense>
 #include <stdexcept>
 
 #include "massspring/exact_fields.h"
@@ -99,6 +99,58 @@ TEST(SurfaceError, IgnoresSmallRigidMotionAndSeesTheRest) {
   EXPECT_LT(surface_error(moved, exact, mesh.X, mesh.F).l2, rounding * 100);
   EXPECT_NEAR(surface_error(1.1 * exact, exact, mesh.X, mesh.F).l2, 0.1, rounding);
   EXPECT_NEAR(surface_error(1.1 * exact, exact, mesh.X, mesh.F).largest, 0.1, rounding);
+}
+
+/// What is left of u when the columns of rigid motions are fitted to it by weighted least squares.
+Matrix3Xd without_fitted_motion(const Matrix3Xd& u, const Matrix3Xd& X, const Eigen::VectorXd& weights) {
+  Eigen::MatrixXd motions(u.size(), 6);
+  for (Eigen::Index i = 0; i < X.cols(); ++i)
+    for (int k = 0; k < 3; ++k) {
+      motions.block<3, 1>(3 * i, k) = Vector3d::Unit(k);
+      motions.block<3, 1>(3 * i, 3 + k) = Vector3d::Unit(k).cross(X.col(i));
+    }
+  const Eigen::VectorXd roots = weights.cwiseSqrt().transpose().replicate(3, 1).reshaped();
+  const Eigen::VectorXd best =
+      (roots.asDiagonal() * motions).colPivHouseholderQr().solve(roots.asDiagonal() * u.reshaped());
+  return (u.reshaped() - motions * best).reshaped(3, u.cols());
+}
+
+class Errors : public testing::Test {
+ protected:
+  // A box that is coarser at one side: weights by area and equal ones differ.
+  const TetMesh mesh = [] {
+    TetMesh result = box_tets(3, 2, 2, 0.5, 0.2);
+    for (double& z : result.X.row(2)) z += z * z;
+    return result;
+  }();
+  const Matrix3Xd exact = displacements(exact_field("bending", lame, centre), mesh.X);
+  const Matrix3Xd u = displacements(exact_field("cubic_harmonic", lame, 2 * centre), mesh.X);
+};
+
+TEST_F(Errors, OfTheSurfaceAreWeightedByAreaAfterTheBestRigidMotion) {
+  const Eigen::Index n = mesh.F.maxCoeff() + 1;
+  Eigen::VectorXd areas = Eigen::VectorXd::Zero(n);
+  for (const auto& t : mesh.F.colwise())
+    for (int i : t)
+      areas(i) += (mesh.X.col(t[1]) - mesh.X.col(t[0])).cross(mesh.X.col(t[2]) - mesh.X.col(t[0])).norm() / 6;
+  const Matrix3Xd X = mesh.X.leftCols(n),
+                  difference = without_fitted_motion((u - exact).leftCols(n), X, areas),
+                  reference = without_fitted_motion(exact.leftCols(n), X, areas);
+  const SurfaceError found = surface_error(u, exact, mesh.X, mesh.F);
+  EXPECT_NEAR(
+      found.l2,
+      std::sqrt(difference.colwise().squaredNorm().dot(areas) / reference.colwise().squaredNorm().dot(areas)),
+      rounding * 100);
+  EXPECT_NEAR(found.largest, difference.colwise().norm().maxCoeff() / reference.colwise().norm().maxCoeff(),
+              rounding * 100);
+}
+
+TEST_F(Errors, OfNodesWeighThemEquallyAndAreOfTheLargestDisplacement) {
+  const Eigen::VectorXd equal = Eigen::VectorXd::Ones(mesh.X.cols());
+  const Eigen::RowVectorXd expected = without_fitted_motion(u - exact, mesh.X, equal).colwise().norm() /
+                                      without_fitted_motion(exact, mesh.X, equal).colwise().norm().maxCoeff();
+  ASSERT_GT(expected.maxCoeff(), 0.1);
+  EXPECT_LT((node_errors(u, exact, mesh.X).transpose() - expected).norm(), rounding * 100);
 }
 
 }  // namespace

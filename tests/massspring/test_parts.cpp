@@ -61,6 +61,16 @@ TEST_F(Parts, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
   EXPECT_GT(n_in_eighths, 0.7 * static_cast<double>(springs.E.cols()));
 }
 
+TEST(Eighths, OfABarAreSlicesAcrossIt) {
+  constexpr int n = 80;
+  const Matrix3Xd X = Eigen::Vector3d(1, 16, 1).asDiagonal() * random_points(n, 1, 1);
+  const std::vector<int> eighth = eighths(X);
+  for (int i = 0; i < n; ++i) {
+    const auto n_before = (X.row(1).array() < X(1, i)).count();
+    EXPECT_EQ(eighth[i], n_before / (n / 8)) << i;
+  }
+}
+
 void expect_surface_first(const MassSpringModel& model) {
   const Eigen::Matrix2Xi E = edges_of(model.network.F);
   std::set<std::pair<int, int>> edges;
@@ -75,19 +85,45 @@ TEST_F(Parts, PutTheEdgesOfTheSurfaceFirst) {
   expect_surface_first(model);
 }
 
-// A skin stiffens the first springs.
-TEST(Springs, OfTetrahedraHaveTheEdgesOfTheSurfaceFirst) {
+/// Of cubes of side 0.5 m.
+SpringNetwork box_network() {
   const TetMesh mesh = box_tets(3, 3, 3, 0.5);
   SpringNetwork network;
   network.X = mesh.X;
   network.F = mesh.F;
   network.T = mesh.T;
   network.n_surface = static_cast<int>(mesh.X.cols());
+  return network;
+}
+
+TEST(Springs, OfTetrahedraHaveTheEdgesOfTheSurfaceFirst) {
+  expect_surface_first(calibrate(box_network(), Material{}, find_calibration("van_gelder")));
+}
+
+// (A_1 + A_2)/|e|^2 is 1 for the sides of halves of squares, and 1/2 for the diagonals of squares.
+TEST(Springs, AreStiffenedByASkinAlongTheEdgesOfTheSurface) {
+  const SpringNetwork network = box_network();
   MassSpringModel model = calibrate(network, Material{}, find_calibration("van_gelder"));
-  expect_surface_first(model);
+  const Springs before = *model.springs;
   Skin skin;
   skin.stiffness = 10;
-  EXPECT_NO_THROW(add_skin(skin, model));
+  add_skin(skin, model);
+  ASSERT_EQ(model.springs->E, before.E);
+  std::set<std::pair<int, int>> edges;
+  for (const auto& t : network.F.colwise())
+    for (int k = 0; k < 3; ++k) edges.insert(std::minmax(t(k), t((k + 1) % 3)));
+  int n_sides = 0, n_diagonals = 0;
+  for (Eigen::Index s = 0; s < before.E.cols(); ++s) {
+    const int a = before.E(0, s), b = before.E(1, s);
+    const bool is_edge = edges.count(std::minmax(a, b)) == 1,
+               is_side = (network.X.col(a) - network.X.col(b)).norm() < 0.6;
+    n_sides += is_edge && is_side;
+    n_diagonals += is_edge && !is_side;
+    const double added = is_edge ? skin.stiffness * (is_side ? 1 : 0.5) : 0;
+    EXPECT_NEAR(model.springs->stiffness(s), before.stiffness(s) + added, 1e-12 * before.stiffness(s));
+  }
+  EXPECT_EQ(n_sides, 6 * 3 * 3 * 2);
+  EXPECT_EQ(n_diagonals, 6 * 3 * 3);
 }
 
 TEST_F(Parts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {

@@ -28,6 +28,13 @@ Matrix3d some_rotation() {
   return Eigen::AngleAxisd(2.1, Vector3d(1, -2, 0.5).normalized()).toRotationMatrix();
 }
 
+/// psi(F) for det F > 0.1 (J/m3).
+double soft_energy_density(const Matrix3d& F) {
+  const double J = F.determinant();
+  return soft.mu / 2 * (F.squaredNorm() - 3) + soft.lambda / 4 * (J * J - 1) -
+         (soft.mu + soft.lambda / 2) * std::log(J);
+}
+
 struct NamedBlend {
   const char* name;
   Blend blend;
@@ -37,9 +44,13 @@ class EveryBlend : public testing::TestWithParam<NamedBlend> {
  protected:
   TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.15);
   TetSprings springs = couple_springs(mesh.X, mesh.T, soft, GetParam().blend);
-  Matrix3Xd force_at(const Matrix3Xd& x) const {
+  const Eigen::VectorXd no_scale;
+  /// Of each patch, half as large to half again as large.
+  const Eigen::VectorXd scales = Eigen::VectorXd::Ones(springs.n_patches()) +
+                                 random_field(springs.n_patches(), 0.5, 6).row(0).transpose();
+  Matrix3Xd force_at(const Matrix3Xd& x, const Eigen::VectorXd& scale = {}) const {
     Matrix3Xd f = Matrix3Xd::Zero(3, x.cols());
-    add_forces(springs, x, f);
+    add_forces(springs, x, f, scale);
     return f;
   }
 };
@@ -52,15 +63,17 @@ INSTANTIATE_TEST_SUITE_P(TetSprings, EveryBlend,
 TEST_P(EveryBlend, ForceIsMinusEnergyGradientFromRestToInversion) {
   constexpr double h = 1e-6, slope_tolerance = 1e-6;  // central difference: h^2 and rounding / h
   for (double size : {0.01, 0.1, 0.6}) {              // the last one inverts tetrahedra
-    Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), size, 3);
-    const Matrix3Xd f = force_at(x);
-    ASSERT_GT(f.norm(), 1e-3);
-    for (Eigen::Index c = 0; c < x.size(); c += 7) {
-      Matrix3Xd ahead = x, behind = x;
-      ahead(c) += h;
-      behind(c) -= h;
-      const double slope = (energy(springs, ahead) - energy(springs, behind)) / (2 * h);
-      EXPECT_NEAR(-slope, f(c), slope_tolerance * f.norm());
+    const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), size, 3);
+    for (const Eigen::VectorXd& scale : {no_scale, scales}) {
+      const Matrix3Xd f = force_at(x, scale);
+      ASSERT_GT(f.norm(), 1e-3);
+      for (Eigen::Index c = 0; c < x.size(); c += 7) {
+        Matrix3Xd ahead = x, behind = x;
+        ahead(c) += h;
+        behind(c) -= h;
+        const double slope = (energy(springs, ahead, scale) - energy(springs, behind, scale)) / (2 * h);
+        EXPECT_NEAR(-slope, f(c), slope_tolerance * f.norm());
+      }
     }
   }
 }
@@ -81,15 +94,17 @@ TEST_P(EveryBlend, HessianIsForceDifferenceNearRest) {
 TEST_P(EveryBlend, ExactHessianIsForceDifferenceWhereItIsIndefinite) {
   constexpr double h = 1e-6, difference_tolerance = 1e-5;
   const Matrix3Xd x = 0.7 * mesh.X + random_field(mesh.X.cols(), 0.1, 2), p = random_field(x.cols(), 1, 5);
-  BlockMatrix exact = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs)), projected = exact;
-  add_hessian(springs, x, exact, Curvature::Exact);
-  add_hessian(springs, x, projected, Curvature::Projected);
-  Matrix3Xd product, projected_product;
-  multiply(exact, p, product);
-  multiply(projected, p, projected_product);
-  const Matrix3Xd difference = (force_at(x - h * p) - force_at(x + h * p)) / (2 * h);
-  EXPECT_LT((product - difference).norm(), difference_tolerance * product.norm());
-  EXPECT_GT((projected_product - difference).norm(), 1e-2 * product.norm());
+  for (const Eigen::VectorXd& scale : {no_scale, scales}) {
+    BlockMatrix exact = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs)), projected = exact;
+    add_hessian(springs, x, exact, Curvature::Exact, scale);
+    add_hessian(springs, x, projected, Curvature::Projected, scale);
+    Matrix3Xd product, projected_product;
+    multiply(exact, p, product);
+    multiply(projected, p, projected_product);
+    const Matrix3Xd difference = (force_at(x - h * p, scale) - force_at(x + h * p, scale)) / (2 * h);
+    EXPECT_LT((product - difference).norm(), difference_tolerance * product.norm());
+    EXPECT_GT((projected_product - difference).norm(), 1e-2 * product.norm());
+  }
 }
 
 TEST_P(EveryBlend, HessianIsAddedToWhatIsThere) {
@@ -118,10 +133,34 @@ TEST_P(EveryBlend, RotationTurnsForcesWithIt) {
 
 TEST_P(EveryBlend, AffineStretchHasTheContinuumsEnergy) {
   const Matrix3d F = (Matrix3d() << 1.3, 0.2, 0, 0, 0.8, 0.1, 0, 0, 1.1).finished();
-  const double J = F.determinant(), V = lumped_mass(mesh.X, mesh.T, 1).sum();
-  const double expected = V * (soft.mu / 2 * (F.squaredNorm() - 3) + soft.lambda / 4 * (J * J - 1) -
-                               (soft.mu + soft.lambda / 2) * std::log(J));
-  EXPECT_NEAR(energy(springs, F * mesh.X), expected, rounding * V);
+  const double V = lumped_mass(mesh.X, mesh.T, 1).sum();
+  EXPECT_NEAR(energy(springs, F * mesh.X), V * soft_energy_density(F), rounding * V);
+}
+
+TEST_P(EveryBlend, ACollapsedBodysEnergyIsThatOfALikeOneOfTheCubeOfItsScale) {
+  const Eigen::Index n = springs.n_patches();
+  const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), 0.1, 9);
+  ASSERT_GT(energy(springs, x), 1e-2);
+  for (double s : {0.3, 0.7, 1.6}) {
+    const Eigen::VectorXd scale = Eigen::VectorXd::Constant(n, s);
+    EXPECT_NEAR(energy(springs, s * mesh.X, scale), 0, rounding) << "the shape that it collapsed to";
+    EXPECT_NEAR(energy(springs, s * x, scale), s * s * s * energy(springs, x), rounding);
+  }
+}
+
+TEST_P(EveryBlend, CrushedBodyHasTheSecondOrderExpansionOfTheEnergyOfItsVolume) {
+  const double V = lumped_mass(mesh.X, mesh.T, 1).sum();
+  for (double J : {0.11, 0.09, 0.02, -0.3}) {
+    constexpr double J_0 = 0.1;
+    const Matrix3d F = Vector3d(1, 1, J).asDiagonal(), F_0 = Vector3d(1, 1, J_0).asDiagonal();
+    const double by_length = soft.mu / 2 * (J * J - J_0 * J_0), c = soft.mu + soft.lambda / 2;
+    const double expansion = soft_energy_density(F_0) + by_length +
+                             (soft.lambda / 2 * J_0 - c / J_0) * (J - J_0) +
+                             (soft.lambda / 2 + c / (J_0 * J_0)) / 2 * (J - J_0) * (J - J_0);
+    const double expected = V * (J > J_0 ? soft_energy_density(F) : expansion);
+    EXPECT_NEAR(energy(springs, F * mesh.X), expected, rounding * expected) << "J " << J;
+    EXPECT_NEAR(smallest_jacobian(springs, F * mesh.X), J, rounding);
+  }
 }
 
 TEST_P(EveryBlend, MirrorImageIsPushedBack) {
@@ -204,6 +243,15 @@ TEST(TetSprings, ProjectionSetsNegativeEigenvaluesToZeroHoweverCrushed) {
           << F << "\nlambda " << lame.lambda;
     }
   EXPECT_GT(n_indefinite, 500);
+}
+
+TEST(TetSprings, SmallestJacobianIsThatOfTheMostCrushedPatch) {
+  const TetMesh mesh = box_tets(2, 2, 2, 1);
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, soft, edge_coupled);
+  EXPECT_NEAR(smallest_jacobian(springs, mesh.X), 1, rounding);
+  Matrix3Xd x = mesh.X;
+  x(0, 2) -= 0.75;  // a corner, where it leaves both its tetrahedra a quarter of their height along x
+  EXPECT_NEAR(smallest_jacobian(springs, x), 0.25, rounding);
 }
 
 TEST(TetSprings, EnergyIsThatOfSquaredLengthsAmongThePatch) {

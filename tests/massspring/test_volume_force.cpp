@@ -58,6 +58,25 @@ TEST_F(VolumeForce, RankOneTermIsTheWholeHessianAtTheTarget) {
   }
 }
 
+// The volume is cubic in the positions, for which mixed central differences are exact but for rounding.
+TEST_F(VolumeForce, CurvatureIsTheSecondDifferenceOfTheVolume) {
+  constexpr double factor = 3, step = 0.5;
+  const Matrix3Xd p = random_points(5, 1, 6), start = random_points(5, 1, 7);
+  Matrix3Xd y = start;
+  add_volume_curvature(factor, F, x, p, y);
+  y -= start;
+  ASSERT_GT(y.norm(), 0.1);
+  for (int k = 0; k < x.size(); ++k) {
+    const auto change = [&](double along_p) {
+      Matrix3Xd up = x + along_p * p, down = up;
+      up(k) += step;
+      down(k) -= step;
+      return volume(up, F) - volume(down, F);
+    };
+    EXPECT_NEAR(y(k), factor * (change(step) - change(-step)) / (4 * step * step), rounding * 100);
+  }
+}
+
 TEST_F(VolumeForce, KeepsLinearAndAngularMomentum) {
   const Matrix3Xd f = forces(x);
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();
