@@ -153,13 +153,12 @@ class Copy:
 
     def replay(self, fault: Fault, file: Path, content: str) -> str:
         """What becomes of the fault: caught, survived or what is wrong with its entry."""
-        if complaint := self.make(fault.targets):
-            return f"its tests do not build: {complaint[-300:]}"
-        for test in fault.tests:
-            if test not in self.passed:
-                self.passed[test] = self.passes(test)
-            if not self.passed[test]:
-                return f"{test} fails without the fault, too"
+        if any(test not in self.passed for test in fault.tests):
+            if complaint := self.make(fault.targets):
+                return f"its tests do not build: {complaint[-300:]}"
+            self.passed |= {test: self.passes(test) for test in fault.tests}
+        if failing := [test for test in fault.tests if not self.passed[test]]:
+            return f"{failing[0]} fails without the fault, too"
         place = self.folder / file
         original = place.read_bytes()
         place.write_text(content)
