@@ -9,6 +9,7 @@ import pytest
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 
+from analysis import sweep as sweeps
 from analysis.__main__ import parse_arguments
 from analysis.points import Point, Store
 from analysis.runs import RunError
@@ -66,6 +67,20 @@ def test_table_holds_the_errors_of_the_runs(scene, programs, tmp_path):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "10 % at best" in page and "40 % at worst" in page
     assert not fetched(page)
+
+
+def test_plot_has_a_line_for_each_value_beside_the_longest(drawn):
+    rows = [
+        {"a": a, "b": b, "status": "ok" if a != "3" else "failed", sweeps.FIGURES[0]: 0.01 * float(a) * float(b)}
+        for a in ("2", "1", "3")
+        for b in ("1", "10")
+    ]
+    (axes,) = drawn(sweeps).plot(["a", "b"], rows).axes
+    lines = {line.get_label(): line for line in axes.lines}
+    assert set(lines) == {"b = 1", "b = 10"} and axes.get_xlabel() == "a"
+    for label, factor in (("b = 1", 1), ("b = 10", 10)):
+        assert list(lines[label].get_xdata()) == [1, 2, 3]
+        assert lines[label].get_ydata() == pytest.approx([factor, 2 * factor, float("nan")], nan_ok=True)
 
 
 def test_motions_keep_their_frames(scene, programs, tmp_path):
