@@ -50,7 +50,9 @@ def test_strip_has_a_row_for_each_run(runs, tmp_path):
 
 
 def test_film_ends_with_the_run_that_ends_first(ball, runs, tmp_path):
-    longer = write_run(tmp_path / "longer", *ball, lambda X: 0.6 * X, np.linspace(0, 2, 3), calibration="lloyd")
+    longer = write_run(
+        tmp_path / "longer", *ball, lambda X: 0.6 * X, np.linspace(0, 2, 3), calibration="lloyd"
+    )
     draw_film(tmp_path / "film.gif", {"lloyd": load_run(longer), "affine": runs["affine"]}, n_frames=3)
     film = Image.open(tmp_path / "film.gif")
     film.seek(film.n_frames - 1)

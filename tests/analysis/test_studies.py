@@ -76,7 +76,9 @@ class Recording:
     def run(self, point):
         self.points.append(point)
         is_large = "surface.n_vertices=3600" in point.overrides
-        return Outcome("failed" if is_large else "ok", "too large" if is_large else "", 1, 1, 0, record={"n_nodes": 7})
+        return Outcome(
+            "failed" if is_large else "ok", "too large" if is_large else "", 1, 1, 0, record={"n_nodes": 7}
+        )
 
 
 def test_scaling_fills_bodies_with_the_nodes_asked_for(tmp_path):
