@@ -34,7 +34,8 @@ def test_film_has_a_moving_body_for_each_run(runs, tmp_path):
     last = film.convert("RGB")
     left, right = last.crop((0, 20, width, 260)), last.crop((width, 20, film.width, 260))
     assert np.abs(np.asarray(left, dtype=int) - np.asarray(first, dtype=int)).max() > 100
-    # The springs' ball grows in all directions, to 1.6; the other's in one of them, so that it covers less.
+    # The springs' ball grows in all directions, to 1.3; the other's in one of them, so that it covers less.
+    assert coloured(first) == pytest.approx(coloured(left) / 1.3**2, rel=0.05)
     assert 0.2 < coloured(right) < coloured(left) < 0.9
 
 

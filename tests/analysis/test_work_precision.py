@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
 
+from analysis import work_precision
 from analysis.experiment import ROOT
 from analysis.front import pareto, seconds_for
 from analysis.points import Outcome, Store
@@ -151,6 +153,24 @@ def test_seconds_are_the_median_without_the_output():
     assert m.seconds("solve", "output") == [102, 140, 103]
     assert m.whole == 4
     assert m.memory == 7
+
+
+def test_plot_has_errors_over_seconds_and_a_band_of_the_references_own(drawn):
+    rungs = [
+        measurement(timed(setup=9 * s, solve=s, output=5), error=error, reference_error=0.01)
+        for s, error in ((1, 0.1), (10, 0.001))
+    ]
+    study = SimpleNamespace(measurements=rungs, name="ball")
+    whole, solve = drawn(work_precision).plot(study).axes
+    for axes, seconds in ((whole, [10, 100]), (solve, [1, 10])):
+        curve, resolved, hollow = axes.lines
+        assert list(curve.get_xdata()) == seconds and list(curve.get_ydata()) == pytest.approx([10, 0.1])
+        assert list(resolved.get_xdata()) == seconds[:1] and list(hollow.get_xdata()) == seconds[1:]
+        assert hollow.get_markerfacecolor() == "white" != resolved.get_markerfacecolor()
+        (band,) = axes.patches
+        assert band.get_y() + band.get_height() == pytest.approx(1)
+    labels = [text.get_text() for text in solve.get_legend().get_texts()]
+    assert labels == ["springs, uniform (-2.0)"]
 
 
 def test_runs_that_waited_for_a_core_are_counted():
