@@ -5,25 +5,31 @@ import signal
 import subprocess
 import sys
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
+from synthetic import write_run
 
+from analysis import work_precision
 from analysis.experiment import ROOT
 from analysis.front import pareto, seconds_for
-from analysis.points import Store
+from analysis.points import Outcome, Store
 from analysis.runs import RunError
 from analysis.study import Result, Section, write
 from analysis.style import FEM_P2
 from analysis.work_precision import (
     FULL,
+    QUICK,
     Effort,
+    Measurement,
     SceneStudy,
     curves_of,
     in_words,
     methods_of,
+    noise,
     plot,
     table,
     winners,
@@ -55,6 +61,15 @@ def test_methods_change_places_where_their_curves_cross():
     assert parts[0][2] == pytest.approx(0.1, rel=0.05)  # 400 steps over 4 decades
 
 
+def test_errors_of_no_use_win_nothing():
+    curves = {"uniform": [(0.001, 0.9)], "affine": [(1.0, 0.8), (10.0, 0.01)]}
+    assert winners(curves) == [("affine", pytest.approx(0.3), pytest.approx(0.01))]
+    assert winners({"uniform": [(0.1, 0.9)], "affine": [(1.0, 0.6)]}) == [
+        ("affine", pytest.approx(0.6), pytest.approx(0.6))
+    ]
+    assert winners({}) == []
+
+
 def test_words_name_wins_and_losses_of_the_springs():
     words = " ".join(in_words({"node_averaged": SPRINGS, FEM_P2: ELEMENTS}))
     assert "springs, node_averaged down to 10" in words
@@ -65,6 +80,9 @@ def test_words_name_wins_and_losses_of_the_springs():
     assert "At 3 % the best springs (node_averaged) are 55 times faster" in " ".join(faster)
     alone = in_words({"uniform": [(1.0, 0.5)], FEM_P2: ELEMENTS})
     assert "No springs reach 3 %" in " ".join(alone)
+    springs_alone = in_words({"uniform": SPRINGS, FEM_P2: [(2.0, 0.5)]})
+    assert "No elements reach 3 % on this ladder; springs, uniform do in 33 s." in springs_alone
+    assert in_words({"uniform": SPRINGS})[0] == "springs, uniform is the fastest at every error reached."
 
 
 def test_every_method_has_a_line_in_static_and_dynamic_scenes():
@@ -73,6 +91,30 @@ def test_every_method_has_a_line_in_static_and_dynamic_scenes():
         assert len(names) == len(set(names))
         assert {"fem_p1", "fem_p2"} < set(names)
         assert any(name.startswith("uniform") for name in names)
+
+
+@pytest.mark.parametrize("text", ["", '[time]\nmode = "dynamic"\nstep = 0.1'])
+def test_methods_differ_in_degree_or_springs_and_scheme(text, tmp_path):
+    (tmp_path / "scene.toml").write_text(text or STATIC)
+    study = SceneStudy(tmp_path / "scene.toml", QUICK, *[Ladder(tmp_path)] * 2)
+    for m in study.measurements:
+        point = study.point(m, 3)
+        words = dict(word.split("=") for word in point.overrides)
+        asked = (
+            point.program,
+            point.options,
+            words.get("reference.degree"),
+            words.get("network.calibration"),
+        )
+        assert asked == {
+            "fem_p1": ("fem_reference", (), "1", None),
+            "fem_p2": ("fem_reference", (), "2", None),
+        }.get(m.method.name, ("massspring", ("--no-diagnostics",), None, m.method.name.split(", ")[0]))
+        if text and point.program == "massspring":
+            assert words["time.integrator"] == m.method.name.split(", ")[1]
+        # A displacement that is proportional to the load needs one step; a motion's load has none.
+        assert ("time.load_steps" in words) == (not text)
+        assert point.repetition == 3
 
 
 @pytest.mark.parametrize(
@@ -86,6 +128,211 @@ def test_scene_without_a_ladder_is_refused(text, message, tmp_path):
     (tmp_path / "scene.toml").write_text(text)
     with pytest.raises(RunError, match=message):
         SceneStudy(tmp_path / "scene.toml", FULL, *[Store(tmp_path / "points")] * 2)
+
+
+def measurement(*outcomes, **more):
+    return Measurement(methods_of({})[0], 1, list(outcomes), **more)
+
+
+def timed(cpu=1.0, memory=0, **seconds):
+    return Outcome("ok", "", 1.0, cpu, 0.0, record={"seconds": seconds, "peak_memory": memory})
+
+
+def test_errors_within_twice_the_references_own_are_not_resolved():
+    assert measurement(error=0.021, reference_error=0.01).is_resolved
+    assert not measurement(error=0.019, reference_error=0.01).is_resolved
+    assert measurement(error=1e-9).is_resolved
+    assert not measurement(reference_error=0.01).is_resolved
+
+
+def test_seconds_are_the_median_without_the_output():
+    m = measurement(
+        *(timed(memory=byte, setup=1, solve=solve, output=100) for solve, byte in ((2, 5), (40, 7), (3, 6)))
+    )
+    assert m.seconds() == [3, 41, 4]
+    assert m.seconds("solve", "output") == [102, 140, 103]
+    assert m.whole == 4
+    assert m.memory == 7
+
+
+def test_plot_has_errors_over_seconds_and_a_band_of_the_references_own(drawn):
+    rungs = [
+        measurement(timed(setup=9 * s, solve=s, output=5), error=error, reference_error=0.01)
+        for s, error in ((1, 0.1), (10, 0.001))
+    ]
+    study = SimpleNamespace(measurements=rungs, name="ball")
+    whole, solve = drawn(work_precision).plot(study).axes
+    for axes, seconds in ((whole, [10, 100]), (solve, [1, 10])):
+        curve, resolved, hollow = axes.lines
+        assert list(curve.get_xdata()) == seconds and list(curve.get_ydata()) == pytest.approx([10, 0.1])
+        assert list(resolved.get_xdata()) == seconds[:1] and list(hollow.get_xdata()) == seconds[1:]
+        assert hollow.get_markerfacecolor() == "white" != resolved.get_markerfacecolor()
+        (band,) = axes.patches
+        assert band.get_y() + band.get_height() == pytest.approx(1)
+    labels = [text.get_text() for text in solve.get_legend().get_texts()]
+    assert labels == ["springs, uniform (-2.0)"]
+
+
+def test_runs_that_waited_for_a_core_are_counted():
+    assert noise([measurement(timed(cpu=0.91), timed(cpu=1.5))]) == "Every timed run had a core for itself."
+    words = noise([measurement(timed(cpu=0.89), timed(cpu=1)), measurement(timed(cpu=1))])
+    assert words.startswith("1 of 3 timed runs waited")
+
+
+class Ladder:
+    """A store of runs whose displacement is known: (1 + its error) times that of the limit, X.
+
+    Elements of n tetrahedra err by in_space / ratio^refinements, and by in_time step^2; springs by a tenth.
+    """
+
+    def __init__(self, folder, in_space=0.0, ratio=8.0, in_time=0.0, n=100):
+        self.folder, self.in_space, self.ratio, self.in_time, self.n = folder, in_space, ratio, in_time, n
+        self.points = []
+        X = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], dtype=float)
+        upper = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2)]
+        self.surface = X, np.array(upper + [(b, a, 5) for a, b, _ in upper])
+
+    def error(self, settings):
+        refinements = int(settings.get("reference.refine", 0))
+        return (
+            self.in_space / self.ratio**refinements + self.in_time * float(settings.get("time.step", 0)) ** 2
+        )
+
+    def run(self, point):
+        self.points.append(point)
+        settings = dict(override.split("=", 1) for override in point.overrides)
+        error = 0.1 if point.program == "massspring" else self.error(settings)
+        folder = self.folder / str(len(self.points))
+        record = {"program": point.program, "is_free": False, "n_tetrahedra": self.n}
+        if point.options[:1] == ("--converge",):
+            error = self.error(settings | {"reference.refine": 1})
+            record["convergence"] = {
+                "status": "ok",
+                "estimated_error_l2_finest": error,
+                "error_ratio": self.ratio,
+            }
+        write_run(folder, *self.surface, lambda X: (1 + error) * X, **record)
+        record["seconds"] = {"solve": 1.0}
+        return Outcome("ok", "", 1, 1, 0, folder, record | {"n_nodes": 6})
+
+
+STATIC = '[surface]\nshape = "ball"\n'
+DYNAMIC = '[time]\nmode = "dynamic"\nstep = 0.1\n'
+
+
+def study_over(ladder, scene, reference_tetrahedra=0, factors=(1,)):
+    file = ladder.folder / "scene.toml"
+    file.write_text(scene)
+    study = SceneStudy(file, Effort(factors, (1, 2), 1, reference_tetrahedra), ladder, ladder)
+    study.run(is_quiet=True)
+    return study
+
+
+@pytest.mark.parametrize("reference_tetrahedra, refinements", [(6400, 2), (6399, 1)])
+@pytest.mark.parametrize("ratio", [4, 8])
+def test_static_reference_states_its_own_error(ratio, reference_tetrahedra, refinements, tmp_path):
+    study = study_over(Ladder(tmp_path, 0.032, ratio), STATIC, reference_tetrahedra)
+    error = 0.032 / ratio**refinements
+    springs = [m for m in study.measurements if m.method.program == "massspring"]
+    assert [m.reference_error for m in springs] == pytest.approx([error] * len(springs))
+    assert [m.error for m in springs] == pytest.approx([(0.1 - error) / (1 + error)] * len(springs))
+
+
+def test_references_of_large_strain_are_refined_while_they_have_a_sixth_of_the_tetrahedra(tmp_path):
+    for number, law, tetrahedra, refinements in (
+        (1, "neo_hookean", 6 * 6400, 2),
+        (2, "neo_hookean", 6 * 6400 - 1, 1),
+        (3, "small_strain", 6400, 2),
+    ):
+        (tmp_path / str(number)).mkdir()
+        ladder = Ladder(tmp_path / str(number), 0.032)
+        study = study_over(ladder, f'{STATIC}[reference]\nlaw = "{law}"\n', tetrahedra)
+        assert study.measurements[0].reference_error == pytest.approx(0.032 / 8**refinements)
+        # Many load steps where the displacement is not proportional to the load, for every method alike.
+        is_one_step = {"time.load_steps=1" in point.overrides for point in ladder.points}
+        assert is_one_step == {law == "small_strain"}
+
+
+def test_dynamic_reference_states_its_error_in_time_and_space(tmp_path):
+    in_time, in_space = 0.016 / 0.1**2, 0.001
+    ladder = Ladder(tmp_path, in_space, 8, in_time)
+    study = study_over(ladder, DYNAMIC)
+    # The ladder's shortest step is 0.1 s, the reference's a quarter. Space: what a refinement changes.
+    error = 0.016 / 4**2 + in_space * (1 - 1 / 8)
+    # Steps of the methods without a ladder of their own.
+    assert {row[1] for row in table(study)[1][:16]} == {"0.2", "0.1"}
+    # Relative to a displacement that errs by 0.3 % itself.
+    assert study.measurements[0].reference_error == pytest.approx(error, rel=0.01)
+    exact = 1 + 0.016 / 4**2 + in_space / 8
+    springs = [m for m in study.measurements if m.method.program == "massspring"]
+    assert [m.error for m in springs] == pytest.approx([1.1 / exact - 1] * len(springs))
+    elements = [m for m in study.measurements if m.method.program == "fem_reference"]
+    own = [1 + 0.016 * m.factor**2 + in_space for m in elements]
+    assert [m.error for m in elements] == pytest.approx([u / exact - 1 for u in own])
+
+
+@pytest.mark.parametrize("effort", [FULL, QUICK])
+def test_all_steps_of_a_ladder_write_frames_at_the_same_moments(effort, tmp_path):
+    (tmp_path / "scene.toml").write_text(DYNAMIC)
+    study = SceneStudy(tmp_path / "scene.toml", effort, *[Ladder(tmp_path)] * 2)
+    for m in study.measurements:
+        words = dict(word.split("=") for word in study.rung(m.factor))
+        assert float(words["time.step"]) == pytest.approx(0.1 * m.factor)
+        assert float(words["time.step"]) * int(words["output.frames_every"]) == pytest.approx(
+            0.1 * max(effort.steps)
+        )
+
+
+def test_ladder_of_surfaces_is_in_shares_of_the_scenes_vertices(tmp_path):
+    (tmp_path / "scene.toml").write_text(STATIC + "n_vertices = 900\n")
+    study = SceneStudy(tmp_path / "scene.toml", FULL, *[Ladder(tmp_path)] * 2)
+    assert study.rung(0.25)[0] == "surface.n_vertices=225"
+    assert study.rung(4)[0] == "surface.n_vertices=3600"
+
+
+def test_rows_without_a_reference_say_why(tmp_path):
+    class Diverging(Ladder):
+        def run(self, point):
+            outcome = super().run(point)
+            outcome.record.get("convergence", {})["status"] = "not converging"
+            return outcome
+
+    study = study_over(Diverging(tmp_path), STATIC)
+    assert {m.message for m in study.measurements} == {"no reference: its refinements are not converging"}
+    assert not any(m.is_good for m in study.measurements)
+    assert curves_of(study.measurements) == {}
+
+
+def test_errors_below_the_references_own_count_as_that(tmp_path):
+    known = [
+        measurement(timed(solve=2), error=e, reference_error=r)
+        for e, r in ((0.2, 0.1), (0.1, 0.2), (0.3, None))
+    ]
+    assert curves_of(known) == {"uniform": [(2, 0.2), (2, 0.2), (2, 0.3)]}
+
+
+class Failing(Ladder):
+    """moment takes too long, lloyd breaks down."""
+
+    def run(self, point):
+        outcome = super().run(point)
+        if "network.calibration=moment" in point.overrides:
+            return Outcome("time limit", "stopped", 9, 9, 0)
+        return Outcome("diverged", "", 1, 1, 0) if "network.calibration=lloyd" in point.overrides else outcome
+
+
+def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
+    study = study_over(Failing(tmp_path), STATIC, factors=(1, 2))
+    said = {(m.method.name, m.factor): m.message for m in study.measurements if not m.is_good}
+    assert said == {
+        ("moment", 1): "time limit: stopped",
+        ("moment", 2): "not tried: beyond the time limit on a coarser rung",
+        ("lloyd", 1): "diverged",
+        ("lloyd", 2): "diverged",
+    }
+    head, rows = table(study)
+    assert {row[-1] for row in rows} == {"", *said.values()}
+    assert all(len(row) == len(head) for row in rows)
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +355,12 @@ def test_study_measures_the_error_of_the_runs_and_repeats_them(study):
     assert {m.reference_error for m in study.measurements} == {0.01}
     assert springs[0].whole == pytest.approx(0.1 + 0.2 + 0.3)  # the synthetic run's mesh, setup and solve
     assert springs[0].seconds("solve") == pytest.approx([0.3] * 2)
+    row = dict(zip(*[table(study)[0], table(study)[1][0]], strict=True))
+    assert (row["vertices"], row["error"], row["of reference"]) == ("642", "10 %", "1 %")
+    assert {line[1] for line in table(study)[1]} == {"642", "1284"}
+    assert [row[f"{part} (s)"] for part in ("set-up", "solve", "whole", "spread")] == [
+        "0.3", "0.3", "0.6", "0.6 to 0.6"
+    ]  # fmt: skip
     # Elements agree with the reference, which are the same stand-in; their error is as good as the reference's.
     assert curves_of(study.measurements)["fem_p2"][0][1] == 0.01
     order = [line.split()[0] for line in calls(programs)]
@@ -144,7 +397,7 @@ def test_report_stands_alone(study, tmp_path):
 _STUDY = """
 import sys
 from pathlib import Path
-from analysis.points import Store
+from analysis.points import Outcome, Store
 from analysis.study import Result, Section, write
 from analysis.work_precision import Effort, SceneStudy, table
 folder, programs = map(Path, sys.argv[1:])
