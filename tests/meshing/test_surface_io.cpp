@@ -232,14 +232,15 @@ TEST(SurfaceIo, ErrorsNameFileLineAndValue) {
       // 2^32 + 1, which 32 bits take for 1
       {"l.obj", three_points + "f 4294967297 2 3\n", "l.obj:4: vertex 4294967297, expected 1 to 3"},
       {"m.obj", three_points + "f -4294967297 2 3\n", "m.obj:4: vertex "},
-      {"n.ply", ply_face("int", "3 0 1 3"), "n.ply: face 0 has vertex 3, expected a whole number from 0 to 2"},
+      {"n.ply", ply_face("int", "3 0 1 3"),
+       "n.ply: face 0 has vertex 3, expected a whole number from 0 to 2"},
       {"o.ply", ply_face("double", "3 0 1 4294967297"), "o.ply: face 0 has vertex 4294967297, expected"},
       {"p.ply", ply_face("double", "3 0 1 1e300"), "p.ply: face 0 has vertex 1e+300, expected a whole"},
       {"q.ply", ply_face("double", "3 0 nan 1"), "q.ply: face 0 has vertex nan, expected a whole"},
       {"r.ply", ply_face("double", "3 0 1.5 1"), "r.ply: face 0 has vertex 1.5, expected a whole"},
       {"s.ply", ply_face("int", "3 0 -1 1"), "s.ply: face 0 has vertex -1, expected a whole"},
       {"t.ply", ply_face("int", "1e300 0 1 2"), "t.ply: end of file"},
-      {"u.ply", ply_face("int", "2.5 0 1 2"), "u.ply: face 0 has 2.5 values of vertex_index, expected a count"},
+      {"u.ply", ply_face("int", "2.5 0 1 2"), "u.ply: face 0 has 2.5 values of vertex_index, expected"},
       {"v.ply", ply_face("int", "-3 0 1 2"), "v.ply: face 0 has -3 values of vertex_index, expected a count"},
       {"w.ply", ply_face("int", "2 0 1"), "w.ply: face 0 with 2 corner(s), expected at least 3"}};
   for (const auto& [name, text, expected] : cases)
