@@ -492,6 +492,11 @@ TEST(InputHash, ChangesWithTheProgramAndTheMeshersBesideIt) {
   EXPECT_TRUE(hashes.insert(hash()).second);
 }
 
+TEST(LoadSurface, ScalesAllCoordinates) {
+  const SurfaceMesh mesh = load_surface({"", "bar", 100, {3, 2, 0.5}, 7, false});
+  EXPECT_EQ(mesh.X, 7 * make_shape("bar", 100, {3, 2, 0.5}).X);
+}
+
 TEST(LoadSurface, NormalisesTheSmallestSideToOne) {
   const SurfaceMesh mesh = load_surface({"", "bar", 100, {3, 2, 0.5}, 7, true});
   const Eigen::Vector3d low = mesh.X.rowwise().minCoeff(), high = mesh.X.rowwise().maxCoeff();
@@ -508,6 +513,17 @@ TEST(Region, SelectsByPosition) {
   EXPECT_EQ(vertices_in({Box{{0, 0, 0}, {0.5, 0.5, 0.5}}, true}, cube).size(), 7u);
   EXPECT_EQ(vertices_in({Ball{{0, 0, 0}, 1}, false}, cube).size(), 4u);
   EXPECT_EQ(vertices_in({Ball{{0, 0, 0}, 0.5}, true}, cube).size(), 4u);
+}
+
+TEST(Region, RelativeOneIsInFractionsOfTheBoxAndItsBallOfTheSmallestSide) {
+  SurfaceMesh plate = make_shape("bar", 8, {8, 4, 1});
+  plate.X.colwise() += Eigen::Vector3d(10, 20, 30);
+  const auto n_in = [&](const Region& region) { return vertices_in(region, plate).size(); };
+  EXPECT_EQ(n_in({Ball{{0, 0, 0}, 1.01}, true}), 2u) << "a corner and that above it, 1 m away";
+  EXPECT_EQ(n_in({Ball{{0, 0.5, 0}, 2.01}, true}), 2u) << "2 m to two corners, more to those above";
+  EXPECT_EQ(n_in({Box{{0.9, 0, 0}, {1, 0.9, 1}}, true}), 2u);
+  EXPECT_EQ(n_in({HalfSpace{{0, 0.9, 0}, {0, 2, 0}}, true}), 4u);
+  EXPECT_EQ(n_in({HalfSpace{{0, 20, 0}, {0, 2, 0}}, false}), 4u);
 }
 
 }  // namespace

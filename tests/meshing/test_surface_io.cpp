@@ -2,6 +2,7 @@
 
 #include <cstring>
 #include <fstream>
+#include <sstream>
 
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
@@ -111,6 +112,52 @@ TEST(SurfaceIo, ReadsBothByteOrdersOfPly) {
     EXPECT_EQ(read.X, mesh.X);
     EXPECT_EQ(read.F, mesh.F);
   }
+}
+
+TEST(SurfaceIo, ReadsBinaryStlWhateverItsHeaderSays) {
+  SurfaceMesh mesh = make_shape("head", 100);
+  mesh.X = mesh.X.cast<float>().cast<double>().eval();
+  std::string bytes = "solid although binary";
+  bytes.resize(80);
+  append(bytes, static_cast<std::uint32_t>(mesh.F.cols()), false);
+  for (const auto& f : mesh.F.colwise()) {
+    for (int c = 0; c < 3; ++c) append(bytes, 0.f, false);  // normals need not be right
+    for (int v : f)
+      for (double x : mesh.X.col(v)) append(bytes, static_cast<float>(x), false);
+    append<std::uint16_t>(bytes, 0, false);
+  }
+  ReadReport report;
+  const SurfaceMesh read = read_surface(file_of("binary.stl", bytes), &report);
+  EXPECT_EQ(report.n_merged, 3 * mesh.F.cols() - mesh.X.cols());
+  EXPECT_NO_THROW(check_closed(read, "binary.stl"));
+  for (int f = 0; f < mesh.F.cols(); ++f)
+    for (int c = 0; c < 3; ++c) EXPECT_EQ(read.X.col(read.F(c, f)), mesh.X.col(mesh.F(c, f)));
+  const std::string size = std::to_string(bytes.size());
+  bytes.pop_back();
+  const std::string said = complaint(file_of("cut.stl", bytes));
+  EXPECT_NE(said.find(" bytes, expected " + size + " for "), std::string::npos) << said;
+}
+
+TEST(SurfaceIo, ReadsTextStl) {
+  const SurfaceMesh mesh = make_shape("ball", 42);
+  std::ostringstream text;
+  text.precision(17);
+  text << "solid ball\n";
+  for (const auto& f : mesh.F.colwise()) {
+    text << "facet normal 0 0 0\n outer loop\n";
+    for (int v : f) text << "  vertex " << mesh.X.col(v).transpose() << '\n';
+    text << " endloop\nendfacet\n";
+  }
+  const SurfaceMesh read = read_surface(file_of("text.stl", text.str() + "endsolid ball\n"));
+  EXPECT_NO_THROW(check_closed(read, "text.stl"));
+  for (int f = 0; f < mesh.F.cols(); ++f)
+    for (int c = 0; c < 3; ++c) EXPECT_EQ(read.X.col(read.F(c, f)), mesh.X.col(mesh.F(c, f)));
+  const std::string cut = text.str().substr(0, text.str().rfind("endfacet"));
+  EXPECT_NE(complaint(file_of("cut_text.stl", cut)).find("end of file, expected endfacet"),
+            std::string::npos);
+  EXPECT_NE(complaint(file_of("two_corners.stl", "solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nendfacet\n"))
+                .find("two_corners.stl:5: facet with 2 corner(s), expected 3"),
+            std::string::npos);
 }
 
 TEST(SurfaceIo, ReadsEveryNameOfPlysFaces) {
