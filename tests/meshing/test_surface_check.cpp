@@ -103,6 +103,7 @@ TEST(SurfaceCheck, EveryBadMeshGetsItsVerdict) {
       {"7_8ths_cube.stl", usable, usable},
       {"doubleBall.obj", usable, usable},
       {"soup.stl", "300 " + one, one},
+      {"__tracked_surface.stl", "448 " + many, many},
       {"cubevt.obj", usable, usable},
       {"Cray_right.obj", usable, usable},
       {"mpi.off", usable, usable},
