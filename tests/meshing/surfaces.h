@@ -1,6 +1,8 @@
 // Small changes to surfaces, shared by the tests of meshing.
 #pragma once
 
+#include <cmath>
+
 #include "meshing/mesh.h"
 
 inline testbed::SurfaceMesh join(const testbed::SurfaceMesh& a, const testbed::SurfaceMesh& b) {
@@ -18,6 +20,44 @@ inline testbed::SurfaceMesh inside_out(testbed::SurfaceMesh mesh) {
 
 inline testbed::SurfaceMesh scaled(testbed::SurfaceMesh mesh, double factor) {
   mesh.X *= factor;
+  return mesh;
+}
+
+/// With vertex `gone` made one with vertex `kept`, which is before it.
+inline testbed::SurfaceMesh welded(testbed::SurfaceMesh mesh, int kept, int gone) {
+  for (int& v : mesh.F.reshaped()) v = v == gone ? kept : v > gone ? v - 1 : v;
+  const Eigen::Index n_after = mesh.X.cols() - gone - 1;
+  mesh.X.middleCols(gone, n_after) = mesh.X.rightCols(n_after).eval();
+  mesh.X.conservativeResize(3, mesh.X.cols() - 1);
+  return mesh;
+}
+
+inline testbed::SurfaceMesh with_vertex(testbed::SurfaceMesh mesh, const Eigen::Vector3d& x) {
+  mesh.X.conservativeResize(3, mesh.X.cols() + 1);
+  mesh.X.rightCols<1>() = x;
+  return mesh;
+}
+
+inline testbed::SurfaceMesh with_triangle(testbed::SurfaceMesh mesh, const Eigen::Vector3i& corners) {
+  mesh.F.conservativeResize(3, mesh.F.cols() + 1);
+  mesh.F.rightCols<1>() = corners;
+  return mesh;
+}
+
+/// A closed band of 2 n triangles with one twist: it has one side.
+inline testbed::SurfaceMesh moebius_strip(int n) {
+  testbed::SurfaceMesh mesh{Eigen::Matrix3Xd(3, 2 * n), Eigen::Matrix3Xi(3, 2 * n)};
+  for (int i = 0; i < n; ++i) {
+    const double turn = 2 * 3.14159265358979323846 * i / n;
+    const Eigen::Vector3d out(std::cos(turn), std::sin(turn), 0);
+    const Eigen::Vector3d across = std::cos(turn / 2) * out + std::sin(turn / 2) * Eigen::Vector3d::UnitZ();
+    mesh.X.col(2 * i) = out + 0.3 * across;
+    mesh.X.col(2 * i + 1) = out - 0.3 * across;
+    const int a = 2 * i, b = 2 * i + 1;
+    const int c = i + 1 < n ? a + 2 : 1, d = i + 1 < n ? b + 2 : 0;
+    mesh.F.col(2 * i) << a, c, b;
+    mesh.F.col(2 * i + 1) << b, c, d;
+  }
   return mesh;
 }
 

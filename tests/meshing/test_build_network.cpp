@@ -112,6 +112,16 @@ TEST(BuildNetwork, FollowsTheScenesTable) {
   EXPECT_THROW(build_network(ball, options, false), std::runtime_error);
 }
 
+TEST(VertexSpacing, IsTheMeanLengthOfAVertexsEdges) {
+  const SurfaceMesh cube = make_shape("bar", 8, {2, 2, 2});
+  const Eigen::VectorXd spacing = vertex_spacing(cube);
+  for (int v = 0; v < 8; ++v) {
+    // diagonals join the corners with an even sum of coordinates
+    const bool is_even = static_cast<int>(cube.X.col(v).sum() / 2) % 2 == 0;
+    EXPECT_NEAR(spacing[v], is_even ? 1 + std::sqrt(2.0) : 2, 1e-12) << cube.X.col(v).transpose();
+  }
+}
+
 TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
   const auto ratio = [](double thickness) {
     const SurfaceMesh plate = make_shape("bar", 400, {2, 2, thickness});

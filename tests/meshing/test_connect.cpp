@@ -5,8 +5,11 @@
 #include <set>
 
 #include "meshing/connect.h"
+#include "meshing/delaunay.h"
+#include "meshing/random.h"
 #include "meshing/rigidity.h"
 #include "meshing/shapes.h"
+#include "meshing/shells.h"
 #include "meshing/surface.h"
 #include "meshing/surface_io.h"
 #include "tests/meshing/surfaces.h"
@@ -72,6 +75,20 @@ TEST(Connect, CountsFollowFromTheWay) {
   EXPECT_THROW(connectivity_of("pcq"), std::runtime_error);
 }
 
+TEST(Connect, NoPairIsTwiceWhateverTheOrderOfTheVertices) {
+  // The farthest vertices come first, so that many links of vertex 0 precede its first edge.
+  for (int n : {12, 42, 162}) {
+    const SurfaceMesh ball = make_shape("ball", n);
+    SurfaceMesh surface = ball;
+    for (int v = 1; v < n; ++v) surface.X.col(v) = ball.X.col(n - v);
+    for (int& v : surface.F.reshaped()) v = v == 0 ? 0 : n - v;
+    ASSERT_GT(edges_of(surface.F)(1, 0), 4);
+    ConnectOptions options;
+    options.connectivity = Connectivity::Complete;
+    EXPECT_EQ(connect(surface, Eigen::Matrix3Xd(3, 0), options).E.cols(), n * (n - 1) / 2);
+  }
+}
+
 TEST(Connect, DelaunayEdgesAreThoseOfEmptySpheres) {
   // the centre of a cube has every corner as a neighbour
   const SurfaceMesh box = make_shape("bar", 8, {1, 1, 1});
@@ -82,6 +99,75 @@ TEST(Connect, DelaunayEdgesAreThoseOfEmptySpheres) {
   for (const auto& e : network.E.colwise())
     if (e[1] == 8) reached.insert(e[0]);
   EXPECT_EQ(reached.size(), 8u);
+}
+
+TEST(Connect, CentralLinksEveryVertexToTheirMean) {
+  const SurfaceMesh bar = make_shape("bar", 8, {1, 2, 4});
+  const SpringNetwork network = network_of(bar, Connectivity::Central);
+  EXPECT_LT((network.X.col(8) - Eigen::Vector3d(0.5, 1, 2)).norm(), 1e-15);
+  for (int v = 0; v < 8; ++v) EXPECT_EQ(network.E.col(18 + v), Eigen::Vector2i(v, 8));
+}
+
+TEST(DelaunayEdges, AreThoseOfTetrahedraWithNoPointInTheirSphere) {
+  Random random(8);
+  const Eigen::Matrix3Xd X = Eigen::Matrix3Xd::NullaryExpr(3, 16, [&] { return random.uniform(); });
+  std::set<std::pair<int, int>> expected;
+  for (int a = 0; a < 16; ++a)
+    for (int b = a + 1; b < 16; ++b)
+      for (int c = b + 1; c < 16; ++c)
+        for (int d = c + 1; d < 16; ++d) {
+          Eigen::Matrix3d sides;
+          sides << X.col(b) - X.col(a), X.col(c) - X.col(a), X.col(d) - X.col(a);
+          const Eigen::Vector3d centre =
+              sides.transpose().inverse() * sides.colwise().squaredNorm().transpose() / 2;
+          bool is_empty = true;
+          for (int p = 0; p < 16; ++p)
+            if (p != a && p != b && p != c && p != d)
+              is_empty = is_empty && (X.col(p) - X.col(a) - centre).norm() > centre.norm();
+          if (is_empty) expected.insert({{a, b}, {a, c}, {a, d}, {b, c}, {b, d}, {c, d}});
+        }
+  const auto found = delaunay_edges(X);
+  EXPECT_EQ(found, (std::vector<std::pair<int, int>>(expected.begin(), expected.end())));
+}
+
+TEST(Connect, LinksOfDelaunayAndCompletedPcpStayInTheSolid) {
+  SurfaceMesh torus = make_shape("torus", 200);
+  Random random(9);  // a little noise, since a link that lies in a flat side is neither in nor out
+  torus.X += Eigen::Matrix3Xd::NullaryExpr(3, torus.X.cols(), [&] { return 0.02 * random.uniform(); });
+  for (auto way : {Connectivity::Delaunay, Connectivity::CompletedPcp}) {
+    const SpringNetwork network = network_of(torus, way, 60);
+    const long n_edges = edges_of(torus.F).cols();
+    ASSERT_GT(network.E.cols(), n_edges + 100);
+    for (long s = n_edges; s < network.E.cols(); ++s)
+      for (double part : {0.1, 0.3, 0.5, 0.7, 0.9}) {
+        const Eigen::Vector3d a = network.X.col(network.E(0, s)), b = network.X.col(network.E(1, s));
+        EXPECT_GT(winding_number(a + part * (b - a), torus.X, torus.F), 0.5) << network.E.col(s).transpose();
+      }
+  }
+}
+
+TEST(Connect, CompletedPcpLinksEveryNodeToItsNearestNeighbours) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  SampleOptions sample;
+  sample.k = 150;
+  const Eigen::Matrix3Xd interior = sample_interior(ball, sample);
+  for (int n_neighbours : {8, 12}) {
+    ConnectOptions options;
+    options.connectivity = Connectivity::CompletedPcp;
+    options.neighbours = n_neighbours;
+    const SpringNetwork network = connect(ball, interior, options);
+    std::set<std::pair<int, int>> links;
+    for (const auto& e : network.E.colwise()) links.emplace(e[0], e[1]);
+    // A ball is nearly convex: all links from an internal node lie inside.
+    for (int i = 162; i < network.X.cols(); ++i) {
+      std::vector<std::pair<double, int>> others;
+      for (int j = 0; j < network.X.cols(); ++j)
+        if (j != i) others.emplace_back((network.X.col(j) - network.X.col(i)).norm(), j);
+      std::sort(others.begin(), others.end());
+      for (int n = 0; n < n_neighbours; ++n)
+        EXPECT_TRUE(links.count(std::minmax(i, others[n].second))) << i << ' ' << n;
+    }
+  }
 }
 
 TEST(Connect, CompletedPcpIsRigidWherePcpIsNot) {
@@ -150,6 +236,17 @@ TEST(Rigidity, FloppyModesAreTheZeroEigenvaluesBeyondTheRigidOnes) {
       EXPECT_EQ(count_floppy_modes(network), count_zero_modes(network) - 6) << shape;
     }
   }
+}
+
+TEST(Rigidity, ANodeIsWeakWithFiveSpringsAndNotWithSixInAllDirections) {
+  SpringNetwork star{Eigen::Matrix3Xd::Zero(3, 7), {}, Eigen::Matrix2Xi(2, 6), {}, 7};
+  for (int v = 1; v < 7; ++v) {
+    star.X((v - 1) / 2, v) = v % 2 ? 1 : -2;
+    star.E.col(v - 1) << 0, v;
+  }
+  EXPECT_EQ(weak_nodes(star), (std::vector<int>{1, 2, 3, 4, 5, 6}));
+  star.E.conservativeResize(2, 5);
+  EXPECT_EQ(weak_nodes(star), (std::vector<int>{0, 1, 2, 3, 4, 5, 6}));
 }
 
 TEST(Rigidity, WeakNodesHaveFewSpringsOrAllInAPlane) {

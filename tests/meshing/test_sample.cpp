@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "meshing/network.h"
+#include "meshing/random.h"
 #include "meshing/shapes.h"
 #include "meshing/surface_tree.h"
 #include "tests/meshing/surfaces.h"
@@ -25,6 +26,32 @@ double smallest_distance(const Eigen::Matrix3Xd& X) {
 }
 
 }  // namespace
+
+TEST(Random, IsSplitMix64) {
+  Random random(1234567);  // the generator's published sequence
+  for (std::uint64_t expected : {6457827717110365317u, 3203168211198807973u, 9817491932198370423u,
+                                 4593380528125082431u, 16408922859458223821u})
+    EXPECT_EQ(random.bits(), expected);
+}
+
+TEST(FillSpacing, IsTheMeanEdgeOrLessInThinBodiesAndHalfOfThat) {
+  constexpr double rounding = 1e-12;
+  // A cube of side 2 in n x n cells a side: of its edges two thirds are 2/n long, a third is a diagonal.
+  const auto mean_edge = [](int n) { return (2 + std::sqrt(2.0)) / 3 * 2 / n; };
+  const double thickness = 8.0 / 24;  // volume over area
+  const SampleOptions coarse = fill_spacing(make_shape("bar", 8, {2, 2, 2}), {});
+  ASSERT_GT(mean_edge(1), thickness);
+  EXPECT_NEAR(*coarse.phi, thickness / 2, rounding);
+  EXPECT_NEAR(*coarse.psi, thickness / 4, rounding);
+  const SurfaceMesh many = make_shape("bar", 6 * 100 + 2, {2, 2, 2});
+  ASSERT_LT(mean_edge(10), thickness);
+  const SampleOptions fine = fill_spacing(many, {});
+  EXPECT_NEAR(*fine.phi, mean_edge(10) / 2, rounding);
+  EXPECT_NEAR(*fine.psi, mean_edge(10) / 4, rounding);
+  const SampleOptions given = fill_spacing(many, options_of(0.3, 0.4));
+  EXPECT_EQ(*given.phi, 0.3);
+  EXPECT_EQ(*given.psi, 0.4);
+}
 
 TEST(SampleInterior, NodesPassTheThreeTestsOfFigure4) {
   const SurfaceMesh ball = make_shape("ball", 162);

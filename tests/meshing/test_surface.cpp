@@ -49,6 +49,14 @@ TEST(Surface, VolumeDoesNotDependOnTheOrigin) {
   EXPECT_NEAR(volume(mesh.X, mesh.F), 1.0 / 6, 1e-10);
 }
 
+TEST(Surface, IsClosedWhereEveryEdgeIsMetOnceInEachDirection) {
+  Eigen::Matrix3Xi F = unit_tetrahedron().F;
+  EXPECT_TRUE(is_closed(F));
+  EXPECT_FALSE(is_closed(F.leftCols(3)));
+  F.col(1).reverseInPlace();
+  EXPECT_FALSE(is_closed(F));
+}
+
 TEST(Surface, EdgesAreListedOnceInAscendingOrder) {
   Eigen::Matrix2Xi expected(2, 6);
   expected << 0, 0, 0, 1, 1, 2,  //

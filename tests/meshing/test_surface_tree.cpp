@@ -53,6 +53,24 @@ TEST(SurfaceTree, DistanceIsThatToTheTrianglesNotToTheVertices) {
   }
 }
 
+TEST(SurfaceTree, DistanceToEveryEdgeAndCornerOfATriangleIsRight) {
+  // A sheet of two triangles that number their corners alike: no neighbour gives what one of them misses.
+  for (int turn = 0; turn < 3; ++turn) {
+    SurfaceMesh sheet{Eigen::Matrix3Xd::Zero(3, 3), Eigen::Matrix3Xi(3, 2)};
+    sheet.X.col((turn + 1) % 3) << 1, 0, 0;
+    sheet.X.col((turn + 2) % 3) << 0, 1, 0;
+    sheet.F << 0, 2, 1, 1, 2, 0;
+    const SurfaceTree tree(sheet);
+    Random random(7);
+    for (int trial = 0; trial < 200; ++trial) {
+      const Eigen::Vector3d x = 0.5 * random_point(random);
+      const double sampled = distance_by_sampling(x, sheet, 100), exact = tree.nearest(x).distance;
+      EXPECT_LE(exact, sampled + rounding);
+      EXPECT_GE(exact, sampled - 0.01) << "a sampling triangle's longest edge is 0.014";
+    }
+  }
+}
+
 TEST(SurfaceTree, SideAgreesWithTheWindingNumber) {
   const SurfaceMesh mesh = hollow_torus_and_ball();
   const SurfaceTree tree(mesh);

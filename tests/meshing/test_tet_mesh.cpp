@@ -40,16 +40,42 @@ TEST(CheckTetrahedra, SeesEveryFault) {
   bad.T.conservativeResize(4, bad.T.cols() - 1);
   expect(bad, "of the surface's volume");
   bad = good;
-  const Eigen::Vector4i twin = bad.T.col(0);
-  bad.T.col(1) = twin;
-  expect(bad, "tetrahedra: ");
-  bad = good;
   bad.T.resize(4, 0);
   expect(bad, "none");
-  // a surface with the same volume and vertices, one edge flipped between two of its triangles
   SurfaceMesh other = surface;
   other.F.col(5) = other.F.col(5).reverse().eval();
-  EXPECT_NE(complaint(good, other), "");
+  EXPECT_EQ(complaint(good, other), "tetrahedra: boundary triangles are not the surface's");
+}
+
+TEST(CheckTetrahedra, SeesFacesThatDoNotFitWhereTheVolumeDoes) {
+  // a tetrahedron cut from its centroid into four of the same volume
+  SurfaceMesh surface{Eigen::Matrix3Xd(3, 4), Eigen::Matrix3Xi(3, 4)};
+  surface.X << 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1;
+  surface.F << 0, 0, 0, 1, 2, 1, 3, 2, 1, 3, 2, 3;
+  TetMesh good{Eigen::Matrix3Xd(3, 6), Eigen::Matrix4Xi(4, 4), surface.F, 4};
+  good.X << surface.X, Eigen::Matrix<double, 3, 2>::Constant(0.25);  // the centroid twice
+  for (int f = 0; f < 4; ++f) good.T.col(f) << surface.F(0, f), surface.F(2, f), surface.F(1, f), 4;
+  ASSERT_EQ(complaint(good, surface), "");
+
+  TetMesh cracked = good;
+  cracked.T(3, 2) = cracked.T(3, 3) = 5;
+  EXPECT_EQ(complaint(cracked, surface),
+            "tetrahedra: 0 surface triangles are not on their boundary, which has 12 faces, expected 4");
+  TetMesh stacked = good;
+  stacked.T.col(2) = stacked.T.col(1) = stacked.T.col(0);
+  EXPECT_EQ(complaint(stacked, surface), "tetrahedra: a face belongs to more than two of them");
+}
+
+TEST(CheckTetrahedra, SeesADiagonalThatTheSurfaceHasTurned) {
+  const SurfaceMesh cube = make_shape("bar", 8, {1, 1, 1});
+  TetMesh mesh = tetrahedralize(cube);
+  ASSERT_EQ(complaint(mesh, cube), "");
+  SurfaceMesh turned = cube;  // the same vertices and volume
+  ASSERT_EQ(turned.F.leftCols(2), (Eigen::Matrix<int, 3, 2>() << 0, 0, 1, 2, 2, 3).finished());
+  turned.F.leftCols(2) << 0, 1, 1, 2, 3, 3;
+  mesh.F = turned.F;
+  EXPECT_EQ(complaint(mesh, turned),
+            "tetrahedra: 2 surface triangles are not on their boundary, which has 12 faces, expected 12");
 }
 
 TEST(TetVolume, OfTheUnitCornerIsASixth) {

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "meshing/child_process.h"
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
 #include "meshing/surface_io.h"
@@ -56,6 +57,48 @@ TEST(Tetrahedralize, SmallerInteriorSizeGivesMoreNodesInside) {
   const SurfaceMesh surface = make_shape("ball", 162);
   const TetMesh coarse = tetrahedralize(surface), fine = tetrahedralize(surface, {0.12, {}});
   EXPECT_GT(fine.X.cols() - 162, 3 * (coarse.X.cols() - 162));
+}
+
+TEST(Tetrahedralize, SmallerSizeAtTheVerticesGivesMoreNodesInside) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  const auto n_inside = [&](double size) {
+    TetOptions options;
+    options.size = Eigen::VectorXd::Constant(162, size);
+    return tetrahedralize(surface, options).X.cols() - 162;
+  };
+  EXPECT_GT(n_inside(0.15), 3 * n_inside(1));
+}
+
+TEST(RunChild, TellsHowTheProgramEndsAndWhatItWrites) {
+  const auto shell = [](const std::string& text, double time_limit = 60) {
+    return run_child("/bin/sh", {"-c", text}, time_limit);
+  };
+  const ChildResult good = shell("echo out; echo err >&2");
+  EXPECT_TRUE(good.is_success);
+  EXPECT_EQ(good.ending, "status 0");
+  EXPECT_EQ(good.output, "out\nerr\n");
+  const ChildResult failed = shell("exit 3");
+  EXPECT_FALSE(failed.is_success);
+  EXPECT_EQ(failed.ending, "status 3");
+  const ChildResult killed = shell("kill -9 $$");
+  EXPECT_FALSE(killed.is_success);
+  EXPECT_EQ(killed.ending, "signal 9 (Killed)");
+  const ChildResult endless = shell("exec sleep 1000", 1);
+  EXPECT_FALSE(endless.is_success);
+  EXPECT_EQ(endless.ending, "stopped after 1 s");
+  EXPECT_THROW(run_child("/nowhere/program", {}, 1), std::runtime_error);
+}
+
+TEST(TemporaryFolder, IsAnotherEachTimeAndGoesWithItsFiles) {
+  std::filesystem::path path;
+  {
+    const TemporaryFolder one, other;
+    path = one.path();
+    EXPECT_NE(path, other.path());
+    std::filesystem::create_directory(path / "folder");
+    EXPECT_TRUE(std::filesystem::exists(path / "folder"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
 }
 
 TEST(Tetrahedralize, IsReproducible) {
