@@ -137,6 +137,14 @@ TEST_F(TwoBalls, PushEachOtherApartAlsoWhereTheyHavePassedThrough) {
   }
 }
 
+TEST_F(TwoBalls, ThatHavePassedThroughKeepTheirSidesWhenTheyMoveOnAndPairsAreListedAnew) {
+  for (double by = 0; by < 0.41; by += 0.02) contact.begin_step(moved(by));
+  const Matrix3Xd x = moved(0.4), before = forces(x), on = x.colwise() + Vector3d(0, 0.5, 0.3);
+  ASSERT_GT(before.norm(), 1);
+  contact.begin_step(on);
+  EXPECT_LT((forces(on) - before).norm(), 1e-10 * before.norm());
+}
+
 TEST_F(TwoBalls, ForceIsMinusEnergyGradientAndKeepsMomentum) {
   for (double by = 0; by < 0.34; by += 0.02) contact.begin_step(moved(by));
   const Matrix3Xd x = moved(0.34) + random_points(2 * n, 2e-3, 7), f = forces(x);
