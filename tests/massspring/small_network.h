@@ -35,8 +35,8 @@ inline MassSpringModel small_model(double stiffness = 40) {
   return model;
 }
 
-/// Two triangles of springs, an edge of one (nodes 0 and 1) `gap` above that of the other (nodes 3 and 4), their
-/// middles above each other, turned by `angle` about z; all else lies far apart.
+/// Two triangles of springs, an edge of one (nodes 0 and 1) `gap` above that of the other (nodes 3 and 4),
+/// their middles above each other, turned by `angle` about z; all else lies far apart.
 inline MassSpringModel crossing_triangles(double angle, double gap) {
   const double c = std::cos(angle), s = std::sin(angle);
   MassSpringModel model;

@@ -84,8 +84,8 @@ TEST_P(ContactOf, ADroppedCubeComesToRestOnTheFloorGainsNoEnergyAndNeverEndsASte
   EXPECT_NEAR(cube.state.x.row(1).maxCoeff(), 0.95, 0.02);
 }
 
-/// A cube that slides as a rigid one does: so stiff that its shear is below a hundredth of the ways, and laid down
-/// without a blow, which would take speed along the floor.
+/// A cube that slides as a rigid one does: so stiff that its shear is below a hundredth of the ways, and laid
+/// down without a blow, which would take speed along the floor.
 struct SlidingCube : Cube {
   static constexpr double g = 9.81, c = 5;  // c: damping, 1/s, which stills the cube's own swings
   const double h;
@@ -191,8 +191,8 @@ struct Column {
   }
 };
 
-// The support drives the node down a slope of 45 degrees, the floor holds it: it goes along the floor at the speed
-// whose part along the support is the support's.
+// The support drives the node down a slope of 45 degrees, the floor holds it: it goes along the floor at the
+// speed whose part along the support is the support's.
 TEST(Touches, ANodeInTouchFollowsItsSupportAlongTheFloor) {
   Column column(0);
   const Vector3d p = Vector3d(1, -1, 0) / std::sqrt(2.0);

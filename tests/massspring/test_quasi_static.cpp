@@ -8,7 +8,7 @@
 namespace testbed {
 namespace {
 
-constexpr double kStiffness = 100;   // N/m
+constexpr double kStiffness = 100;  // N/m
 constexpr double kRounding = 1e-12;
 constexpr double kTolerance = 1e-6;  // the solver's balance of forces is 1e-8 of the load
 
@@ -95,9 +95,9 @@ TEST(QuasiStatic, SupportsFollowTheirMotionOverTheLoadFactor) {
   }
 }
 
-/// A box of 4 x 2 x 2 cubes of 0.25 m, its nodes moved by up to a fifth of that.
-MassSpringModel box_of(const std::string& calibration, double jitter) {
-  const TetMesh mesh = box_tets(4, 2, 2, 0.25, jitter);
+/// A box of 2 m x m x m cubes of 0.25 m.
+MassSpringModel box_of(const std::string& calibration, int m, double jitter) {
+  const TetMesh mesh = box_tets(2 * m, m, m, 0.25, jitter);
   SpringNetwork network;
   network.X = mesh.X;
   network.F = mesh.F;
@@ -111,16 +111,17 @@ TEST(QuasiStatic, WithoutAnyLoadABodyStaysAtRest) {
   for (const char* calibration : {"van_gelder", "moment", "edge_coupled", "node_averaged"})
     for (const double offset : {0., 0.3, 20.})
       for (const bool is_held : {false, true}) {
-        MassSpringModel model = box_of(calibration, 0.2);
+        MassSpringModel model = box_of(calibration, 1, 0.2);
         model.network.X.array() += offset;
         Forces forces = no_load(model);
-        for (int i = 0; is_held && i < 15; i += 2)
+        for (int i = 0; is_held && i < 12; i += 3)
           forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
         QuasiStaticSolver solver(model, forces);
         State state = initial_state(model);
         for (const double load_factor : {0., 0.5, 1.}) {
           const StepReport report = solver.solve(load_factor, state);
-          EXPECT_EQ(report.status, Status::Ok) << calibration << ' ' << offset << ' ' << is_held << report.reason;
+          EXPECT_EQ(report.status, Status::Ok)
+              << calibration << ' ' << offset << ' ' << is_held << report.reason;
           EXPECT_LE(report.residual, QuasiStaticSolver::kTolerance);
           EXPECT_LT((state.x - model.network.X).norm(), kRounding * model.network.X.norm());
         }
@@ -146,7 +147,7 @@ TEST(QuasiStatic, ALoadMayBeNothingAtOneLoadFactorAndComeBack) {
 
 // Of the full load, a millionth is within the balance of forces: it must not be what that is measured by.
 TEST(QuasiStatic, BalancesASmallPartOfTheLoadAsWellAsAllOfIt) {
-  MassSpringModel model = box_of("node_averaged", 0.2);
+  MassSpringModel model = box_of("node_averaged", 2, 0.2);
   Forces forces = no_load(model);
   forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
   for (int i = 0; i < model.network.X.cols(); ++i)
@@ -182,7 +183,7 @@ TEST(QuasiStatic, ABodyThatSupportsHoldStretchedIsInBalanceAgain) {
 }
 
 TEST(QuasiStatic, StartsWhereTheLastEquilibriaPointAndEndsWhereOneStepDoes) {
-  const MassSpringModel model = box_of("node_averaged", 0);
+  const MassSpringModel model = box_of("node_averaged", 2, 0);
   Forces forces;
   forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
   for (int i = 0; i < model.network.X.cols(); ++i)

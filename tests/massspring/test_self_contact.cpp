@@ -60,8 +60,8 @@ double distance(const Matrix3Xd& x, bool is_edges, const Nodes& node) {
   });
 }
 
-/// All edges with edges and vertices with triangles, one of the first half of the nodes and one of the second,
-/// that are closer than `reach`: by their sorted nodes, with their distances.
+/// All edges with edges and vertices with triangles, one of the first half of the nodes and one of the
+/// second, that are closer than `reach`: by their sorted nodes, with their distances.
 std::map<Nodes, double> near_pairs(const Matrix3Xi& F, const Matrix3Xd& x, double reach) {
   const int half = static_cast<int>(x.cols()) / 2;
   std::map<Nodes, double> found;
@@ -208,15 +208,18 @@ TEST_F(TwoBalls, AThinGapAtRestGivesNoForceAndPairsFartherApartDo) {
   x.rightCols(n).row(0).array() += 1;
   resting.begin_step(x);
   const Vector3d centre = close.network.X.rightCols(n).rowwise().mean();
-  x.rightCols(n) = (Vector3d(-1, -1, 1).asDiagonal() * (close.network.X.rightCols(n).colwise() - centre)).colwise() + centre;
+  x.rightCols(n) =
+      (Vector3d(-1, -1, 1).asDiagonal() * (close.network.X.rightCols(n).colwise() - centre)).colwise() +
+      centre;
   resting.begin_step(x);
   const std::map<Nodes, double> expected = near_pairs(close.network.F, x, thickness);
   EXPECT_FALSE(expected.empty());
   expect_same(touching_pairs(resting, x), expected);
 }
 
-// Moved along their common normal, edges that cross keep their nearest points, so that energy and force are those
-// of a spring. The second angle's sine is below a tenth, where parallel edges begin to be smoothed away.
+// Moved along their common normal, edges that cross keep their nearest points, so that energy and force are
+// those of a spring. The second angle's sine is below a tenth, where parallel edges begin to be smoothed
+// away.
 TEST(SurfaceContact, StiffnessIsTheSlopeOfTheForceAlsoOfNearlyParallelEdges) {
   constexpr double thickness = 0.05, step = 1e-3;
   for (const double angle : {1.0, 0.07}) {
