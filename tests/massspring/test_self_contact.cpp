@@ -140,7 +140,7 @@ TEST_F(TwoBalls, PushEachOtherApartAlsoWhereTheyHavePassedThrough) {
 TEST_F(TwoBalls, ThatHavePassedThroughKeepTheirSidesWhenTheyMoveOnAndPairsAreListedAnew) {
   for (double by = 0; by < 0.41; by += 0.02) contact.begin_step(moved(by));
   const Matrix3Xd x = moved(0.4), before = forces(x), on = x.colwise() + Vector3d(0, 0.5, 0.3);
-  ASSERT_GT(before.norm(), 1);
+  EXPECT_GT(before.rightCols(n).row(0).sum(), 1);
   contact.begin_step(on);
   EXPECT_LT((forces(on) - before).norm(), 1e-10 * before.norm());
 }
