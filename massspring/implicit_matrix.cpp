@@ -49,6 +49,7 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   if (motion_.barrier) {
     contact_.assign(mass_.size(), Matrix3d::Zero());
     motion_.barrier->add_hessian(at.x, contact_);
+    for (Matrix3d& block : contact_) block *= factors.stiffness;
   }
   if (motion_.self_contact) {
     pairs_ = motion_.self_contact->touching(at.x);

@@ -5,6 +5,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -115,6 +116,8 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
   }
   K_ = stiffness_pattern(model);
   const State rest = initial_state(model);
+  add_stiffness(model, rest, K_);
+  largest_stiffness_ = largest_diagonal(K_);
   last_ = before_last_ = {0, rest.x};
   BlockMatrix P = simple_stiffness(model, rest);
   factorise(P);
@@ -169,7 +172,9 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   const double far =
       (start.rowwise().maxCoeff() - start.rowwise().minCoeff()).norm();  // supports' motion included
   StepReport report;
-  double scale = 0;
+  // Without a load, forces are what the rounding of positions makes of the stiffness: those are balanced.
+  constexpr double kRounding = std::numeric_limits<double>::epsilon();
+  double scale = kRounding * largest_stiffness_ * state.x.norm() / kTolerance;
   for (Matrix3Xd r = residual(state, load_factor);; r = residual(state, load_factor)) {
     // The largest forces met on the way: those at the end vanish where supports only move a body.
     scale =

@@ -17,7 +17,7 @@ namespace testbed {
 /// the share of the load on them is reported.
 class QuasiStaticSolver {
  public:
-  /// Of the balance of forces, relative to the largest met on the way.
+  /// Of the balance of forces, relative to the largest met on the way, or else to rounding.
   static constexpr double kTolerance = 1e-8;
 
   /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive: names
@@ -52,6 +52,7 @@ class QuasiStaticSolver {
   int n_free_rigid_motions_ = 0;
   double floppy_load_share_ = 0;
   BlockMatrix K_;
+  double largest_stiffness_;  ///< on the diagonal at rest (N/m)
   std::unique_ptr<BlockCholesky> preconditioner_;
   Equilibrium last_, before_last_;
 };

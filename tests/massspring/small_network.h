@@ -1,6 +1,8 @@
 // A small network of springs for tests: five nodes, all pairs joined, stretched and compressed.
 #pragma once
 
+#include <cmath>
+
 #include "massspring/model.h"
 #include "meshing/random.h"
 
@@ -30,6 +32,29 @@ inline MassSpringModel small_model(double stiffness = 40) {
   model.network.n_surface = 4;
   model.mass = (Eigen::VectorXd(5) << 1, 1.5, 2, 0.5, 1).finished();
   model.springs = Springs{model.network.E, Eigen::VectorXd::LinSpaced(10, stiffness, 2 * stiffness), 0};
+  return model;
+}
+
+/// Two triangles of springs, an edge of one (nodes 0 and 1) `gap` above that of the other (nodes 3 and 4),
+/// their middles above each other, turned by `angle` about z; all else lies far apart.
+inline MassSpringModel crossing_triangles(double angle, double gap) {
+  const double c = std::cos(angle), s = std::sin(angle);
+  MassSpringModel model;
+  model.network.X.resize(3, 6);
+  model.network.X << -1, 1, 0, -c, c, 0,  //
+      0, 0, -1, -s, s, 1,                 //
+      gap, gap, gap + 1, 0, 0, -1;
+  model.network.F.resize(3, 2);
+  model.network.F << 0, 3,  //
+      1, 4,                 //
+      2, 5;
+  model.network.E.resize(2, 6);
+  model.network.E << 0, 1, 2, 3, 4, 5,  //
+      1, 2, 0, 4, 5, 3;
+  model.network.n_surface = 6;
+  model.material.E = 1e3;
+  model.mass = Eigen::VectorXd::LinSpaced(6, 1, 2);
+  model.springs = Springs{model.network.E, Eigen::VectorXd::LinSpaced(6, 40, 80), 0};
   return model;
 }
 

@@ -66,6 +66,79 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
   EXPECT_LT((y - expected).norm(), difference_tolerance * y.norm());
 }
 
+/// Two triangles whose edges touch each other, and a node that touches the floor.
+struct TwoContacts {
+  MassSpringModel model = crossing_triangles(0.07, 2);  // so nearly parallel that their contact is smoothed
+  Forces forces = no_forces(model);
+  std::optional<Motion> motion;
+  State state = initial_state(model);
+
+  TwoContacts() {
+    constexpr double thickness = 0.05, range = 1e-3;  // the barrier's is some 5e-3
+    forces.self_thickness = thickness;
+    Obstacle floor;
+    floor.shape = HalfSpace{{0, 0, -1 - range}, {0, 0, 1}};
+    forces.bodies.emplace_back(floor);
+    motion.emplace(model, forces);
+    motion->barrier.emplace(model, forces);
+    state.x.leftCols(3).row(2).array() -= 2 - 0.8 * thickness;
+    motion->self_contact->begin_step(state.x);
+    motion->barrier->begin_step(0, 1, state.x);
+  }
+};
+
+// Along the common normal of both edges their contact is a spring; what turns them towards it is left out.
+TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfContactsToo) {
+  const TwoContacts touching;
+  constexpr double m = 2, k = 0.3, step = 1e-8, difference_tolerance = 1e-6;
+  ImplicitMatrix A(*touching.motion);
+  const State& state = touching.state;
+  A.set(state, state.x, {m, k, 0}, Curvature::Exact);
+  for (const auto& [upper, lower] : {std::pair(1., 0.), std::pair(0., 1.), std::pair(0.5, 0.3)}) {
+    Matrix3Xd p = Matrix3Xd::Zero(3, 6), y, f[2];
+    p.leftCols(3).row(2).setConstant(upper);
+    p.rightCols(3).row(2).setConstant(lower);
+    A.multiply(p, y);
+    for (int side : {0, 1}) {
+      State moved = state;
+      moved.x += (side ? step : -step) * p;
+      touching.motion->undamped_forces_at(moved, f[side]);
+    }
+    ASSERT_GT((f[1] - f[0]).leftCols(3).norm(), 1e-6);
+    const Matrix3Xd expected = m * p * touching.model.mass.asDiagonal() - k * (f[1] - f[0]) / (2 * step);
+    EXPECT_LT((y - expected).row(2).norm(), difference_tolerance * y.norm()) << upper << ' ' << lower;
+  }
+}
+
+TEST(ImplicitMatrix, DiagonalAndSinglePrecisionAreThoseOfTheProductWithContactsToo) {
+  constexpr double single_rounding = 1e-6;
+  TwoContacts springs, coupled;
+  springs.model.springs->damping = 3;
+  coupled.model.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 5), Eigen::VectorXd::Constant(1, 1.)};
+  coupled.model.springs->damping = 3;
+  for (const TwoContacts* touching : {&springs, &coupled}) {
+    ImplicitMatrix A(*touching->motion);
+    const State& state = touching->state;
+    A.set(state, 1.2 * state.x, {2, 0.3, 0.1}, Curvature::Projected);
+    const LinearSystem system = A.system();
+    std::vector<Eigen::Matrix3d> diagonal;
+    system.diagonal(diagonal);
+    for (int i = 0; i < 6; ++i)
+      for (int c = 0; c < 3; ++c) {
+        Matrix3Xd p = Matrix3Xd::Zero(3, 6), y;
+        p(c, i) = 1;
+        A.multiply(p, y);
+        EXPECT_LT((diagonal[i].col(c) - y.col(i)).norm(), rounding * y.norm()) << i << ' ' << c;
+        PaddedField single_p, single_y;
+        pad(p, 1, single_p);
+        system.rounded_product(single_p, single_y);
+        Matrix3Xd rounded_y = Matrix3Xd::Zero(3, 6);
+        add_unpadded(single_y, 1, rounded_y);
+        EXPECT_LT((rounded_y - y).norm(), single_rounding * y.norm());
+      }
+  }
+}
+
 TEST(ImplicitMatrix, IsInSinglePrecisionTheSameToItsRounding) {
   constexpr double single_rounding = 1e-6;
   MassSpringModel springs = small_model(), coupled = small_model();

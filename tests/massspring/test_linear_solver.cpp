@@ -2,9 +2,11 @@
 
 #include <Eigen/Cholesky>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "massspring/linear_solver.h"
+#include "tests/massspring/dense.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed {
@@ -66,6 +68,30 @@ LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd
           },
           [&]() -> const BlockMatrix& { return A; },
           &positions};
+}
+
+TEST(BlockCholesky, AgreesWithADenseSolveAlsoForBlocksThatAreNotSymmetricAndAfterAnUpdate) {
+  constexpr int n = 7;
+  BlockMatrix A = chain(n, 1);
+  std::optional<BlockCholesky> factor;
+  for (const std::uint64_t seed : {1, 2}) {
+    for (int i = 0; i + 1 < n; ++i) {
+      const Eigen::Matrix3d B = random_points(3, 1, 10 * seed + i);
+      A.block[A.find(i, i + 1)] = B;
+      A.block[A.find(i + 1, i)] = B.transpose();
+      A.block[A.find(i, i)].diagonal().array() += 10;
+    }
+    if (factor)
+      factor->update(A);
+    else
+      factor.emplace(A);
+    ASSERT_TRUE(factor->is_ok());
+    const Matrix3Xd b = random_points(n, 1, 3);
+    Matrix3Xd x;
+    factor->solve(b, x);
+    const Eigen::VectorXd exact = dense(A).llt().solve(b.reshaped());
+    EXPECT_LT((x.reshaped() - exact).norm(), solver_tolerance * exact.norm());
+  }
 }
 
 TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {

@@ -8,7 +8,8 @@
 namespace testbed {
 namespace {
 
-constexpr double kStiffness = 100;   // N/m
+constexpr double kStiffness = 100;  // N/m
+constexpr double kRounding = 1e-12;
 constexpr double kTolerance = 1e-6;  // the solver's balance of forces is 1e-8 of the load
 
 /// Springs of equal stiffness between the nodes, each of 1 kg.
@@ -94,18 +95,80 @@ TEST(QuasiStatic, SupportsFollowTheirMotionOverTheLoadFactor) {
   }
 }
 
-TEST(QuasiStatic, StartsWhereTheLastEquilibriaPointAndEndsWhereOneStepDoes) {
-  const TetMesh mesh = box_tets(4, 2, 2, 0.25);
+/// A box of 2 m x m x m cubes of 0.25 m.
+MassSpringModel box_of(const std::string& calibration, int m, double jitter) {
+  const TetMesh mesh = box_tets(2 * m, m, m, 0.25, jitter);
   SpringNetwork network;
   network.X = mesh.X;
   network.F = mesh.F;
   network.T = mesh.T;
   network.n_surface = static_cast<int>(mesh.X.cols());
-  const MassSpringModel model = calibrate(network, {1e8, 0.25, 1000, 0}, find_calibration("node_averaged"));
+  return calibrate(network, {1e8, 0.25, 1000, 0}, find_calibration(calibration));
+}
+
+// Forces and their scale are rounding, then: there is nothing to balance.
+TEST(QuasiStatic, WithoutAnyLoadABodyStaysAtRest) {
+  for (const char* calibration : {"van_gelder", "moment", "edge_coupled", "node_averaged"})
+    for (const double offset : {0., 0.3, 20.})
+      for (const bool is_held : {false, true}) {
+        MassSpringModel model = box_of(calibration, 1, 0.2);
+        model.network.X.array() += offset;
+        Forces forces = no_load(model);
+        for (int i = 0; is_held && i < 12; i += 3)
+          forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+        QuasiStaticSolver solver(model, forces);
+        State state = initial_state(model);
+        for (const double load_factor : {0., 0.5, 1.}) {
+          const StepReport report = solver.solve(load_factor, state);
+          EXPECT_EQ(report.status, Status::Ok)
+              << calibration << ' ' << offset << ' ' << is_held << report.reason;
+          EXPECT_LE(report.residual, QuasiStaticSolver::kTolerance);
+          EXPECT_LT((state.x - model.network.X).norm(), kRounding * model.network.X.norm());
+        }
+      }
+}
+
+TEST(QuasiStatic, ALoadMayBeNothingAtOneLoadFactorAndComeBack) {
+  const MassSpringModel model = tied_node(1);
+  Forces forces = no_load(model);
+  for (int i : {0, 1, 2, 3})
+    forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  const Eigen::Vector3d along = Eigen::Vector3d(0, 1, 1).normalized();
+  forces.load.col(4) = 4 * along;
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  for (const double load_factor : {0., 0.5, 0., 1., -0.5, 0., 1e-6}) {
+    const StepReport report = solver.solve(load_factor, state);
+    EXPECT_EQ(report.status, Status::Ok) << load_factor << report.reason;
+    const Eigen::Vector3d expected = load_factor * 4 / kStiffness * along;
+    EXPECT_LT((state.x.col(4) - model.network.X.col(4) - expected).norm(), 1e-9) << load_factor;
+  }
+}
+
+// Stretched by its supports it is in balance without a load: what its springs pull at them is the scale.
+TEST(QuasiStatic, ABodyThatSupportsHoldStretchedIsInBalanceAgain) {
+  const MassSpringModel model = tied_node(1);
+  Forces forces = no_load(model);
+  for (int i : {0, 1, 2, 3})
+    forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), 0.2 * model.network.X.col(i)});
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  ASSERT_EQ(solver.solve(1, state).status, Status::Ok);
+  const Eigen::Matrix3Xd x = state.x;
+  for (int again = 0; again < 2; ++again) {
+    const StepReport report = solver.solve(1, state);
+    EXPECT_EQ(report.status, Status::Ok) << report.reason;
+    EXPECT_EQ(report.newton_iterations, 0);
+    EXPECT_LT((state.x - x).norm(), kTolerance);
+  }
+}
+
+TEST(QuasiStatic, StartsWhereTheLastEquilibriaPointAndEndsWhereOneStepDoes) {
+  const MassSpringModel model = box_of("node_averaged", 2, 0);
   Forces forces;
   forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
-  for (int i = 0; i < mesh.X.cols(); ++i)
-    if (mesh.X(0, i) == 0)
+  for (int i = 0; i < model.network.X.cols(); ++i)
+    if (model.network.X(0, i) == 0)
       forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
   QuasiStaticSolver in_steps(model, forces), at_once(model, forces);
   State state = initial_state(model), whole = state;

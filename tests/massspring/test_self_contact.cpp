@@ -1,8 +1,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
-#include <set>
+#include <map>
 
 #include "massspring/integrators.h"
 #include "massspring/self_contact.h"
@@ -13,6 +14,7 @@ namespace testbed {
 namespace {
 
 using Eigen::Matrix3Xd;
+using Eigen::Matrix3Xi;
 using Eigen::Vector3d;
 
 /// Two balls beside each other, slightly off the axis.
@@ -29,6 +31,80 @@ MassSpringModel two_balls(double gap) {
   model.material.E = 1e3;
   model.mass = Eigen::VectorXd::Ones(2 * n);
   return model;
+}
+
+using Nodes = std::array<int, 4>;
+
+/// Least value of a convex function on [0, 1], to 1e-9 times its slope.
+template <class Function>
+double least(const Function& f) {
+  double low = 0, high = 1;
+  while (high - low > 1e-9) {
+    const double left = low + (high - low) / 3, right = high - (high - low) / 3;
+    if (f(left) < f(right))
+      high = right;
+    else
+      low = left;
+  }
+  return f(low);
+}
+
+/// Distance of edges 0-1 and 2-3, or of vertex 0 and triangle 1-2-3, by a search over all their points.
+double distance(const Matrix3Xd& x, bool is_edges, const Nodes& node) {
+  const Vector3d a = x.col(node[0]), b = x.col(node[1]), c = x.col(node[2]), d = x.col(node[3]);
+  return least([&](double s) {
+    return least([&](double t) {
+      return is_edges ? (a + s * (b - a) - c - t * (d - c)).norm()
+                      : (b + s * (c - b) + (1 - s) * t * (d - b) - a).norm();
+    });
+  });
+}
+
+/// All edges with edges and vertices with triangles, one of the first half of the nodes and one of the
+/// second, that are closer than `reach`: by their sorted nodes, with their distances.
+std::map<Nodes, double> near_pairs(const Matrix3Xi& F, const Matrix3Xd& x, double reach) {
+  const int half = static_cast<int>(x.cols()) / 2;
+  std::map<Nodes, double> found;
+  const auto add = [&](bool is_edges, Nodes node) {
+    const int m = is_edges ? 2 : 1;  // nodes of the first part
+    Eigen::AlignedBox3d boxes[2];
+    for (int k = 0; k < 4; ++k) boxes[k < m ? 0 : 1].extend(x.col(node[k]));
+    if ((node[0] < half) == (node[m] < half) || boxes[0].exteriorDistance(boxes[1]) > reach) return;
+    const double d = distance(x, is_edges, node);
+    std::sort(node.begin(), node.end());
+    if (d < reach) found[node] = d;
+  };
+  for (const auto& t : F.colwise()) {
+    for (int v = 0; v < 2 * half; ++v) add(false, {v, t(0), t(1), t(2)});
+    for (const auto& s : F.colwise())
+      for (int k = 0; k < 3; ++k)
+        for (int l = 0; l < 3; ++l) add(true, {t(k), t((k + 1) % 3), s(l), s((l + 1) % 3)});
+  }
+  return found;
+}
+
+/// The same of the pairs that are in touch, by their weights.
+std::map<Nodes, double> touching_pairs(const SurfaceContact& contact, const Matrix3Xd& x) {
+  std::map<Nodes, double> found;
+  for (const NearPair& pair : contact.touching(x)) {
+    Vector3d e = Vector3d::Zero();
+    for (int k = 0; k < 4; ++k) e += pair.weight[k] * x.col(pair.node[k]);
+    Nodes node = pair.node;
+    std::sort(node.begin(), node.end());
+    EXPECT_EQ(found.count(node), 0u) << "twice in the list";
+    found[node] = e.norm();
+  }
+  return found;
+}
+
+/// Pairs of `found` and `expected` and their distances are the same.
+void expect_same(const std::map<Nodes, double>& found, const std::map<Nodes, double>& expected) {
+  constexpr double kSearched = 1e-8;  // m, how well the search finds a distance
+  EXPECT_EQ(found.size(), expected.size());
+  for (const auto& [node, d] : expected) {
+    ASSERT_EQ(found.count(node), 1u) << node[0] << ' ' << node[1] << ' ' << node[2] << ' ' << node[3];
+    EXPECT_NEAR(found.at(node), d, kSearched);
+  }
 }
 
 class TwoBalls : public testing::Test {
@@ -61,6 +137,14 @@ TEST_F(TwoBalls, PushEachOtherApartAlsoWhereTheyHavePassedThrough) {
   }
 }
 
+TEST_F(TwoBalls, ThatHavePassedThroughKeepTheirSidesWhenTheyMoveOnAndPairsAreListedAnew) {
+  for (double by = 0; by < 0.41; by += 0.02) contact.begin_step(moved(by));
+  const Matrix3Xd x = moved(0.4), before = forces(x), on = x.colwise() + Vector3d(0, 0.5, 0.3);
+  EXPECT_GT(before.rightCols(n).row(0).sum(), 1);
+  contact.begin_step(on);
+  EXPECT_LT((forces(on) - before).norm(), 1e-10 * before.norm());
+}
+
 TEST_F(TwoBalls, ForceIsMinusEnergyGradientAndKeepsMomentum) {
   for (double by = 0; by < 0.34; by += 0.02) contact.begin_step(moved(by));
   const Matrix3Xd x = moved(0.34) + random_points(2 * n, 2e-3, 7), f = forces(x);
@@ -78,28 +162,91 @@ TEST_F(TwoBalls, ForceIsMinusEnergyGradientAndKeepsMomentum) {
   EXPECT_LT(torque.norm(), 1e-12 * f.norm());
 }
 
-TEST_F(TwoBalls, PairsAreThoseOfABruteForceSearch) {
-  for (double by = 0; by < 0.3; by += 0.02) contact.begin_step(moved(by));
-  const Matrix3Xd x = moved(0.31);
-  contact.begin_step(x);
-  std::set<std::pair<int, int>> found;  // vertices of one ball against nodes of the other's triangles
-  for (const NearPair& pair : contact.touching(x))
-    if (pair.weight[0] == 1) found.insert({pair.node[0], pair.node[1] + pair.node[2] + pair.node[3]});
-  int n_expected = 0;
-  for (int v = 0; v < 2 * n; ++v)
-    for (const auto& t : model.network.F.colwise()) {
-      if ((t(0) < n) == (v < n)) continue;
-      double nearest = 1e9;  // by samples of the triangle
-      for (int i = 0; i <= 60; ++i)
-        for (int j = 0; i + j <= 60; ++j)
-          nearest = std::min(
-              nearest,
-              (x.col(v) - (x.col(t(0)) * (60 - i - j) + x.col(t(1)) * i + x.col(t(2)) * j) / 60).norm());
-      if (nearest > thickness) continue;
-      ++n_expected;
-      EXPECT_TRUE(found.count({v, t.sum()})) << v;
-    }
-  EXPECT_GT(n_expected, 0);
+TEST(SurfaceContact, NearestPointsOfTwoTrianglesAreThoseOfABruteForceSearch) {
+  constexpr double thickness = 0.3, far = 100;
+  MassSpringModel model = crossing_triangles(0, far);
+  for (int trial = 0; trial < 150; ++trial) {
+    const Matrix3Xd x = random_points(6, 0.7, trial);
+    SurfaceContact contact(model, thickness);  // that has seen no earlier side of them
+    contact.begin_step(x);
+    expect_same(touching_pairs(contact, x), near_pairs(model.network.F, x, thickness));
+  }
+}
+
+TEST_F(TwoBalls, PairsAreThoseOfABruteForceSearchAlsoAfterMovesPastTheMargin) {
+  const double gap = 0.55;  // beyond reach, which is the thickness and half a mean edge of 0.59
+  const MassSpringModel apart = two_balls(gap);
+  SurfaceContact moving(apart, thickness);
+  Matrix3Xd x = apart.network.X;
+  const auto advance = [&](double by) {
+    x.leftCols(n).row(0).array() += by / 2;
+    x.rightCols(n).row(0).array() -= by / 2;
+    moving.begin_step(x);
+  };
+  advance(0);
+  EXPECT_TRUE(moving.touching(x).empty());
+  for (int i = 0; i < 20; ++i) advance((gap - 0.01) / 20);
+  const std::map<Nodes, double> expected = near_pairs(apart.network.F, x, thickness);
+  int n_edges = 0;
+  for (const auto& [node, d] : expected) n_edges += node[1] < n && node[2] >= n;
+  EXPECT_GT(n_edges, 0);
+  EXPECT_GT(static_cast<int>(expected.size()), n_edges);
+  expect_same(touching_pairs(moving, x), expected);
+}
+
+TEST_F(TwoBalls, AThinGapAtRestGivesNoForceAndPairsFartherApartDo) {
+  const MassSpringModel close = two_balls(0.03);
+  SurfaceContact resting(close, thickness);
+  resting.begin_step(close.network.X);
+  ASSERT_FALSE(near_pairs(close.network.F, close.network.X, thickness).empty());
+  Matrix3Xd f = Matrix3Xd::Zero(3, 2 * n);
+  resting.add_forces(close.network.X, f);
+  EXPECT_EQ(f.norm(), 0);
+  EXPECT_EQ(resting.energy(close.network.X), 0);
+  // Away, and back with another side in front: the same gap between parts that were far from each other.
+  Matrix3Xd x = close.network.X;
+  x.rightCols(n).row(0).array() += 1;
+  resting.begin_step(x);
+  const Vector3d centre = close.network.X.rightCols(n).rowwise().mean();
+  x.rightCols(n) =
+      (Vector3d(-1, -1, 1).asDiagonal() * (close.network.X.rightCols(n).colwise() - centre)).colwise() +
+      centre;
+  resting.begin_step(x);
+  const std::map<Nodes, double> expected = near_pairs(close.network.F, x, thickness);
+  EXPECT_FALSE(expected.empty());
+  expect_same(touching_pairs(resting, x), expected);
+}
+
+// Moved along their common normal, edges that cross keep their nearest points, so that energy and force are
+// those of a spring. The second angle's sine is below a tenth, where parallel edges begin to be smoothed
+// away.
+TEST(SurfaceContact, StiffnessIsTheSlopeOfTheForceAlsoOfNearlyParallelEdges) {
+  constexpr double thickness = 0.05, step = 1e-3;
+  for (const double angle : {1.0, 0.07}) {
+    const MassSpringModel model = crossing_triangles(angle, 2);
+    SurfaceContact contact(model, thickness);
+    const auto at = [&](double gap) {
+      Matrix3Xd x = model.network.X;
+      x.leftCols(3).row(2).array() += gap - 2;
+      return x;
+    };
+    const auto lift = [&](double gap) {
+      Matrix3Xd f = Matrix3Xd::Zero(3, 6);
+      contact.add_forces(at(gap), f);
+      return f.leftCols(3).row(2).sum();
+    };
+    contact.begin_step(at(0.04));
+    const std::vector<NearPair> pairs = contact.touching(at(0.04));
+    ASSERT_EQ(pairs.size(), 1u) << angle;
+    const double slope = (lift(0.04 - step) - lift(0.04 + step)) / (2 * step);
+    EXPECT_NEAR(pairs[0].stiffness, slope, 1e-9 * slope) << angle;  // the force is linear
+    double mean_edge = 0;
+    for (const auto& e : model.network.E.colwise())
+      mean_edge += (model.network.X.col(e(0)) - model.network.X.col(e(1))).norm() / 6;
+    // 2 q - q^2 of the squared sine q over its bound of 0.01
+    const double share = angle > 0.1 ? 1 : 100 * std::pow(std::sin(angle), 2);
+    EXPECT_NEAR(slope, share * (2 - share) * 1e3 * mean_edge, 1e-6 * slope) << angle;
+  }
 }
 
 TEST_F(TwoBalls, BounceInsteadOfPassingThrough) {
