@@ -33,7 +33,7 @@ from .warp import draw_playback
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAMS = ROOT / "build" / "bin"
-_NOT_SOLVED = 3  # exit status of fem_reference
+SOLVED, NOT_OK, _NOT_MODELLED = 0, 2, 3  # exit statuses of both programs: meshing/exit_status.h
 _GROWTH = 8  # of the unknowns by a refinement
 # Unknowns of a refined reference, by what is solved: half a minute at most. And steps of a motion in time.
 _MAX_DOFS = {"linear": 500_000, "newton": 250_000, "dynamic": 100_000, "newton in time": 20_000}
@@ -79,6 +79,11 @@ class Experiment:
         return self.folder / "fem_reference"
 
 
+def outcome_of(record: dict[str, Any]) -> str:
+    """How a run ended, by its record: the status and, where there is one, the reason."""
+    return ", ".join(part for part in (record["status"], record.get("reason")) if part)
+
+
 def default_folder(scene: Path, surface: Path | None) -> Path:
     """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
     name = scene.stem
@@ -116,7 +121,7 @@ def run_solvers(
     """Runs the reference and every spring model; each skips itself where its last result still holds.
 
     Where the scene has a part that the reference does not model, the springs run alone. Raises RunError when the
-    reference fails.
+    reference fails or does not converge.
     """
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
@@ -128,27 +133,26 @@ def run_solvers(
         return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
 
     status = run("fem_reference", folder / "fem_reference")
-    if status not in (0, _NOT_SOLVED):
+    if status not in (SOLVED, NOT_OK, _NOT_MODELLED):
         raise RunError(f"fem_reference gave no result (exit status {status})")
     shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
     scene = tomllib.loads((folder / "scene.toml").read_text())
     refined = folder / "reference_refined"
     record = json.loads((folder / "fem_reference" / "run.json").read_text())
-    unsolved = record["reason"] if status == _NOT_SOLVED else ""
+    if status == NOT_OK:
+        raise RunError(f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}")
+    unsolved = record["reason"] if status == _NOT_MODELLED else ""
     words = None if unsolved else refinement(scene, record)
-    if words:
-        run("fem_reference", refined, options=words)
-    else:
-        shutil.rmtree(refined, ignore_errors=True)
+    if not words or run("fem_reference", refined, options=words) not in (SOLVED, NOT_OK):
+        shutil.rmtree(refined, ignore_errors=True)  # it may be of other values
 
     experiment = Experiment(folder, scene, {}, unsolved)
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
         status = run("massspring", out, f"network.calibration={calibration}")
         outcome = f"exit status {status}"
-        if status == 0:
-            record = json.loads((out / "run.json").read_text())
-            outcome = ", ".join(part for part in (record["status"], record.get("reason")) if part)
+        if status in (SOLVED, NOT_OK):
+            outcome = outcome_of(json.loads((out / "run.json").read_text()))
         if outcome != "ok":
             experiment.failed[calibration] = outcome
     return experiment

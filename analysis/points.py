@@ -18,7 +18,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from .experiment import PROGRAMS, write_text
+from .experiment import NOT_OK, PROGRAMS, SOLVED, write_text
 from .machine import THREADS
 from .runs import RunError
 
@@ -167,12 +167,12 @@ class Store:
         if has_ended_late.is_set():
             return Outcome("time limit", f"stopped after {self.time_limit:g} s", **spent)
         text = (folder / "messages.txt").read_text(errors="replace").strip()
-        if process.returncode != 0:
+        if process.returncode not in (SOLVED, NOT_OK):
             lines = text.splitlines() or [f"exit status {process.returncode}"]
             errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
             return Outcome("failed", (errors or lines)[-1], **spent)
-        status = json.loads((folder / "run.json").read_text())["status"]
-        return Outcome(status, "", **spent)
+        record = json.loads((folder / "run.json").read_text())
+        return Outcome(record["status"], record.get("reason", ""), **spent)
 
 
 def read_toml(file: Path) -> dict[str, Any]:

@@ -53,7 +53,7 @@ ElasticResponse neo_hookean(const LameConstants& lame, const Matrix3d& F, bool w
   const double J = F.determinant();
   if (J <= 0) return {std::numeric_limits<double>::infinity(), Matrix3d::Zero(), {}};
   const Matrix3d G = F.inverse().transpose();
-  const double a = lame.lambda / 2 * J * J - lame.mu - lame.lambda / 2;  // J g'(J)
+  const double a = lame.lambda / 2 * (J * J - 1) - lame.mu;  // J g'(J); -mu exactly at rest
   ElasticResponse r{lame.mu / 2 * (F.squaredNorm() - 3) + lame.lambda / 4 * (J * J - 1) -
                         (lame.mu + lame.lambda / 2) * std::log(J),
                     lame.mu * F + a * G,
@@ -78,7 +78,7 @@ ElasticResponse respond(ElasticLaw law, const LameConstants& lame, const Matrix3
                                                     : st_venant_kirchhoff(lame, F / c, with_tangent);
   r.energy *= c * c * c;
   r.P *= c * c;
-  r.C *= c;
+  if (with_tangent) r.C *= c;
   return r;
 }
 

@@ -12,6 +12,7 @@
 #include "fem_reference/problem.h"
 #include "fem_reference/processes.h"
 #include "fem_reference/richardson.h"
+#include "meshing/exit_status.h"
 #include "meshing/files.h"
 #include "meshing/progress.h"
 #include "meshing/record.h"
@@ -169,7 +170,7 @@ void run_dynamic(Run& run) {
   constexpr int kDefaultSteps = 400;
   const double end = run.scene.time.end;
   const double step = run.scene.time.step > 0 ? run.scene.time.step : end / kDefaultSteps;
-  const int n_steps = std::max(1, static_cast<int>(std::ceil(end / step - 1e-9)));
+  const int n_steps = testbed::n_steps(run.scene.time, step);
   const bool is_linear = run.scene.reference.law == ElasticLaw::SmallStrain;
   run.timer.start("assemble");
   Dynamics system;
@@ -229,8 +230,7 @@ void run_dynamic(Run& run) {
   run.record["status"] = is_converged ? "ok" : "not_converged";
 }
 
-/// Whether it was solved.
-bool run(const Arguments& arguments) {
+ExitStatus run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
   const std::filesystem::path out = arguments.out;
   const bool is_first = processes().rank == 0;
@@ -238,14 +238,15 @@ bool run(const Arguments& arguments) {
     std::filesystem::create_directories(out);
     write_file(out / "scene.toml", to_toml(scene));
   }
+  const auto status_of = [&](const nlohmann::ordered_json& record) {
+    return is_first ? tell_status(arguments.scene, record) : kSolved;  // one tells it for all
+  };
   if (const std::string part = undivided_part(scene, arguments); !part.empty())
     throw std::runtime_error(arguments.scene + ": " + part);
   if (const std::string part = unsolved_part(scene); !part.empty()) {
-    if (!is_first) return false;
-    write_file(out / "run.json",
-               nlohmann::ordered_json{{"status", "not_solved"}, {"reason", part}}.dump(2) + "\n");
-    std::cerr << "not solved: " << arguments.scene << ": " << part << '\n';
-    return false;
+    const nlohmann::ordered_json record{{"status", "not_solved"}, {"reason", part}};
+    if (is_first) write_file(out / "run.json", record.dump(2) + "\n");
+    return status_of(record);
   }
   Progress progress(arguments.is_quiet || !is_first);
   StageTimer timer;
@@ -256,7 +257,7 @@ bool run(const Arguments& arguments) {
   const std::string hash =
       hash_of(input_hash(scene, surface, {"network"}) + ' ' + std::to_string(arguments.n_levels) + ' ' +
               std::to_string(arguments.n_frequencies));
-  if (!arguments.is_forced && is_up_to_date(out, hash)) return true;
+  if (const auto stored = stored_record(out, hash); stored && !arguments.is_forced) return status_of(*stored);
   timer.start("mesh");
   TetOptions options;
   options.interior_size = scene.reference.interior_size;
@@ -305,7 +306,7 @@ bool run(const Arguments& arguments) {
   }
   record["seconds"] = timer.seconds();
   if (recorder) recorder->finish(record);
-  return true;
+  return status_of(record);
 }
 
 }  // namespace
@@ -322,8 +323,7 @@ int main(int argc, char** argv) {
       "  mpirun -np 8 fem_reference scene.toml        (linear statics)\n\n"
       "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
       "with its\n"
-      "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n"
-      "Exit status: 0 solved, 1 error, 3 the scene has a part that the reference does not model.\n");
+      "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n");
   app.add_option("scene", arguments.scene, "scene file (.toml)")->required();
   app.add_option("--set", arguments.overrides, "key=value: overrides a key of the scene; may be repeated")
       ->allow_extra_args(false);
@@ -338,13 +338,13 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 1000));
   app.add_flag("--quiet", arguments.is_quiet, "no progress on stderr");
   app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
-  CLI11_PARSE(app, argc, argv);
+  app.footer(testbed::kExitStatusHelp);
+  if (const auto status = testbed::parse(app, argc, argv)) return *status;
   try {
-    constexpr int kNotSolved = 3;
-    return testbed::run(arguments) ? 0 : kNotSolved;
+    return testbed::run(arguments);
   } catch (const std::exception& error) {
     if (testbed::processes().n > 1) testbed::abort_processes(error.what());
     std::cerr << "error: " << error.what() << '\n';
-    return 1;
+    return testbed::kError;
   }
 }

@@ -23,8 +23,10 @@ RefinementError richardson(const std::vector<Eigen::Matrix3Xd>& u, const Surface
     error.is_ratio_observed = true;
   }
   const Eigen::Matrix3Xd limit = finest + last_change / (error.ratio - 1);
-  error.of_first = norm(u.front() - limit) / norm(limit);
-  error.of_last = norm(finest - limit) / norm(limit);
+  if (norm(limit) > 0) {  // a body without loads is at rest on every mesh
+    error.of_first = norm(u.front() - limit) / norm(limit);
+    error.of_last = norm(finest - limit) / norm(limit);
+  }
   return error;
 }
 

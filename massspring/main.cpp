@@ -12,6 +12,7 @@
 #include "massspring/integrators.h"
 #include "massspring/quasi_static.h"
 #include "meshing/build_network.h"
+#include "meshing/exit_status.h"
 #include "meshing/files.h"
 #include "meshing/progress.h"
 #include "meshing/record.h"
@@ -99,7 +100,7 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const
   return model;
 }
 
-void run(const Arguments& arguments) {
+ExitStatus run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const bool is_static = scene.time.mode == TimeMode::Static;
@@ -122,7 +123,8 @@ void run(const Arguments& arguments) {
   const std::filesystem::path out = arguments.out;
   std::filesystem::create_directories(out);
   write_file(out / "scene.toml", to_toml(scene));
-  if (!arguments.is_forced && is_up_to_date(out, hash)) return;
+  if (const auto stored = stored_record(out, hash); stored && !arguments.is_forced)
+    return tell_status(arguments.scene, *stored);
   timer.start("mesh");
   const SpringNetwork nodes = build_network(surface, scene.network, calibration.needs_tetrahedra);
 
@@ -142,6 +144,13 @@ void run(const Arguments& arguments) {
     forces.mass_damping += damping_of_ratio(model, forces.constraints, scene.material.damping_ratio);
   State state = initial_state(model);
   const double rest_volume = state.target_volume;
+  constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
+  constexpr int kDefaultSteps = 100;
+  double h = scene.time.step;
+  if (!is_static && h == 0)
+    h = is_explicit(scene.time.integrator) ? kSafety * stable_step(model, forces, state)
+                                           : scene.time.end / kDefaultSteps;
+  const int n_steps = is_static ? scene.time.load_steps : testbed::n_steps(scene.time, h);
   Recorder recorder(out, cells_of(network), network.n_surface);
 
   nlohmann::ordered_json record = environment_record("massspring", 1);
@@ -173,26 +182,18 @@ void run(const Arguments& arguments) {
   timer.start("setup");
   std::unique_ptr<QuasiStaticSolver> equilibrium;
   std::unique_ptr<TimeStepper> stepper;
-  double h = scene.time.step;
-  int n_steps = scene.time.load_steps;
   if (is_static) {
     equilibrium = std::make_unique<QuasiStaticSolver>(model, forces);
     record["is_free"] = equilibrium->n_free_rigid_motions() > 0;
     record["n_floppy_motions"] = equilibrium->n_floppy_motions();
     record["floppy_load_share"] = equilibrium->floppy_load_share();
   } else {
-    constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
-    constexpr int kDefaultSteps = 100;
-    if (h == 0)
-      h = is_explicit(scene.time.integrator) ? kSafety * stable_step(model, forces, state)
-                                             : scene.time.end / kDefaultSteps;
     IntegratorOptions options;
     options.gradients = {scene.time.volume_gradient, scene.time.bend_gradient};
     options.linear_solver = scene.time.linear_solver;
     options.tolerance = scene.time.tolerance;
     options.sleep_below = scene.time.sleep_below;
     stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end, options);
-    n_steps = std::max(1, static_cast<int>(std::ceil(scene.time.end / h - 1e-9)));
     record["step"] = h;
     if (scene.time.integrator == Integrator::ImplicitEuler)
       record["tolerance"] = options.linear_tolerance;
@@ -271,9 +272,9 @@ void run(const Arguments& arguments) {
     reason << "load factor " << state.t << ", step " << n_done << " of " << n_steps << ": "
            << (report.reason.empty() ? name_of(status) : report.reason);
     record["reason"] = reason.str();
-    std::cerr << reason.str() << '\n';
   }
   recorder.finish(record);
+  return tell_status(arguments.scene, record);
 }
 
 }  // namespace
@@ -301,11 +302,12 @@ int main(int argc, char** argv) {
       "--no-diagnostics", arguments.is_undiagnosed,
       "do not measure the model against exact fields, which takes longer than the run of a large one");
   app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
-  CLI11_PARSE(app, argc, argv);
+  app.footer(testbed::kExitStatusHelp);
+  if (const auto status = testbed::parse(app, argc, argv)) return *status;
   try {
-    testbed::run(arguments);
+    return testbed::run(arguments);
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << '\n';
-    return 1;
+    return testbed::kError;
   }
 }

@@ -5,6 +5,7 @@
 
 #include "meshing/build_network.h"
 #include "meshing/connect.h"
+#include "meshing/exit_status.h"
 #include "meshing/record.h"
 #include "meshing/rigidity.h"
 #include "meshing/shapes.h"
@@ -237,11 +238,9 @@ int main(int argc, char** argv) {
   add_network(app);
   add_tetrahedralize(app);
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error);
+    return parse(app, argc, argv).value_or(kSolved);
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << '\n';
-    return 1;
+    return kError;
   }
 }

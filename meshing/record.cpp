@@ -191,11 +191,13 @@ std::string program_hash() {
   return hash;
 }
 
-bool is_up_to_date(const fs::path& folder, const std::string& input_hash) {
-  if (!fs::exists(folder / "run.json")) return false;
-  const auto record = nlohmann::json::parse(read_file(folder / "run.json"), nullptr, false);
-  return record.is_object() && record.value("status", nlohmann::json()) == "ok" &&
-         record.value("input_hash", nlohmann::json()) == input_hash;
+std::optional<nlohmann::ordered_json> stored_record(const fs::path& folder, const std::string& input_hash) {
+  if (!fs::exists(folder / "run.json")) return {};
+  auto record = nlohmann::ordered_json::parse(read_file(folder / "run.json"), nullptr, false);
+  if (!record.is_object() || !record.contains("status") || !record["status"].is_string() ||
+      record.value("input_hash", nlohmann::ordered_json()) != input_hash)
+    return {};
+  return record;
 }
 
 }  // namespace testbed

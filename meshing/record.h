@@ -94,7 +94,8 @@ std::string hash_of(const std::string& bytes);
 /// rebuilt program is a different one.
 std::string program_hash();
 
-/// True when `folder` holds a finished run (run.json, status "ok") with this input hash.
-bool is_up_to_date(const std::filesystem::path& folder, const std::string& input_hash);
+/// The record of the finished run in `folder`, however it ended, if it has this input hash.
+std::optional<nlohmann::ordered_json> stored_record(const std::filesystem::path& folder,
+                                                    const std::string& input_hash);
 
 }  // namespace testbed

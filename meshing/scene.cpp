@@ -320,6 +320,16 @@ Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vec
   return stress;
 }
 
+int n_steps(const TimeOptions& time, double step) {
+  const double n = std::max(1.0, std::ceil(time.end / step - 1e-9));  // the quotient may be rounded up
+  constexpr int kMost = std::numeric_limits<int>::max();
+  if (n <= kMost) return static_cast<int>(n);
+  std::ostringstream what;
+  what << "time.end = " << time.end << " s in steps of " << step << " s: " << n << " steps, expected at most "
+       << kMost;
+  throw std::runtime_error(what.str());
+}
+
 Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides) {
   toml::table table = parse(read_file(file), file.string());
   for (const std::string& text : overrides) apply_override(table, text);
@@ -332,6 +342,11 @@ Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides
   if (has_file == has_shape)
     throw std::runtime_error(file.string() + ": surface.file and surface.shape are both " +
                              (has_file ? "given" : "missing") + ", expected one of them");
+  try {
+    if (scene.time.mode == TimeMode::Dynamic && scene.time.step > 0) n_steps(scene.time, scene.time.step);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
   return scene;
 }
 

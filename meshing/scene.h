@@ -251,6 +251,10 @@ Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vec
 /// @throws std::runtime_error naming file, line, key, value found, what is allowed and the nearest known key.
 Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 
+/// Steps of a length (s) to time.end: at least one, and the last may end beyond it.
+/// @throws std::runtime_error with their number when an int does not hold it.
+int n_steps(const TimeOptions& time, double step);
+
 /// The scene with every default filled in and every key explained, as TOML that read_scene accepts.
 std::string to_toml(const Scene& scene);
 

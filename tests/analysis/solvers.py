@@ -1,7 +1,11 @@
-"""Programs that stand in for the solvers: each copies a ready run, and writes down that it has run."""
+"""Programs that stand in for the solvers: each copies a ready run, writes down that it has run, and exits as they do.
+
+material.nu chooses the run: a number, or how a run ends that is not ok.
+"""
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from pathlib import Path
@@ -10,7 +14,7 @@ import numpy as np
 from synthetic import write_run
 
 _PROGRAM = """#!{python} -SE
-import os, shutil, sys, time
+import json, os, shutil, sys, time
 name, home = os.path.basename(sys.argv[0]), {home!r}
 out = sys.argv[sys.argv.index("--out") + 1]
 settings = dict(word.split("=", 1) for word in sys.argv if "=" in word)
@@ -20,12 +24,24 @@ time.sleep({seconds})
 nu = settings.get("material.nu", "0.25")
 if nu == "0.6":
     sys.exit("error: scene.toml: material.nu = 0.6, expected less than 0.5")
-source = home + "/" + name + ("_diverged" if nu == "diverge" else "_" + nu if name == "massspring" else "")
+source = home + "/" + name + "_" + nu
+if name == "fem_reference" and not os.path.isdir(source):
+    source = home + "/" + name
 refined = source + "_refine_" + settings.get("reference.refine", "")
 if os.path.isdir(refined):
     source = refined
 shutil.copytree(source, out, dirs_exist_ok=True)
+with open(out + "/run.json") as record:
+    status = json.load(record)["status"]
+sys.exit(dict(ok=0, not_solved=3).get(status, 2))
 """
+
+ENDS = {
+    "massspring_diverge": {"status": "diverged"},
+    "massspring_stuck": {"status": "not_converged", "reason": "step 2 of 5"},
+    "fem_reference_far": {"status": "not_converged"},
+    "fem_reference_touched": {"status": "not_solved", "reason": "obstacles: the reference has no contact"},
+}
 
 ERRORS = {"0.25": 0.1, "0.3": 0.2, "0.45": 0.4}  # of the stand-in for the springs
 
@@ -48,8 +64,9 @@ def make_solvers(home: Path, ball: tuple[np.ndarray, np.ndarray], seconds: float
             few,
             calibration="affine",
         )
-    (home / "massspring_diverged").mkdir()
-    (home / "massspring_diverged" / "run.json").write_text('{"status": "diverged"}')
+    for name, record in ENDS.items():
+        (home / name).mkdir()
+        (home / name / "run.json").write_text(json.dumps(record))
     programs = home / "bin"
     programs.mkdir()
     for name in ("fem_reference", "massspring", "gmsh_worker", "tetgen_worker"):

@@ -8,13 +8,14 @@ import pytest
 import pyvista as pv
 from pages import fetched
 from PIL import Image
+from solvers import make_solvers
 from synthetic import write_run
 
-from analysis.experiment import Experiment, compare, default_folder, fingerprint, refinement
+from analysis.experiment import Experiment, compare, default_folder, fingerprint, refinement, run_solvers
 from analysis.pictures import draw_comparison, magnification, seen_size
 from analysis.plots import plot_errors
 from analysis.report import finding, percent, text_tables
-from analysis.runs import Frame
+from analysis.runs import Frame, RunError
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
 
@@ -127,6 +128,56 @@ def test_references_are_refined_while_they_are_small():
     assert {"reference.refine=2", "time.step=0.05", "output.frames_every=6"} < set(words)
     assert not refinement(moving, {"n_dofs": 13_000, "step": 0.1, "n_steps": 500})
     assert not refinement(moving, {"n_dofs": 12_000, "step": 0.1, "n_steps": 501})
+
+
+@pytest.fixture
+def solve(ball, tmp_path, monkeypatch):
+    """Runs an experiment with programs that stand in for the solvers."""
+    programs = make_solvers(tmp_path / "home", ball)
+    monkeypatch.setattr("analysis.experiment.PROGRAMS", programs)
+    filled_in = (
+        '[network]\ncalibration = "affine"\n[comparison]\ncalibrations = []\n[time]\nmode = "static"\n'
+        '[reference]\nlaw = "small_strain"\nrefine = 0\n'
+    )
+    for folder in programs.parent.glob("fem_reference*"):
+        (folder / "scene.toml").write_text(filled_in)
+    (tmp_path / "scene.toml").write_text("")
+
+    def run(nu):
+        overrides = [f"material.nu={nu}"]
+        return run_solvers(tmp_path / "scene.toml", tmp_path / "out", None, overrides, is_quiet=True)
+
+    return run
+
+
+def test_reference_that_did_not_converge_is_an_error_with_its_status(solve):
+    with pytest.raises(RunError, match="did not converge: not_converged, see .*fem_reference"):
+        solve("far")
+
+
+def test_reference_without_a_result_is_an_error(solve):
+    with pytest.raises(RunError, match="gave no result .exit status 1"):
+        solve("0.6")
+
+
+@pytest.mark.parametrize("nu, status", [("diverge", "diverged"), ("stuck", "not_converged, step 2 of 5")])
+def test_springs_that_did_not_converge_are_listed_with_their_status(nu, status, solve):
+    experiment = solve(nu)
+    assert (experiment.failed, experiment.unsolved) == ({"affine": status}, "")
+
+
+def test_what_the_reference_does_not_model_is_no_error(solve):
+    assert solve("touched").unsolved == "obstacles: the reference has no contact"
+
+
+def test_refinement_that_gives_no_result_leaves_none_of_an_older_run(solve, tmp_path):
+    solve("0.3")
+    older = tmp_path / "out" / "reference_refined"
+    assert (older / "run.json").exists()
+    program = tmp_path / "home" / "bin" / "fem_reference"
+    program.write_text(program.read_text().replace("nu = settings", 'sys.exit("--converge" in sys.argv)\nnu = settings', 1))
+    solve("0.3")
+    assert not older.exists()
 
 
 def test_error_bars_have_a_band_for_the_reference():

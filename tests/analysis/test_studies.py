@@ -189,22 +189,23 @@ def test_benchmark_is_measured_once_for_a_program(tmp_path):
 
 def test_figure_11_draws_what_ran_and_says_what_did_not(ball, tmp_path):
     assert all((SCENES / f"{name}.toml").exists() for name in paper.FIGURE_11)
-    scenes = [tmp_path / "sinks.toml", tmp_path / "breaks.toml"]
-    scenes[0].write_text("")
-    scenes[1].write_text("gravity = [0, 0, 1]")
+    scenes = [tmp_path / f"{name}.toml" for name in ("sinks", "breaks", "sticks")]
+    for number, scene in enumerate(scenes):
+        scene.write_text(f"gravity = [0, 0, {number}]")
     programs = make_solvers(tmp_path / "home", ball)
     wrapped = programs / "massspring"
     real = wrapped.rename(programs / "real")
     wrapped.write_text(
-        f"#!/bin/sh\ncase $1 in *breaks*) echo 'error: torn' >&2; exit 1;; esac\nexec {real} $@\n"
+        f"#!/bin/sh\ncase $1 in *breaks*) echo 'error: torn' >&2; exit 1;;\n"
+        f"*sticks*) exec {real} $@ --set material.nu=stuck;; esac\nexec {real} $@\n"
     )
     wrapped.chmod(0o755)
     text = real.read_text().replace("os.path.basename(sys.argv[0])", "'massspring'")
     real.write_text(text)
     strips, (head, rows) = paper.figure_11(scenes, Store(tmp_path / "points", programs=programs), tmp_path)
     assert list(strips) == ["sinks"] and strips["sinks"].stat().st_size > 1000
-    assert [row[:2] for row in rows] == [["sinks", "ok"], ["breaks", "failed"]]
-    assert rows[1][-1] == "torn" and len(rows[0]) == len(head)
+    assert [row[:2] for row in rows] == [["sinks", "ok"], ["breaks", "failed"], ["sticks", "not_converged"]]
+    assert rows[1][-1] == "torn" and rows[2][-1] == "step 2 of 5" and len(rows[0]) == len(head)
 
 
 def at(line, x):

@@ -237,11 +237,21 @@ def test_a_generated_shape_needs_no_file(inputs):
 
 
 def test_failed_point_is_a_row_with_its_message(scene, programs, tmp_path):
-    rows = run(scene, tmp_path / "out", programs, {"material.nu": ["0.6", "0.3", "diverge"]})
-    assert [row["status"] for row in rows] == ["failed", "ok", "diverged"]
+    rows = run(scene, tmp_path / "out", programs, {"material.nu": ["0.6", "0.3", "diverge", "stuck"]})
+    assert [row["status"] for row in rows] == ["failed", "ok", "diverged", "not_converged"]
     assert rows[0]["message"] == "massspring: scene.toml: material.nu = 0.6, expected less than 0.5"
-    assert "2 of 3 points gave no result" in finding("synthetic", ["material.nu"], rows)
+    assert [row["message"] for row in rows[2:]] == ["massspring: gave no result", "massspring: step 2 of 5"]
+    assert "3 of 4 points gave no result" in finding("synthetic", ["material.nu"], rows)
     assert "expected less than 0.5" in (tmp_path / "out" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    "nu, status, message",
+    [("far", "not_converged", ""), ("touched", "failed", "exit status 3")],
+)
+def test_references_point_that_is_not_solved_says_how_it_ended(nu, status, message, scene, programs, tmp_path):
+    outcome = Store(tmp_path / "out", programs=programs).run(Point("fem_reference", scene, (f"material.nu={nu}",)))
+    assert (outcome.status, outcome.message) == (status, message)
 
 
 def test_point_that_takes_too_long_is_stopped(ball, scene, tmp_path):

@@ -24,6 +24,17 @@ TEST(EnclosedVolume, OfAClosedSurfaceIsItsVolume) {
   EXPECT_NEAR(sum, volume(box.X, box.F), 1e-14);
 }
 
+// Over the unit triangle of the plane, z = 1 + a x y between it and the origin: (1/2 - a/24) / 3.
+TEST(EnclosedVolume, OfSixNodesIsThatUnderTheCurvedTriangle) {
+  for (double a : {0., 0.7}) {
+    Matrix3Xd x(3, 6);
+    x << 0, 1, 0, .5, .5, 0,  //
+        0, 0, 1, 0, .5, .5,   //
+        1, 1, 1, 1, 1 + a / 4, 1;
+    EXPECT_NEAR(enclosed_volume(x).volume, (0.5 - a / 24) / 3, 1e-14);
+  }
+}
+
 TEST(EnclosedVolume, DerivativesAreDifferences) {
   constexpr double h = 1e-4, kTolerance = 1e-7;  // central differences of a cubic
   for (int n : {3, 6}) {

@@ -69,6 +69,7 @@ TEST(FiniteStrain, StretchesABarAsTheClosedForm) {
         EXPECT_LT(largest_error(solid.X(), solid.displacement(),
                                 [&](const Vector3d& x) -> Vector3d { return strain.cwiseProduct(x); }),
                   kNewton);
+        EXPECT_NEAR(report.max_strain, strain.cwiseAbs().maxCoeff(), kNewton);
       }
 }
 
@@ -235,7 +236,33 @@ TEST(FiniteStrain, MovesPrescribedNodesAllTheWay) {
   ASSERT_TRUE(report.is_converged);
   for (const HeldComponent& h : held)
     EXPECT_NEAR(solid.displacement()(h.component, h.node), h.displacement, 1e-12);
-  EXPECT_GT(report.max_strain, 0.1);
+  const double strain = largest_stretch(solid.X(), solid.cells(), solid.displacement());
+  EXPECT_GT(strain, 0.1);
+  EXPECT_NEAR(report.max_strain, strain, 1e-12);
+}
+
+// A step that moves nothing starts from the rounding that the last has left, and has nothing to gain from it.
+TEST(FiniteStrain, StaysAtRestWhereNothingMovesIt) {
+  const TetMesh mesh = box_tets(4, 2, 2, 0.5, 0.1);
+  for (int degree : {1, 2}) {
+    ElasticSolid solid(mesh, degree);
+    std::vector<HeldComponent> held;
+    for (int i = 0; i < solid.X().cols(); ++i)
+      for (int c = 0; c < 3; ++c)
+        if (std::abs(solid.X()(0, i) - 1) > 0.8) held.push_back({i, c, c == 0 && solid.X()(0, i) > 1 ? 0.3 : 0});
+    ElasticLoads loads;
+    loads.motion = [&](int k, double t) { return std::min(1., 2 * t) * held[k].displacement; };  // and then rests
+    solid.assemble({1e5, 0.45, 1, 0}, ElasticLaw::NeoHookean, loads, held);
+    Eigen::Matrix3Xd at_pause;
+    for (double t : {0., 0.25, 0.5, 0.75, 1.}) {
+      const ElasticReport report = solid.solve(t);
+      ASSERT_TRUE(report.is_converged) << t;
+      if (t == 0) EXPECT_EQ(solid.displacement().norm(), 0);
+      if (t == 0.5) at_pause = solid.displacement();
+    }
+    EXPECT_GT(at_pause.norm(), 0.3);
+    EXPECT_LT((solid.displacement() - at_pause).norm(), 1e-9 * at_pause.norm());
+  }
 }
 
 /// Radial displacement at radii 1 and 2 of a thick sphere under a pressure p from within that follows it: its
@@ -313,7 +340,9 @@ TEST(FiniteStrain, InflatesASlenderBarInFewIterations) {
     solid.assemble(kMaterial, ElasticLaw::NeoHookean, loads, held);
     const ElasticReport report = solid.solve();
     EXPECT_TRUE(report.is_converged);
-    EXPECT_GT(report.max_strain, 0.1);
+    const double strain = largest_stretch(solid.X(), solid.cells(), solid.displacement());
+    EXPECT_GT(strain, 0.1);
+    EXPECT_NEAR(report.max_strain, strain, 1e-12);
     EXPECT_LE(report.newton_iterations, 12);
   }
 }

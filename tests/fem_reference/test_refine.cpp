@@ -1,5 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <map>
+
 #include "fem_reference/refine.h"
 #include "meshing/surface.h"
 #include "tests/fem_reference/tets.h"
@@ -23,6 +27,23 @@ TEST(Refine, FillsTheSameBodyWithTheSameFirstNodes) {
   EXPECT_GT(smallest, 0);
   EXPECT_NEAR(fine_volume, coarse_volume, 1e-14);
   EXPECT_NEAR(volume(fine.X, fine.F), coarse_volume, 1e-13);
+}
+
+TEST(Refine, TetrahedraMeetFaceToFace) {
+  const TetMesh fine = refine(box_tets(2, 1, 1, 0.5, 0.1));
+  std::map<std::array<int, 3>, int> count;
+  for (const auto& t : fine.T.colwise())
+    for (int k = 0; k < 4; ++k) {
+      std::array<int, 3> face{{t((k + 1) % 4), t((k + 2) % 4), t((k + 3) % 4)}};
+      std::sort(face.begin(), face.end());
+      ++count[face];
+    }
+  for (const auto& f : fine.F.colwise()) {
+    std::array<int, 3> face{{f(0), f(1), f(2)}};
+    std::sort(face.begin(), face.end());
+    EXPECT_EQ(count[face]++, 1) << "a boundary triangle is of one tetrahedron";
+  }
+  for (const auto& [face, n] : count) EXPECT_EQ(n, 2);
 }
 
 TEST(Refine, ChildrenOfBoundaryTrianglesFollowTheirParent) {

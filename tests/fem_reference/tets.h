@@ -5,6 +5,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
@@ -35,6 +37,30 @@ inline void shape_functions(int n, const Eigen::Vector4d& l, Eigen::VectorXd& N,
     dN(4 + e, i) = 4 * l(j);
     dN(4 + e, j) = 4 * l(i);
   }
+}
+
+/// Largest |principal stretch - 1| of a displacement, at the centre of linear and at the four points of the rule of
+/// degree 2 of quadratic tetrahedra.
+inline double largest_stretch(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells, const Eigen::Matrix3Xd& u) {
+  const int n = static_cast<int>(cells.rows());
+  const double b = n == 4 ? 0.25 : (5 - std::sqrt(5)) / 20;
+  Eigen::VectorXd N;
+  Eigen::MatrixXd dN;
+  double largest = 0;
+  for (const auto& cell : cells.colwise()) {
+    Eigen::Matrix4d corners;
+    corners << X(Eigen::all, cell.head<4>().eval()), Eigen::RowVector4d::Ones();
+    const Eigen::Matrix<double, 4, 3> dl = corners.inverse().leftCols<3>();
+    for (int i = 0; i < 4; ++i) {
+      Eigen::Vector4d l = Eigen::Vector4d::Constant(b);
+      l(i) = 1 - 3 * b;
+      shape_functions(n, l, N, dN);
+      const Eigen::Matrix3d F = Eigen::Matrix3d::Identity() + u(Eigen::all, cell) * dN * dl;
+      const Eigen::Vector3d stretches = Eigen::JacobiSVD<Eigen::Matrix3d>(F).singularValues();
+      largest = std::max(largest, (stretches.array() - 1).abs().maxCoeff());
+    }
+  }
+  return largest;
 }
 
 struct FieldError {

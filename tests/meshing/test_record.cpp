@@ -92,30 +92,32 @@ TEST_F(RecorderTest, AFrameThatCannotBeWrittenThrowsAndPrintsNothing) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
-TEST_F(RecorderTest, ARunIsUpToDateOnlyWhenFinishedWithTheSameHash) {
+TEST_F(RecorderTest, ARunIsStoredOnlyWhenFinishedWithTheSameHash) {
   {
     Recorder recorder(folder, cells, 3);
     recorder.add_frame(0, X, u);
     recorder.add_row({{"time", 0.1}, {"volume", 1.0 / 3}});
     recorder.add_row({{"time", 0.2}, {"volume", 2.0 / 3}});
-    EXPECT_FALSE(is_up_to_date(folder, "abc")) << "a folder without run.json is no result";
+    EXPECT_FALSE(stored_record(folder, "abc")) << "a folder without run.json is no result";
     recorder.finish({{"status", "ok"}, {"input_hash", "abc"}});
   }
-  EXPECT_TRUE(is_up_to_date(folder, "abc"));
-  EXPECT_FALSE(is_up_to_date(folder, "abd"));
+  ASSERT_TRUE(stored_record(folder, "abc"));
+  EXPECT_EQ(stored_record(folder, "abc")->at("status"), "ok");
+  EXPECT_FALSE(stored_record(folder, "abd"));
   write_file(folder / "run.json", R"({"status": "diverged", "input_hash": "abc"})");
-  EXPECT_FALSE(is_up_to_date(folder, "abc")) << "a run that failed is no result";
+  ASSERT_TRUE(stored_record(folder, "abc")) << "a run that failed would fail again";
+  EXPECT_EQ(stored_record(folder, "abc")->at("status"), "diverged");
   EXPECT_EQ(read_file(folder / "curves.csv"),
             "time,volume\n0.1,0.3333333333333333\n0.2,0.6666666666666666\n");
   const Recorder next(folder, cells, 3);
   EXPECT_FALSE(fs::exists(folder / "run.json")) << "an older run is removed";
 }
 
-TEST_F(RecorderTest, ADamagedRecordIsNotUpToDate) {
+TEST_F(RecorderTest, ADamagedRecordIsNoStoredOne) {
   fs::create_directories(folder);
   for (const char* damaged : {"", "{\"status\": \"ok\"", "[]", R"({"status": 3, "input_hash": null})"}) {
     write_file(folder / "run.json", damaged);
-    EXPECT_FALSE(is_up_to_date(folder, "abc")) << damaged;
+    EXPECT_FALSE(stored_record(folder, "abc")) << damaged;
   }
 }
 

@@ -126,6 +126,28 @@ TEST(Scene, CurvesAndPathsAreLinearBetweenTheirTimesAndConstantOutside) {
   EXPECT_EQ(position_at(scene.supports[1].motion, 1.5), Eigen::Vector3d(0.25, 0, 0));
 }
 
+TEST(Scene, StepsReachTheEndAndAreOneAtLeast) {
+  TimeOptions time;
+  time.end = 1;
+  EXPECT_EQ(n_steps(time, 0.25), 4);
+  EXPECT_EQ(n_steps(time, 0.3), 4);
+  EXPECT_EQ(n_steps(time, 7), 1);
+  time.end = 0.3;
+  EXPECT_EQ(n_steps(time, 0.1), 3) << "0.3 / 0.1 is rounded, and may not make a fourth";
+}
+
+TEST(Scene, StepsBeyondWhatAnIntHoldsAreRefusedByTheirNumber) {
+  TimeOptions time;
+  time.end = 2147483647;
+  EXPECT_EQ(n_steps(time, 1), 2147483647);
+  time.end = 2147483648;
+  EXPECT_THROW(n_steps(time, 1), std::runtime_error);
+  const std::string ball = "[surface]\nshape = \"ball\"\n[time]\nend = 300\nstep = 1e-7\n";
+  EXPECT_EQ(error_of(ball + "mode = \"dynamic\"\n"),
+            "scene.toml: time.end = 300 s in steps of 1e-07 s: 3e+09 steps, expected at most 2147483647");
+  EXPECT_EQ(error_of(ball), "") << "a static scene makes none of them";
+}
+
 TEST(Scene, StressIsTheSumOfItsTerms) {
   const Scene scene = read_scene(write_scene(kFull));
   const double yyz = 9 * 2;

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.accuracy_loads import Loads
-from analysis.compare import displacement_error, remove_rigid_motion, vertex_areas
+from analysis.compare import displacement_error, remove_rigid_motion, vertex_areas, volume
 from analysis.experiment import PROGRAMS, ROOT, compare, run_solvers
 from analysis.runs import load_run
 
@@ -35,31 +35,90 @@ def test_ball_pressure(tmp_path):
     assert np.abs(u - exact).max() < 1e-8 * np.abs(exact).max()
     assert frame.X.mean(axis=0) == pytest.approx([0, 0, 0], abs=1e-12)
 
-    check_golden(comparison)
-    # Patch test of the model, which is exact in linear statics; strains of 1e-3 make it non-linear by as much.
-    assert comparison["displacement_error_l2"] < 2e-3
-    assert comparison["volume_change_error"] < 2e-3
-    assert comparison["displacement_error_max"] < 2e-3
+    # Tetrahedra hold the uniform field, so that what is left is their law's non-linearity, whatever the mesh.
+    displacement, of_volume = errors_of_neo_hookean_ball(material["E"], material["nu"], pressure)
+    for name in ("node_averaged", "edge_coupled"):
+        model = comparison["models"][name]
+        assert model["n_floppy_motions"] == 0
+        for key in ("displacement_error_l2", "displacement_error_max"):
+            assert model[key] == pytest.approx(displacement, rel=1e-4), (name, key)
+        assert model["volume_change_error"] == pytest.approx(of_volume, rel=1e-4), name
+    check_drift(comparison)
 
 
-# The default pair as it stood when last looked at: errors of displacement (L2, largest) and of volume, floppy motions,
-# springs, and how far each error may drift. Tetrahedra hold the exact field, so that only the strain's non-linearity is
-# left, whatever the mesh; the networks' errors are those of one random network, which every machine builds alike.
-GOLDEN = {
-    "node_averaged": (6.9968e-4, 6.9968e-4, 5.5367e-4, 0, 8155, 1e-3),
-    "edge_coupled": (6.9968e-4, 6.9968e-4, 5.5367e-4, 0, 8155, 1e-3),
-    "affine": (1.02303, 1.83962, 0.946240, 8, 8155, 0.01),
-    "uniform": (1.27452, 2.76061, 1.096543, 8, 8155, 0.01),
+def stretches_of_neo_hookean_body(E, nu, pressures):
+    """Equal stretches s under dead pressure bear P(s) = mu s + (lambda (s^6 - 1) / 2 - mu) / s [Ciarlet & Geymonat 1982].
+
+    Returns them and the energy density at each.
+    """
+    lame, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+    low, high = np.full(len(pressures), 0.5), np.full(len(pressures), 1.5)
+    for _ in range(60):
+        s = (low + high) / 2
+        is_low = mu * s + (lame / 2 * (s**6 - 1) - mu) / s < -pressures
+        low, high = np.where(is_low, s, low), np.where(is_low, high, s)
+    return low, mu / 2 * (3 * low**2 - 3) + lame / 4 * (low**6 - 1) - (mu + lame / 2) * 3 * np.log(low)
+
+
+def errors_of_neo_hookean_ball(E, nu, pressure, n_steps=5):
+    """Errors of displacement and volume against small strain."""
+    loads = np.linspace(0, pressure, n_steps + 1)
+    stretch, _ = stretches_of_neo_hookean_body(E, nu, loads)
+    linear = 1 - (1 - 2 * nu) * loads / E
+    changes = stretch**3 - linear**3, linear**3 - 1
+    volume, exact = (np.sqrt(np.trapezoid(change**2, loads)) for change in changes)
+    return abs((stretch[-1] - linear[-1]) / (linear[-1] - 1)), volume / exact
+
+
+@pytest.mark.parametrize("program", ["massspring", "fem_reference"])
+def test_curves_are_those_of_a_body_that_shrinks_evenly(tmp_path, program):
+    pressure, n_steps = 2e3, 5  # a hundredth of strain
+    command = [PROGRAMS / program, SCENES / "ball_pressure.toml", "--quiet", "--out", tmp_path]
+    for override in ("surface.n_vertices=162", f"loads.0.pressure={pressure}"):
+        command += ["--set", override]
+    subprocess.run(command, check=True)
+    run = load_run(tmp_path)
+    E, nu, factors = 1e5, 0.25, np.linspace(0, 1, n_steps + 1)
+    if program == "massspring":
+        stretch, density = stretches_of_neo_hookean_body(E, nu, factors * pressure)
+    else:
+        stretch = 1 - (1 - 2 * nu) * factors * pressure / E
+        density = 3 * pressure * factors * (1 - stretch) / 2
+    X, F = run.last.X, run.last.F
+    rest = volume(X, F)
+    area = np.linalg.norm(np.cross(X[F[:, 1]] - X[F[:, 0]], X[F[:, 2]] - X[F[:, 0]]), axis=1).sum() / 2
+    expected = {
+        "time": factors,
+        "load_factor": factors,
+        "volume": stretch**3 * rest,
+        "area": stretch**2 * area,
+        "kinetic_energy": 0 * factors,
+        "elastic_energy": density * rest,
+        "max_strain": 1 - stretch,
+        "max_displacement": 1 - stretch,  # of a ball of radius 1 m around the origin
+    }
+    assert list(run.curves) == list(expected)
+    for name, values in expected.items():
+        rel = 0.01 if name == "max_displacement" else 1e-5  # springs shrink towards a point near the ball's centre
+        assert run.curves[name] == pytest.approx(values, rel=rel, abs=1e-9), name
+
+
+# A guard against drift, and no more: what this code gave when last looked at, which may be wrong. Errors of displacement
+# (L2, largest) and of volume of one random network, which every machine builds alike, and its floppy motions.
+LAST_SEEN = {
+    "affine": (1.02303, 1.83962, 0.946240, 8),
+    "uniform": (1.27452, 2.76061, 1.096543, 8),
 }
 
 
-def check_golden(comparison):
-    assert list(comparison["models"]) == list(GOLDEN)
+def check_drift(comparison):
+    assert list(comparison["models"]) == ["node_averaged", "edge_coupled", *LAST_SEEN]
     errors = ("displacement_error_l2", "displacement_error_max", "volume_change_error")
-    for name, (*expected, n_floppy, n_springs, drift) in GOLDEN.items():
+    for name, (*expected, n_floppy) in LAST_SEEN.items():
         model = comparison["models"][name]
-        assert [model[key] for key in errors] == pytest.approx(expected, rel=drift), name
-        assert (model["n_floppy_motions"], model["n_springs"]) == (n_floppy, n_springs), name
+        assert [model[key] for key in errors] == pytest.approx(expected, rel=0.01), name
+        assert model["n_floppy_motions"] == n_floppy, name
+    assert {model["n_springs"] for model in comparison["models"].values()} == {8155}
     assert comparison["n_nodes"] == 1300
     assert comparison["n_dofs_reference"] == pytest.approx(26694, rel=0.02)
     assert comparison["reference"]["largest_displacement"] == pytest.approx(1e-3, rel=1e-8)
@@ -79,15 +138,15 @@ def test_bar_sag(tmp_path):
     sag = weight * length**4 * 1.5 / (E * height**2) + weight * length**2 / (2 * shear)
     assert comparison["reference"]["largest_displacement"] == pytest.approx(sag, rel=0.02)
 
-    # Measured 0.3 %; one step coarser in the interior doubles it.
-    assert comparison["displacement_error_l2"] < 0.01
+    # Measured 0.245 %; one step coarser in the interior doubles it.
+    assert 0.0019 < comparison["displacement_error_l2"] < 0.0032
 
 
 def test_torus_hang(tmp_path):
     comparison = compare(run_pair("torus_hang", tmp_path, "comparison.calibrations=[]"))
     assert comparison["status"] == "ok"
-    # Measured 2.8 %: coarse, four elements across the tube, and a clamp with a jagged edge.
-    assert comparison["displacement_error_l2"] < 0.06
+    # Measured 0.93 %, where the reference's own error is some 5 %: a clamp with a jagged edge.
+    assert 0.0071 < comparison["displacement_error_l2"] < 0.0121
 
 
 def test_sag_is_free_of_scale(tmp_path):
@@ -143,24 +202,27 @@ def test_springs_give_the_same_bits_on_one_thread_and_two(tmp_path):
     assert (frames[0] == frames[1]).all()
 
 
-# Relative error under end shear and collapse of a ball of 162 vertices, as it stood when last looked at.
-ACCURACY = {
+# A guard against drift, and no more: relative error under end shear and collapse of a ball of 162 vertices as this code
+# gave it when last looked at. No other program has these models; test_edge_coupled has linear elements' stiffness.
+ACCURACY_LAST_SEEN = {
     "uniform": (0.464205, 0.0393813),
     "affine": (0.444491, 0.0371714),
     "van_gelder": (0.150241, 0.0333397),
     "lloyd": (0.145562, 0.0343727),
+    "moment": (0.0715485, 0.047708),
     "edge_coupled": (0.12073, 0.00807788),
     "node_averaged": (0.0528984, 0.00415408),
 }
 
 
-def test_accuracy_of_loads_without_an_exact_field(tmp_path):
+def test_accuracy_of_loads_without_an_exact_field(tmp_path, monkeypatch):
+    monkeypatch.setattr("analysis.accuracy_loads.MODELS", tuple(ACCURACY_LAST_SEEN))  # with what the study leaves out
     loads = Loads(tmp_path, tmp_path, is_quiet=True)
     rows = [loads.measure("0.25", "ball:162", load) for load in ("end_shear", "collapse")]
     for shear, collapse in zip(*rows, strict=True):
         assert (shear["status"], collapse["status"]) == ("ok", "ok")
         errors = float(shear["error_l2"]), float(collapse["error_l2"])
-        assert errors == pytest.approx(ACCURACY[shear["model"]], rel=0.01), shear["model"]
+        assert errors == pytest.approx(ACCURACY_LAST_SEEN[shear["model"]], rel=0.01), shear["model"]
     assert float(rows[0][0]["reference_error"]) == pytest.approx(0.01172, rel=0.05)
 
 

@@ -1,0 +1,117 @@
+"""What both programs return to the shell, and that a stored result returns it again."""
+
+import json
+import subprocess
+
+import pytest
+
+from analysis.experiment import PROGRAMS
+
+SCENE = """
+[surface]
+shape = "bar"
+n_vertices = 50
+size = [2, 0.5, 0.5] # m
+
+[[supports]]
+region = { plane = { point = [0.001, 0, 0], normal = [1, 0, 0] } }
+components = "xyz"
+
+[[loads]]
+traction = [0, 0, 10] # Pa
+
+[time]
+load_steps = 1
+end = 0.1 # s
+step = 0.01 # s
+
+[reference]
+degree = 1
+"""
+BOTH = ("massspring", "fem_reference")
+DYNAMIC = "time.mode=dynamic"
+# The end is pulled through the clamp: no equilibrium is on the way there.
+TORN = ("reference.law=neo_hookean", "loads.0.traction=[-1e9, 1e9, 0]")
+
+
+@pytest.fixture
+def run(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE)
+
+    def run(program, *overrides, words=()):
+        command = [PROGRAMS / program, tmp_path / "scene.toml", "--quiet", "--out", tmp_path / program, *words]
+        for override in overrides:
+            command += ["--set", override]
+        return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    return run
+
+
+def record_of(folder):
+    return json.loads((folder / "run.json").read_text())
+
+
+@pytest.mark.parametrize(
+    "program, overrides, expected, status",
+    [
+        ("massspring", (), 0, "ok"),
+        ("massspring", (DYNAMIC,), 0, "ok"),
+        ("massspring", (DYNAMIC, "time.integrator=explicit_euler", "time.step=1", "time.end=100"), 2, "diverged"),
+        ("massspring", ("loads.0.traction=[-1e9, 1e9, 0]",), 2, "not_converged"),
+        ("fem_reference", (), 0, "ok"),
+        ("fem_reference", (DYNAMIC,), 0, "ok"),
+        ("fem_reference", TORN, 2, "not_converged"),
+        ("fem_reference", (DYNAMIC, *TORN), 2, "not_converged"),
+        ("fem_reference", (DYNAMIC, "self_contact.on=true"), 3, "not_solved"),
+    ],
+)
+def test_of_a_result_tells_its_status_and_a_stored_one_gives_it_again(
+    run, tmp_path, program, overrides, expected, status
+):
+    first = run(program, *overrides)
+    file = tmp_path / program / "run.json"
+    assert (first.returncode, record_of(file.parent)["status"]) == (expected, status), first.stderr
+    written = file.stat().st_mtime_ns
+    again = run(program, *overrides)
+    assert (again.returncode, again.stderr) == (first.returncode, first.stderr)
+    assert first.stderr.startswith(status) if expected else not first.stderr
+    assert status == "not_solved" or file.stat().st_mtime_ns == written, "a stored result is not made again"
+    run(program, *overrides, words=["--force"])
+    assert file.stat().st_mtime_ns > written
+
+
+@pytest.mark.parametrize("program", BOTH)
+def test_of_an_error_is_1_and_leaves_no_result(run, tmp_path, program):
+    for words in ([], ["--nonsense"], ["--frequencies", "many"]):
+        done = subprocess.run([PROGRAMS / program, *words], capture_output=True, text=True, check=False)
+        assert done.returncode == 1, done.stderr
+    assert run(program, "material.nu=0.7").returncode == 1
+    assert not (tmp_path / program / "run.json").exists()
+
+
+def test_of_meshings_command_line_is_1_where_it_is_wrong():
+    for words, expected in (([], 1), (["--nonsense"], 1), (["shape", "egg"], 1), (["shape", "--help"], 0)):
+        done = subprocess.run([PROGRAMS / "meshing", *words], capture_output=True, text=True, check=False)
+        assert done.returncode == expected, done.stderr
+
+
+@pytest.mark.parametrize("program", BOTH)
+def test_is_told_by_the_help(program):
+    done = subprocess.run([PROGRAMS / program, "--help"], capture_output=True, text=True, check=True)
+    told = " ".join(done.stdout.split("Exit status:")[1].split())
+    assert all(f"{status} " in told for status in range(4)), told
+
+
+@pytest.mark.parametrize("program", BOTH)
+def test_more_steps_than_can_be_counted_are_an_error_that_names_their_number(run, tmp_path, program):
+    done = run(program, DYNAMIC, "time.end=300", "time.step=1e-7")
+    assert done.returncode == 1
+    assert "time.end = 300 s in steps of 1e-07 s: 3e+09 steps, expected at most 2147483647" in done.stderr
+    assert not (tmp_path / program).exists(), "it is refused before anything is made"
+
+
+def test_default_step_of_a_tiny_body_is_refused_when_it_makes_too_many(run, tmp_path):
+    done = run("massspring", DYNAMIC, "time.end=300", "time.step=0", "time.integrator=rk4", "surface.scale=1e-6")
+    assert done.returncode == 1
+    assert "expected at most 2147483647" in done.stderr
+    assert not (tmp_path / "massspring" / "run.json").exists()
