@@ -19,13 +19,13 @@ using Pairs = std::vector<std::pair<int, int>>;
 
 /// The surface's edges first, then the other links in ascending order, each once.
 SpringNetwork assemble(const SurfaceMesh& surface, Eigen::Matrix3Xd X, Pairs links) {
-  Pairs edges;
+  Pairs edges, others;
   const Eigen::Matrix2Xi E = edges_of(surface.F);
   for (const auto& e : E.colwise()) edges.emplace_back(e[0], e[1]);
   std::sort(links.begin(), links.end());
   links.erase(std::unique(links.begin(), links.end()), links.end());
-  std::set_difference(links.begin(), links.end(), edges.begin(), edges.begin() + E.cols(),
-                      std::back_inserter(edges));
+  std::set_difference(links.begin(), links.end(), edges.begin(), edges.end(), std::back_inserter(others));
+  edges.insert(edges.end(), others.begin(), others.end());
   SpringNetwork network{
       std::move(X), surface.F, Eigen::Matrix2Xi(2, edges.size()), {}, static_cast<int>(surface.X.cols())};
   for (size_t s = 0; s < edges.size(); ++s) network.E.col(s) << edges[s].first, edges[s].second;

@@ -1,5 +1,6 @@
 // PLY and STL, each as text or binary.
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -69,6 +70,12 @@ class PlyValues {
   bool is_text_, is_big_endian_;
   std::string name_;
 };
+
+/// Shortest decimal digits that give x again.
+std::string as_text(double x) {
+  char digits[32];
+  return {digits, std::to_chars(digits, digits + sizeof digits, x).ptr};
+}
 
 PolygonSoup read_binary_stl(std::string_view bytes, std::uint32_t n_triangles) {
   PolygonSoup soup;
@@ -140,20 +147,23 @@ PolygonSoup read_ply(std::string_view bytes, const std::string& name) {
   }
 
   PolygonSoup soup;
-  std::vector<std::vector<int>> faces;
+  std::vector<std::vector<double>> faces;
   PlyValues values(bytes.substr(body + 1), format, name);
   for (const PlyElement& element : elements)
     for (long row = 0; row < element.count; ++row) {
       Eigen::Vector3d x = Eigen::Vector3d::Zero();
       for (const PlyProperty& property : element.properties) {
         const bool is_list = !property.count_type.empty();
-        const long n = is_list ? static_cast<long>(values.next(property.count_type)) : 1;
+        const double n = is_list ? values.next(property.count_type) : 1;
+        if (!(n >= 0) || n != std::floor(n))
+          throw std::runtime_error(name + ": " + element.name + " " + std::to_string(row) + " has " +
+                                   as_text(n) + " values of " + property.name + ", expected a count");
         const bool is_face = is_list && element.name == "face" &&
                              (property.name == "vertex_indices" || property.name == "vertex_index");
-        std::vector<int> corners;
+        std::vector<double> corners;
         for (long c = 0; c < n; ++c) {
           const double value = values.next(property.type);
-          if (is_face) corners.push_back(static_cast<int>(value));
+          if (is_face) corners.push_back(value);
           if (property.name.size() == 1 && property.name >= "x" && property.name <= "z")
             x[property.name[0] - 'x'] = value;
         }
@@ -167,11 +177,11 @@ PolygonSoup read_ply(std::string_view bytes, const std::string& name) {
     if (faces[f].size() < 3)
       throw std::runtime_error(name + ": face " + std::to_string(f) + " with " +
                                std::to_string(faces[f].size()) + " corner(s), expected at least 3");
-    for (int v : faces[f])
-      if (v < 0 || v >= n_points)
-        throw std::runtime_error(name + ": face " + std::to_string(f) + " has vertex " + std::to_string(v) +
-                                 ", expected 0 to " + std::to_string(n_points - 1));
-    soup.add_polygon(faces[f]);
+    for (double v : faces[f])
+      if (!(v >= 0 && v < n_points) || v != std::floor(v))
+        throw std::runtime_error(name + ": face " + std::to_string(f) + " has vertex " + as_text(v) +
+                                 ", expected a whole number from 0 to " + std::to_string(n_points - 1));
+    soup.add_polygon({faces[f].begin(), faces[f].end()});
   }
   return soup;
 }

@@ -44,7 +44,7 @@ void PolygonSoup::add_polygon(const std::vector<int>& corners) {
 PolygonSoup read_obj(std::string_view text, const std::string& name) {
   PolygonSoup soup;
   struct Face {
-    std::vector<int> corners;
+    std::vector<long> corners;
     int line;
   };
   std::vector<Face> faces;
@@ -64,7 +64,7 @@ PolygonSoup read_obj(std::string_view text, const std::string& name) {
         const long i =
             parse_integer(token.substr(0, token.find('/'))).value_or(0);  // v, v/vt, v//vn, v/vt/vn
         if (i == 0) lines.fail("corner '" + std::string(token) + "', expected a vertex number");
-        face.corners.push_back(static_cast<int>(i > 0 ? i - 1 : static_cast<long>(soup.points.size()) + i));
+        face.corners.push_back(i > 0 ? i - 1 : static_cast<long>(soup.points.size()) + i);
       }
       if (face.corners.size() < 3)
         lines.fail("face with " + std::to_string(face.corners.size()) + " corner(s), expected at least 3");
@@ -72,12 +72,12 @@ PolygonSoup read_obj(std::string_view text, const std::string& name) {
     }
   }
   for (const Face& face : faces) {
-    for (int v : face.corners)
-      if (v < 0 || v >= static_cast<int>(soup.points.size()))
+    for (long v : face.corners)
+      if (v < 0 || v >= static_cast<long>(soup.points.size()))
         throw std::runtime_error(name + ":" + std::to_string(face.line) + ": vertex " +
                                  std::to_string(v + 1) + ", expected 1 to " +
                                  std::to_string(soup.points.size()));
-    soup.add_polygon(face.corners);
+    soup.add_polygon({face.corners.begin(), face.corners.end()});
   }
   return soup;
 }

@@ -90,7 +90,8 @@ nlohmann::ordered_json environment_record(const std::string& program, std::optio
 /// 16 hex digits of a 64-bit hash of bytes.
 std::string hash_of(const std::string& bytes);
 
-/// Hash of the running program's executable file: a rebuilt program is a different one.
+/// Hash of the running program's executable file and of the meshers' beside it, which need not be there: a
+/// rebuilt program is a different one.
 std::string program_hash();
 
 /// True when `folder` holds a finished run (run.json, status "ok") with this input hash.

@@ -344,6 +344,8 @@ std::string input_hash(const Scene& scene, const SurfaceMesh& surface,
   bytes << table;
   bytes.write(reinterpret_cast<const char*>(surface.X.data()), surface.X.size() * sizeof(double));
   bytes.write(reinterpret_cast<const char*>(surface.F.data()), surface.F.size() * sizeof(int));
+  for (const Obstacle& obstacle : scene.obstacles)
+    if (const auto* mesh = std::get_if<ClosedMesh>(&obstacle.shape)) bytes << read_file(mesh->file);
   bytes << program_hash();
   return hash_of(bytes.str());
 }

@@ -258,8 +258,8 @@ std::string to_toml(const Scene& scene);
 /// @throws std::runtime_error when it cannot be read or is not closed.
 SurfaceMesh load_surface(const SurfaceSource& source);
 
-/// Hash of all that a program's result depends on: the scene less the parts it ignores, the surface and the
-/// program itself.
+/// Hash of all that a program's result depends on: the scene less the parts it ignores, the surface, the files
+/// of obstacles, the program itself and its meshers.
 /// @param ignored  top-level keys of the scene that the program does not read, e.g. {"network"}; name,
 /// comparison and playback never count
 std::string input_hash(const Scene& scene, const SurfaceMesh& surface,

@@ -72,6 +72,20 @@ TEST(Connect, CountsFollowFromTheWay) {
   EXPECT_THROW(connectivity_of("pcq"), std::runtime_error);
 }
 
+TEST(Connect, NoPairIsTwiceWhateverTheOrderOfTheVertices) {
+  // The farthest vertices come first, so that many links of vertex 0 precede its first edge.
+  for (int n : {12, 42, 162}) {
+    const SurfaceMesh ball = make_shape("ball", n);
+    SurfaceMesh surface = ball;
+    for (int v = 1; v < n; ++v) surface.X.col(v) = ball.X.col(n - v);
+    for (int& v : surface.F.reshaped()) v = v == 0 ? 0 : n - v;
+    ASSERT_GT(edges_of(surface.F)(1, 0), 4);
+    ConnectOptions options;
+    options.connectivity = Connectivity::Complete;
+    EXPECT_EQ(connect(surface, Eigen::Matrix3Xd(3, 0), options).E.cols(), n * (n - 1) / 2);
+  }
+}
+
 TEST(Connect, DelaunayEdgesAreThoseOfEmptySpheres) {
   // the centre of a cube has every corner as a neighbour
   const SurfaceMesh box = make_shape("bar", 8, {1, 1, 1});

@@ -1,11 +1,18 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+#include <regex>
+#include <set>
 
 #include "meshing/files.h"
 #include "meshing/scene.h"
+#include "meshing/scene_keys.h"
 #include "meshing/shapes.h"
 #include "meshing/surface.h"
+#include "meshing/surface_io.h"
 
 namespace testbed {
 namespace {
@@ -245,6 +252,31 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
   EXPECT_THROW(read_scene("nowhere.toml"), std::runtime_error);
 }
 
+TEST(Scene, RangesHoldTheirBoundsOrNot) {
+  const auto is_accepted = [](const std::string& key, const std::string& value) {
+    return error_of("[surface]\nshape = \"ball\"\n[[collapse.pivots]]\npoint = [0, 0, 0]\n",
+                    {key + "=" + value})
+        .empty();
+  };
+  struct Row {
+    const char* key;
+    std::vector<const char*> accepted, refused;
+  };
+  const std::vector<Row> rows = {
+      {"collapse.coefficient", {"0", "0.999"}, {"-1e-9", "1", "1.5"}},  // in [0, 1)
+      {"collapse.least", {"0", "1"}, {"-1e-9", "1.001"}},               // in [0, 1]
+      {"material.nu", {"-0.999", "0", "0.499"}, {"-1", "0.5"}},         // in (-1, 0.5)
+      {"material.E", {"1e-9"}, {"0", "-1"}},                            // > 0
+      {"material.damping", {"0", "1e-9"}, {"-1e-9"}},                   // >= 0
+      {"time.load_steps", {"1"}, {"0", "-1"}},
+      {"network.multiplicity", {"3"}, {"2"}},
+      {"reference.degree", {"1", "2"}, {"0", "3"}}};
+  for (const Row& row : rows) {
+    for (const char* value : row.accepted) EXPECT_TRUE(is_accepted(row.key, value)) << row.key << value;
+    for (const char* value : row.refused) EXPECT_FALSE(is_accepted(row.key, value)) << row.key << value;
+  }
+}
+
 TEST(Scene, ShapesWithoutAnInsideAreRefused) {
   const std::string support = "[surface]\nshape = \"ball\"\n[[supports]]\nregion = ";
   EXPECT_EQ(error_of(support + "{ plane = { point = [0, 0, 0], normal = [0, 0, 0] } }\n"),
@@ -322,6 +354,142 @@ TEST(InputHash, ChangesWithWhatAProgramReadsAndWithNothingElse) {
   SurfaceMesh moved = surface;
   moved.X(0, 0) = std::nextafter(moved.X(0, 0), 9);
   EXPECT_NE(input_hash(scene, moved, {"reference"}), hash);
+  SurfaceMesh turned = surface;
+  turned.F.col(7).reverseInPlace();
+  EXPECT_NE(input_hash(scene, turned, {"reference"}), hash);
+}
+
+/// What a value of a scene may be instead, as TOML; most of it is refused in most places.
+std::vector<std::string> others_than(const std::string& value) {
+  if (value == "true" || value == "false") return {value == "true" ? "false" : "true"};
+  if (value[0] != '"') return {"0.125", "0.5", "1", "2", "3", "4", "10"};
+  std::vector<std::string> others{toml_text((test_folder() / "one.obj").string()),
+                                  toml_text((test_folder() / "two.obj").string())};
+  for (const auto& names : {shape_names(), kTimeModes, kIntegrators, kKrylov, kSamplings, kConnectivities,
+                            kSpringLaws, kLaws, kMasses, kWarps, kFields, {"x", "some text"}})
+    for (const std::string& name : names) others.push_back(toml_text(name));
+  return others;
+}
+
+/// A line of a scene's filled-in file: its key with the tables around it, and where values stand in the text.
+/// A key that is absent is explained in a comment, and has none.
+struct Line {
+  std::string key;
+  std::vector<std::pair<size_t, size_t>> values;  // begin and length
+};
+
+std::vector<Line> lines_of(const std::string& toml) {
+  static const std::regex kValue(R"re("[^"]*"|\btrue\b|\bfalse\b|-?\b[0-9][0-9.e+-]*)re");
+  std::vector<Line> lines;
+  std::string table;
+  for (size_t begin = 0, end; begin < toml.size(); begin = end + 1) {
+    end = toml.find('\n', begin);
+    const std::string text = toml.substr(begin, end - begin);
+    if (text.empty()) continue;
+    if (text[0] == '[') {
+      const size_t first = text.find_first_not_of('[');
+      table = text.substr(first, text.find(']') - first) + ".";
+    } else if (text[0] == '#') {
+      lines.push_back({table + text.substr(2, text.find(':') - 2), {}});
+    } else {
+      const size_t equals = text.find(" = ");
+      Line& line = lines.emplace_back(Line{table + text.substr(0, equals), {}});
+      const std::string values = text.substr(equals, text.find("  # ") - equals);
+      for (std::sregex_iterator value(values.begin(), values.end(), kValue), none; value != none; ++value)
+        line.values.emplace_back(begin + equals + value->position(), value->length());
+    }
+  }
+  return lines;
+}
+
+TEST(InputHash, ChangesWithEveryValueOfEveryKeyThatTheProgramReads) {
+  const SurfaceMesh surface = make_shape("ball", 42);
+  for (const char* name : {"one.obj", "two.obj"}) write_surface(test_folder() / name, surface);
+  const std::string every_obstacle = kFull + R"([[obstacles]]
+sphere = { center = [0, 0, 0], radius = 0.5 }
+[[obstacles]]
+box = { low = [0, 0, 0], high = [4, 4, 4] }
+[[obstacles]]
+mesh = { file = "one.obj" }
+)";
+  const std::vector<std::string> from_shape{
+      "network.phi=0.1", "network.psi=0.2", "reference.interior_size=0.1", "reference.spectral_radius=0.7",
+      "self_contact.thickness=0.01", "collapse.pivots.0.end=5", "playback.warp=custom",
+      "playback.points=[[0, 0], [0.3, 0.2]]", "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
+  std::vector<std::string> from_file = from_shape;
+  from_file.push_back("surface.shape=''");
+  from_file.push_back("surface.file=" + (test_folder() / "one.obj").string());
+  std::set<std::string> keys, changed;
+  for (const auto& overrides : {from_shape, from_file}) {
+    const Scene scene = read_scene(write_scene(every_obstacle), overrides);
+    const std::string toml = to_toml(scene);
+    for (const Line& line : lines_of(toml)) {
+      keys.insert(line.key);
+      const std::string part = line.key.substr(0, line.key.find('.'));
+      size_t n_changed = 0;
+      for (const auto& [begin, length] : line.values)
+        for (const std::string& other : others_than(toml.substr(begin, length))) {
+          Scene different;
+          try {
+            different = read_scene(write_scene(std::string(toml).replace(begin, length, other)));
+          } catch (const std::runtime_error&) {
+            continue;
+          }
+          if (to_toml(different) == toml) continue;
+          for (const std::string ignored : {"reference", "network"})
+            EXPECT_EQ(input_hash(different, surface, {ignored}) == input_hash(scene, surface, {ignored}),
+                      part == ignored || part == "name" || part == "comparison" || part == "playback")
+                << line.key << " from " << toml.substr(begin, length) << " to " << other << ", without "
+                << ignored;
+          ++n_changed;
+          break;
+        }
+      if (n_changed > 0 && n_changed == line.values.size()) changed.insert(line.key);
+    }
+  }
+  EXPECT_GT(keys.size(), 80u);
+  for (const std::string& key : keys) EXPECT_TRUE(changed.count(key)) << key << " was never changed";
+}
+
+TEST(InputHash, ChangesWithTheFilesOfObstacles) {
+  const SurfaceMesh surface = make_shape("ball", 42);
+  const fs::path file = test_folder() / "obstacle.obj";
+  write_surface(file, surface);
+  const Scene scene = read_scene(
+      write_scene("[surface]\nshape = \"ball\"\n[[obstacles]]\nmesh = { file = \"obstacle.obj\" }\n"));
+  const std::string hash = input_hash(scene, surface, {});
+  EXPECT_EQ(input_hash(scene, surface, {}), hash);
+  write_surface(file, make_shape("torus", 36));
+  EXPECT_NE(input_hash(scene, surface, {}), hash);
+}
+
+TEST(InputHash, IsPrintedForTheTestOfPrograms) {
+  std::cout << "input hash " << input_hash(Scene(), make_shape("ball", 42), {}) << '\n';
+}
+
+TEST(InputHash, ChangesWithTheProgramAndTheMeshersBesideIt) {
+  const fs::path folder = test_folder() / "bin", program = folder / "program";
+  fs::remove_all(folder);
+  fs::create_directories(folder);
+  fs::copy_file("/proc/self/exe", program);
+  const auto hash = [&] {
+    const fs::path out = folder / "out";
+    const std::string command = program.string() + " --gtest_filter=InputHash.IsPrinted* > " + out.string();
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    std::smatch found;
+    const std::string text = read_file(out);
+    EXPECT_TRUE(std::regex_search(text, found, std::regex("input hash ([0-9a-f]{16})\n"))) << text;
+    return found.str(1);
+  };
+  std::set<std::string> hashes{hash()};
+  EXPECT_EQ(hash(), *hashes.begin());
+  for (const char* worker : {"gmsh_worker", "tetgen_worker"})
+    for (const char* content : {"built", "built anew"}) {
+      write_file(folder / worker, content);
+      EXPECT_TRUE(hashes.insert(hash()).second) << worker << ' ' << content;
+    }
+  std::ofstream(program, std::ios::app) << "built anew";  // what follows a program's end is not run
+  EXPECT_TRUE(hashes.insert(hash()).second);
 }
 
 TEST(LoadSurface, NormalisesTheSmallestSideToOne) {

@@ -56,6 +56,41 @@ std::string ply_of(const SurfaceMesh& mesh, bool is_big_endian) {
   return bytes;
 }
 
+std::string vtk_array(const std::string& name, const std::string& type, const std::string& values) {
+  return "<DataArray Name=\"" + name + "\" type=\"" + type + "\" format=\"ascii\"" +
+         (name == "points" ? " NumberOfComponents=\"3\">" : ">") + values + "</DataArray>";
+}
+
+const std::string corners_of_unit_tetrahedron = "0 0 0 1 0 0 0 1 0 0 0 1";
+
+/// An unstructured grid: the corners of all cells, for each where they end, and its type.
+std::string vtu_of(const std::string& corners, const std::string& ends, const std::string& types,
+                   const std::string& points = corners_of_unit_tetrahedron) {
+  const auto n_words = [](const std::string& text) {
+    return std::to_string(text.empty() ? 0 : std::count(text.begin(), text.end(), ' ') + 1);
+  };
+  return "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\">"
+         "<UnstructuredGrid><Piece NumberOfPoints=\"" +
+         std::to_string((std::count(points.begin(), points.end(), ' ') + 1) / 3) + "\" NumberOfCells=\"" +
+         n_words(types) + "\"><Points>" + vtk_array("points", "Float64", points) + "</Points><Cells>" +
+         vtk_array("connectivity", "Int64", corners) + vtk_array("offsets", "Int64", ends) +
+         vtk_array("types", "UInt8", types) + "</Cells></Piece></UnstructuredGrid></VTKFile>";
+}
+
+/// Poly data on the unit tetrahedron: polygons as above, and one cell of another kind ("Lines", "Strips").
+std::string vtp_of(const std::string& corners, const std::string& ends, const std::string& other = "Lines",
+                   const std::string& other_corners = "0 1 2 3") {
+  const auto cells = [](const std::string& c, const std::string& e) {
+    return vtk_array("connectivity", "Int64", c) + vtk_array("offsets", "Int64", e);
+  };
+  return "<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\"><PolyData>"
+         "<Piece NumberOfPoints=\"4\" NumberOf" +
+         other + "=\"1\" NumberOfPolys=\"" + std::to_string(std::count(ends.begin(), ends.end(), ' ') + 1) +
+         "\"><Points>" + vtk_array("points", "Float64", corners_of_unit_tetrahedron) + "</Points><Polys>" +
+         cells(corners, ends) + "</Polys><" + other + ">" + cells(other_corners, "4") + "</" + other +
+         "></Piece></PolyData></VTKFile>";
+}
+
 }  // namespace
 
 TEST(SurfaceIo, WritesAndReadsEveryBit) {
@@ -78,6 +113,29 @@ TEST(SurfaceIo, ReadsBothByteOrdersOfPly) {
   }
 }
 
+TEST(SurfaceIo, ReadsEveryNameOfPlysFaces) {
+  for (const std::string name : {"vertex_indices", "vertex_index"}) {
+    const SurfaceMesh mesh = read_surface(
+        file_of("faces.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+                             "property float z\nelement face 1\nproperty list uchar int other\n"
+                             "property list uchar int " +
+                                 name + "\nend_header\n0 0 0 2 0 0 0 1 0\n4 0 0 0 0 3 0 1 2\n"));
+    EXPECT_EQ(mesh.F, Eigen::Vector3i(0, 1, 2)) << name;
+    EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding) << name;
+  }
+}
+
+TEST(SurfaceIo, ReadsEveryHeaderOfOff) {
+  // texture coordinates, colours and normals follow the position
+  for (const std::string header : {"OFF", "STOFF", "COFF", "NOFF", "STCNOFF"}) {
+    const SurfaceMesh mesh = read_surface(
+        file_of("header.off", header + "\n3 1 0\n0 0 0 5 6 7 8\n2 0 0 5 6 7 8\n0 1 0 5 6 7 8\n3 0 1 2\n"));
+    EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding) << header;
+  }
+  const std::string said = complaint(file_of("header.off", "4OFF\n3 1 0\n"));
+  EXPECT_NE(said.find("'4OFF', expected OFF"), std::string::npos) << said;
+}
+
 TEST(SurfaceIo, ReadsObjAsUsersWriteIt) {
   const SurfaceMesh mesh =
       read_surface(file_of("odd.obj",
@@ -96,6 +154,51 @@ TEST(SurfaceIo, CutsPolygonsThatAreNotConvexInsideTheirOutline) {
   EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding);
 }
 
+TEST(SurfaceIo, ReadsTheSurfaceOfVtkFilesAndNothingElse) {
+  // a pyramid of a quadrilateral, triangles and a polygon; then a line, a tetrahedron and a spare point
+  const std::string points = "9 9 9 0 0 0 1 0 0 1 1 0 0 1 0 0 0 1";
+  const SurfaceMesh pyramid = read_surface(
+      file_of("pyramid.vtu", vtu_of("1 4 3 2 1 2 5 2 3 5 3 4 5 4 1 5 0 1 0 1 2 4", "4 7 10 13 16 18 22",
+                                    "9 5 5 7 5 3 10", points)));
+  EXPECT_EQ(pyramid.X.cols(), 5);
+  EXPECT_EQ(pyramid.F.cols(), 6);
+  EXPECT_NO_THROW(check_closed(pyramid, "pyramid.vtu"));
+  EXPECT_NEAR(volume(pyramid.X, pyramid.F), 1.0 / 3, rounding);
+  const SurfaceMesh tetrahedron =
+      read_surface(file_of("tet.vtp", vtp_of("0 2 1 0 1 3 1 2 3 0 3 2", "3 6 9 12")));
+  EXPECT_NO_THROW(check_closed(tetrahedron, "tet.vtp"));
+  EXPECT_NEAR(volume(tetrahedron.X, tetrahedron.F), 1.0 / 6, rounding);
+}
+
+TEST(SurfaceIo, ErrorsInVtkFilesNameCellValueAndWhatIsExpected) {
+  const std::string four = "0 2 1 0 1 3 1 2 3 0 3 2", ends = "3 6 9 12";
+  const std::string types = "expected 5, 7 or 9 (triangle, polygon, quadrilateral)";
+  const std::vector<std::tuple<std::string, std::string, std::string>> cases = {
+      {"a.vtu", vtu_of("0 2 1 0 1 3 1 2 4 0 3 2", ends, "5 5 5 5"), "cell 2 has point 4, expected 0 to 3"},
+      {"b.vtu", vtu_of("0 2 1 0 -1 3 1 2 3 0 3 2", ends, "5 5 5 5"), "cell 1 has point -1, expected 0 to 3"},
+      {"c.vtu", vtu_of("4294967296 2 1", "3", "5"), "cell 0 has point 4294967296, expected 0 to 3"},
+      {"d.vtu", vtu_of(four, ends, "5 5 255 5"), "cell 2 has type 255, " + types},
+      {"e.vtu", vtu_of("0 1 2 3", "4", "8"), "cell 0 has type 8, " + types},
+      {"f.vtu", vtu_of("0 1 2", "0 3", "7 5"), "cell 0 has 0 corner(s), expected at least 3"},
+      {"g.vtu", vtu_of("0 1 2 3", "3 4", "5 7"), "cell 1 has 1 corner(s), expected at least 3"},
+      {"h.vtu", vtu_of("0 1 0 1 2", "2 5", "5 5"), "cell 0 has 2 corner(s), expected 3"},
+      {"i.vtu", vtu_of("0 1 2 3", "4", "5"), "cell 0 has 4 corner(s), expected 3"},
+      {"j.vtu", vtu_of("0 1 2", "3", "9"), "cell 0 has 3 corner(s), expected 4"},
+      {"k.vtu", vtu_of(four, "3 6 9", "5 5 5 5"), "cannot be read"},
+      {"l.vtu", vtu_of(four, "3 2 9 12", "5 5 5 5"), "cannot be read"},
+      {"m.vtu", vtu_of(four, "3 6 9 15", "5 5 5 5"), "cannot be read"},
+      {"n.vtu", vtu_of("", "", ""), "no triangles, expected a surface"},
+      {"o.vtp", vtp_of("0 2 1 0 1 4", "3 6"), "polygon 1 has point 4, expected 0 to 3"},
+      {"p.vtp", vtp_of("0 2 -3", "3"), "polygon 0 has point -3, expected 0 to 3"},
+      {"q.vtp", vtp_of("0 1 2", "3 3"), "polygon 1 has 0 corner(s), expected at least 3"},
+      {"r.vtp", vtp_of("0 0 1 2", "1 4"), "polygon 0 has 1 corner(s), expected at least 3"},
+      {"s.vtp", vtp_of("0 1 2 0 1", "3 5"), "polygon 1 has 2 corner(s), expected at least 3"},
+      {"t.vtp", vtp_of("0 1 2", "3", "Strips"), "1 triangle strips, expected polygons"}};
+  for (const auto& [name, text, expected] : cases)
+    EXPECT_NE(complaint(file_of(name, text)).find(name + ": " + expected), std::string::npos)
+        << complaint(file_of(name, text));
+}
+
 TEST(SurfaceIo, MergesEqualPositionsIntoTheFirst) {
   ReadReport report;
   const SurfaceMesh mesh = read_surface(
@@ -107,6 +210,12 @@ TEST(SurfaceIo, MergesEqualPositionsIntoTheFirst) {
 }
 
 TEST(SurfaceIo, ErrorsNameFileLineAndValue) {
+  const std::string three_points = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  const auto ply_face = [](const std::string& type, const std::string& face) {
+    return "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+           "property float z\nelement face 1\nproperty list " +
+           type + " " + type + " vertex_index\nend_header\n0 0 0 1 0 0 0 1 0\n" + face + "\n";
+  };
   const std::vector<std::tuple<std::string, std::string, std::string>> cases = {
       {"a.obj", "v 0 0 0\nv 1 x 0\n", "a.obj:2: 'x'"},
       {"b.obj", "v 0 0 nan\n", "b.obj:1: 'nan'"},
@@ -119,7 +228,21 @@ TEST(SurfaceIo, ErrorsNameFileLineAndValue) {
       {"i.stl", std::string(100, '\1'), "i.stl: 100 bytes"},
       {"j.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n",
        "j.ply: end of file"},
-      {"k.xyz", "", "k.xyz: extension '.xyz'"}};
+      {"k.xyz", "", "k.xyz: extension '.xyz'"},
+      // 2^32 + 1, which 32 bits take for 1
+      {"l.obj", three_points + "f 4294967297 2 3\n", "l.obj:4: vertex 4294967297, expected 1 to 3"},
+      {"m.obj", three_points + "f -4294967297 2 3\n", "m.obj:4: vertex "},
+      {"n.ply", ply_face("int", "3 0 1 3"),
+       "n.ply: face 0 has vertex 3, expected a whole number from 0 to 2"},
+      {"o.ply", ply_face("double", "3 0 1 4294967297"), "o.ply: face 0 has vertex 4294967297, expected"},
+      {"p.ply", ply_face("double", "3 0 1 1e300"), "p.ply: face 0 has vertex 1e+300, expected a whole"},
+      {"q.ply", ply_face("double", "3 0 nan 1"), "q.ply: face 0 has vertex nan, expected a whole"},
+      {"r.ply", ply_face("double", "3 0 1.5 1"), "r.ply: face 0 has vertex 1.5, expected a whole"},
+      {"s.ply", ply_face("int", "3 0 -1 1"), "s.ply: face 0 has vertex -1, expected a whole"},
+      {"t.ply", ply_face("int", "1e300 0 1 2"), "t.ply: end of file"},
+      {"u.ply", ply_face("int", "2.5 0 1 2"), "u.ply: face 0 has 2.5 values of vertex_index, expected"},
+      {"v.ply", ply_face("int", "-3 0 1 2"), "v.ply: face 0 has -3 values of vertex_index, expected a count"},
+      {"w.ply", ply_face("int", "2 0 1"), "w.ply: face 0 with 2 corner(s), expected at least 3"}};
   for (const auto& [name, text, expected] : cases)
     EXPECT_NE(complaint(file_of(name, text)).find(expected), std::string::npos)
         << complaint(file_of(name, text));
