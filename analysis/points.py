@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 import tomllib
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -21,10 +22,10 @@ from .experiment import PROGRAMS, write_text
 from .machine import THREADS
 from .runs import RunError
 
-# Top-level keys of a scene that a program does not read, as in its own input hash.
+# Top-level keys of a scene that change nothing in a program's result, as in its own input hash.
 _IGNORED = {
-    "fem_reference": {"network", "comparison", "playback"},
-    "massspring": {"reference", "comparison", "playback"},
+    "fem_reference": {"name", "network", "comparison", "playback"},
+    "massspring": {"name", "reference", "comparison", "playback"},
 }
 _MESHERS = ("gmsh_worker", "tetgen_worker")
 _MARK = f".part-{platform.node()}-"  # of a folder that a process works on; its number follows
@@ -67,15 +68,17 @@ class Store:
                 shutil.rmtree(part, ignore_errors=True)
 
     def key(self, point: Point) -> str:
-        """Hash of programs, threads, scene, surface file and overrides that the point's result depends on.
+        """Hash of programs, threads, scene, its files and overrides that the point's result depends on.
 
         Raises RunError when the scene or a program cannot be read.
         """
         ignored = _IGNORED[point.program]
         scene = read_toml(point.scene)
         settings = dict(override.partition("=")[::2] for override in point.overrides)
-        surface = settings.get("surface.file") or scene.get("surface", {}).get("file")
-        base = Path() if "surface.file" in settings else point.scene.parent
+        files = dict(_files_in(scene, "", point.scene.parent))
+        for key, text in settings.items():
+            files = {place: file for place, file in files.items() if not f"{place}.".startswith(f"{key}.")}
+            files |= dict(_files_in(_value_of(text), key, Path()))
         parts = [
             {key: value for key, value in scene.items() if key not in ignored},
             {key: value for key, value in settings.items() if key.split(".")[0] not in ignored},
@@ -85,7 +88,7 @@ class Store:
             point.repetition,
             [_hash_of_file(self.programs / name) for name in (point.program, *_MESHERS)],
             [os.environ.get(name, "") for name in THREADS],
-            _hash_of_file(base / surface) if surface else "",
+            {place: _hash_of_file(file) for place, file in files.items()},
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
@@ -180,12 +183,34 @@ def read_toml(file: Path) -> dict[str, Any]:
         raise RunError(f"{file}: {error}") from None
 
 
-@lru_cache
+def _value_of(text: str) -> Any:
+    """The value that --set KEY=TEXT gives: TOML, or the text itself where it is none."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _files_in(value: Any, place: str, folder: Path) -> Iterator[tuple[str, Path]]:
+    """Place and path of every file that a value of a scene names: the surface, and meshes of obstacles."""
+    if isinstance(value, dict | list):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _files_in(part, f"{place}.{key}" if place else key, folder)
+    elif value and place.endswith(".file"):
+        yield place, folder / value
+
+
 def _hash_of_file(file: Path) -> str:
     try:
-        return hashlib.sha256(file.read_bytes()).hexdigest()
+        state = file.stat()
+        return _hash_of_version(file, state.st_mtime_ns, state.st_size)
     except OSError as error:
         raise RunError(f"{file}: {error.strerror}") from None
+
+
+@lru_cache
+def _hash_of_version(file: Path, _time: int, _size: int) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def say(text: str, is_quiet: bool) -> None:

@@ -77,7 +77,10 @@ def finding(comparison: dict[str, Any]) -> str:
         f"{percent(model['displacement_error_l2'])} (at worst {percent(model['displacement_error_max'])}{blur})"
     )
     if is_nearly_isochoric(comparison["reference"]):
-        sentence += f", their volume by {percent(model['volume_change_difference'])}, which hardly changes"
+        sentence += (
+            ", their volume, which changes by less than a hundredth of what the surface sweeps, "
+            f"by {percent(model['volume_change_difference'])} of itself"
+        )
     else:
         sentence += f" and their volume change by {percent(model['volume_change_error'])}"
     return f"{sentence}; they took {springs:.2g} s against {fem:.2g} s, {ratio}."
@@ -150,7 +153,10 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
             errors[1].append([label, model["status"], *[""] * 5])
             continue
         size = [str(model["n_nodes"]), str(model["n_springs"]), str(3 * model["n_nodes"])]
-        errors[1].append([label, *size, *(percent(model[key]) for key in keys)])
+        cells = [percent(model[key]) for key in keys]
+        if is_nearly_isochoric(reference):
+            cells[-1] = "-"  # a fraction of next to nothing
+        errors[1].append([label, *size, *cells])
         trust[1].append([label, *_trust(model)])
         seconds[1].append([label, *times(model["seconds"])])
     label = label_of(REFERENCE)
@@ -293,8 +299,8 @@ def _explained(comparison: dict[str, Any]) -> str:
 the surface nodes of the difference at full load, of a dynamic scene over the whole time too, as a fraction of the same
 norm of the finite-element displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
 <b>Volume error</b>: L2 norm over the whole curve of the difference in volume change, as a fraction of the finite
-elements' own; it says little where the reference hardly changes its volume
-({percent(comparison["reference"]["largest_volume_change"])} here, while its surface sweeps
+elements' own; left out where that stays below a hundredth of what the surface sweeps
+({percent(comparison["reference"]["largest_volume_change"])} here, while the surface sweeps
 {percent(comparison["reference"]["swept_volume"])}). <b>Exact fields</b>: what the model as built
 on this mesh makes of loads whose exact displacement is known, no reference needed: error under uniform pressure and
 uniaxial tension, compliance over the exact one in bending and torsion (1 is exact, less too stiff). <b>Floppy

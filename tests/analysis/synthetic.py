@@ -20,9 +20,10 @@ def write_run(
     F: np.ndarray,
     field: Callable[[np.ndarray], np.ndarray],
     times: np.ndarray | None = None,
+    amplitude: Callable[[float], float] = lambda time: time,
     **record: object,
 ) -> Path:
-    """Writes a finished run whose displacement grows linearly in time to field(X)."""
+    """Writes a finished run whose displacement is amplitude(time) field(X): linear in time by default."""
     (folder / "frames").mkdir(parents=True)
     times = np.linspace(0, 1, N_STEPS + 1) if times is None else times
     interior = X[:3] / 2  # a solver's file holds internal nodes behind the surface's
@@ -30,7 +31,7 @@ def write_run(
     cells = {pv.CellType.TRIANGLE: F, pv.CellType.LINE: np.array([[0, len(X)], [1, len(X) + 1]])}
     sets, rows = [], []
     for step, time in enumerate(times):
-        u = time * field(points)
+        u = amplitude(time) * field(points)
         grid = pv.UnstructuredGrid(cells, points + u)
         grid.point_data["displacement"] = u
         grid.field_data["n_surface"] = [len(X)]

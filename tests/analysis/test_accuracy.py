@@ -2,7 +2,8 @@
 
 import pytest
 
-from analysis.accuracy import batches, slope_of, summarise
+from analysis import accuracy
+from analysis.accuracy import batches, convergence, slope_of, summarise
 
 
 def row(model: str, load: str, error: float, status: str = "ok", surface: str = "ball:162") -> dict[str, str]:
@@ -59,3 +60,23 @@ def test_study_goes_without_meshes_that_are_not_there(tmp_path) -> None:
     for batch in batches(tmp_path, quick=False):
         assert batch["surface"]
         assert all(":" in name for name in batch["surface"])
+
+
+def test_convergence_is_of_one_shape_seed_and_poissons_ratio_in_order_of_the_nodes() -> None:
+    def at(n: int, nodes: str, error: float, **more: str) -> dict[str, str]:
+        return row("affine", "torsion", error, surface=f"ball:{n}") | {"seed": "1", "n_nodes": nodes} | more
+
+    rows = [at(642, "900", 0.1), at(162, "200", 0.4), at(2562, "9000", 0.2, status="undecided")]
+    rows += [at(642, "900", 9, nu="0.49"), at(642, "900", 9, load="shear"), at(642, "900", 9, seed="2")]
+    rows += [at(642, "900", 9, surface="bar:300"), at(300, "400", 9)]
+    assert convergence(rows, "ball", "0.25", "torsion") == {"affine": ([200, 900], [0.4, 0.1])}
+
+
+def test_ratios_are_drawn_as_shares_of_the_cases(drawn) -> None:
+    rows = [row("edge_coupled", load, 0.2) for load in ("bending", "torsion", "cubic", "shear")]
+    rows += [row("affine", load, error) for load, error in (("torsion", 0.4), ("bending", 0.1), ("shear", 9), ("clamp", 9))]
+    rows.append(row("affine", "cubic", 9, status="refused"))
+    line, unity = drawn(accuracy).plot_ratios(rows).axes[0].lines
+    assert list(line.get_xdata()) == pytest.approx([0.5, 2])
+    assert list(line.get_ydata()) == [50, 100]
+    assert list(unity.get_xdata()) == [1, 1]

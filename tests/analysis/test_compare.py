@@ -6,6 +6,8 @@ from synthetic import write_run
 
 from analysis.compare import (
     compare_runs,
+    describe_alone,
+    describe_reference,
     displacement_at,
     displacement_error,
     remove_rigid_motion,
@@ -23,10 +25,37 @@ def rigid_motion(X):
     return np.array([0.3, -0.2, 0.5]) + np.cross([0.1, 0.2, -0.3], X)
 
 
-def test_volume_of_a_cube_far_from_the_origin():
-    X = np.array([[x, y, z] for x in (0, 2) for y in (0, 2) for z in (0, 2)]) + 1000.0
+@pytest.fixture
+def cube():
+    """Of edge 2, a corner at the origin."""
+    X = np.array([[x, y, z] for x in (0, 2) for y in (0, 2) for z in (0, 2)], dtype=float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    F = np.array([triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))])
+    return X, np.array([triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))])
+
+
+@pytest.fixture
+def uneven(ball):
+    """A long body whose triangles differ in area by a factor of a hundred."""
+    X = ball[0] * [3, 1, 0.4]
+    return X + np.array([0.3, 0, 0]) * X[:, :1] ** 2, ball[1]
+
+
+def surface_integral(X, F, values):
+    """Triangle by triangle, of area by Heron's formula and the mean of its corners' values."""
+    total = 0
+    for corners in F:
+        a, b, c = (np.linalg.norm(X[corners[k]] - X[corners[k - 1]]) for k in range(3))
+        s = (a + b + c) / 2
+        total += np.sqrt(s * (s - a) * (s - b) * (s - c)) * np.mean([values[k] for k in corners], axis=0)
+    return total
+
+
+def trapezium(times, values):
+    return sum((t - s) * (a + b) / 2 for s, t, a, b in zip(times, times[1:], values, values[1:], strict=False))
+
+
+def test_volume_of_a_cube_far_from_the_origin(cube):
+    X, F = cube[0] + 1000, cube[1]
     assert volume(X, F) == pytest.approx(8, rel=ROUNDING)
     assert vertex_areas(X, F).sum() == pytest.approx(24, rel=ROUNDING)
 
@@ -64,6 +93,25 @@ def test_removing_rigid_motion_leaves_a_deformation_alone(ball):
     assert remove_rigid_motion(X, u + rigid_motion(X), vertex_areas(X, F)) == pytest.approx(u, abs=1e-6)
 
 
+def test_what_is_left_has_no_mean_motion_over_the_surface(uneven):
+    """The nearest rigid motion leaves no mean displacement and no mean rotation, both over the area."""
+    X, F = uneven
+    u = X[:, [1, 2, 0]] ** 2 + rigid_motion(X)
+    left = remove_rigid_motion(X, u, vertex_areas(X, F))
+    assert surface_integral(X, F, left) == pytest.approx(np.zeros(3), abs=1e3 * ROUNDING)
+    assert surface_integral(X, F, np.cross(X, left)) == pytest.approx(np.zeros(3), abs=1e3 * ROUNDING)
+    assert np.abs(left.mean(axis=0)).max() > 0.01  # over the vertices it has
+
+
+def test_error_is_the_surface_integral_of_the_difference(uneven):
+    X, F = uneven
+    u, u_reference = X * [1.1, 1, 2], X * [1, 1.2, 1]
+    squares = surface_integral(X, F, ((u - u_reference) ** 2).sum(axis=1))
+    squares_reference = surface_integral(X, F, (u_reference**2).sum(axis=1))
+    error = displacement_error(X, F, u, u_reference, is_free=False)
+    assert error.l2 == pytest.approx(np.sqrt(squares / squares_reference), rel=ROUNDING)
+
+
 def test_rigid_motion_counts_where_the_body_is_supported(ball):
     X, F = ball
     u = 0.01 * X
@@ -91,6 +139,19 @@ def test_volume_error_sees_a_difference_in_mid_curve():
     assert error.absolute == pytest.approx(0.2)
     # ||0.2 sin(pi t)|| / ||t|| over [0, 1]; the trapezoidal rule on 100 steps is good to 1e-4.
     assert error.relative == pytest.approx(0.2 * np.sqrt(0.5) / np.sqrt(1 / 3), rel=1e-4)
+
+
+def test_volume_error_weighs_uneven_intervals_by_their_length():
+    times, change_ref = np.array([0, 0.1, 0.5, 2]), np.array([1, 1, 1, 1.0])
+    error = volume_error(times, np.array([1, 1, 1.5, 1]), times, change_ref)
+    # A square of 0.25 at one time counts for half of the intervals beside it, 0.4 and 1.5 of 2.
+    assert error == pytest.approx((np.sqrt(0.25 * (0.4 + 1.5) / 2 / 2), 0.5), rel=ROUNDING)
+
+
+def test_a_single_volume_is_compared_as_it_is():
+    once = np.array([1.0])
+    assert volume_error(once, np.array([-0.3]), once, np.array([-0.2])) == pytest.approx((0.5, 0.1))
+    assert np.isnan(volume_error(once, np.array([-0.3]), once, np.array([0.0])).relative)
 
 
 def test_runs_of_known_difference(ball, tmp_path):
@@ -144,26 +205,91 @@ def test_displacement_is_linear_between_frames(ball, tmp_path):
         displacement_at(run, 1.1)
 
 
+TIMES, SIZES = np.array([0, 0.5, 2, 3]), np.array([0, 1, 3, 1])
+FEWER_TIMES, FEWER_SIZES = np.array([0, 2, 3]), np.array([0, 4, 2])  # 1 at 0.5, as the reference
+TRAJECTORY_ERROR = np.sqrt(trapezium(TIMES, [0, 0, 1, 1]) / trapezium(TIMES, SIZES**2))
+
+
+def write_motion(folder, X, F, field, times, sizes):
+    """A run whose displacement is field(X) times one of the sizes at each time."""
+    write_run(folder, X, F, field, times, lambda time: float(sizes[list(times).index(time)]))
+    (folder / "scene.toml").write_text('[time]\nmode = "dynamic"\n')
+    return load_run(folder)
+
+
 def test_trajectories_are_compared_over_the_whole_time(ball, tmp_path):
-    reference = load_run(write_run(tmp_path / "a", *ball, lambda X: 0.1 * X, times=np.linspace(0, 1, 9)))
-    fewer = load_run(write_run(tmp_path / "b", *ball, lambda X: 0.12 * X, times=np.linspace(0, 1, 3)))
-    assert trajectory_error(fewer, reference) == pytest.approx((0.2, 0.2))
-    turned = load_run(write_run(tmp_path / "c", *ball, lambda X: 0.12 * X + rigid_motion(X)))
-    assert trajectory_error(turned, reference, is_free=True) == pytest.approx((0.2, 0.2))
+    reference = write_motion(tmp_path / "a", *ball, lambda X: 0.1 * X, TIMES, SIZES)
+    fewer = write_motion(tmp_path / "b", *ball, lambda X: 0.1 * X, FEWER_TIMES, FEWER_SIZES)
+    # At 2 s they differ most, by a size of 1, and the reference is largest, of size 3.
+    assert trajectory_error(fewer, reference) == pytest.approx((TRAJECTORY_ERROR, 1 / 3))
+    assert compare_runs(fewer, reference, is_free=False)["displacement_error_l2"] == pytest.approx(
+        TRAJECTORY_ERROR
+    )
+
+
+def test_trajectories_are_compared_over_the_surface(uneven, tmp_path):
+    X, F = uneven
+    reference = write_motion(tmp_path / "a", X, F, lambda X: 0.1 * X[:, [1, 0, 2]], TIMES, SIZES)
+    run = write_motion(tmp_path / "b", X, F, lambda X: 0.1 * X, FEWER_TIMES, FEWER_SIZES)
+    at = np.array([0, 1, 4, 2])
+    squares = [
+        [surface_integral(X, F, (part**2).sum(axis=1)) for part in (a * X - b * X[:, [1, 0, 2]], b * X)]
+        for a, b in zip(at, SIZES, strict=True)
+    ]
+    over_time = trapezium(TIMES, np.array(squares))
+    assert trajectory_error(run, reference).l2 == pytest.approx(np.sqrt(over_time[0] / over_time[1]))
+
+
+def test_motions_of_free_bodies_are_compared_without_the_rigid_part(ball, tmp_path):
+    reference = write_motion(tmp_path / "a", *ball, lambda X: 0.1 * X, TIMES, SIZES)
+    turned = write_motion(
+        tmp_path / "b", *ball, lambda X: 0.1 * X + rigid_motion(X), FEWER_TIMES, FEWER_SIZES
+    )
+    assert trajectory_error(turned, reference, is_free=True) == pytest.approx((TRAJECTORY_ERROR, 1 / 3))
     assert trajectory_error(turned, reference).l2 > 1
 
 
 def test_a_motion_that_ends_at_rest_is_compared_on_its_way(ball, tmp_path):
-    X, F = ball
-    runs = []
-    for name, size in (("a", 0.12), ("b", 0.1)):
-        folder = write_run(tmp_path / name, X, F, lambda X, size=size: size * X, times=np.array([0, 1, 2]))
-        (folder / "scene.toml").write_text('[time]\nmode = "dynamic"\n')
-        (folder / "frames" / "frame_000002.vtu").write_bytes(
-            (folder / "frames" / "frame_000000.vtu").read_bytes()
-        )
-        runs.append(load_run(folder))
-    assert compare_runs(*runs, is_free=False)["displacement_error_l2"] == pytest.approx(0.2)
+    times, sizes = np.array([0, 1, 2, 4]), np.array([0, 1, 2, 0])
+    reference = write_motion(tmp_path / "a", *ball, lambda X: 0.1 * X, times, sizes)
+    run = write_motion(tmp_path / "b", *ball, lambda X: 0.1 * X, times, np.array([0, 1, 2.5, 0]))
+    result = compare_runs(run, reference, is_free=False)
+    expected = np.sqrt(trapezium(times, [0, 0, 0.25, 0]) / trapezium(times, sizes**2))
+    assert result["displacement_error_l2"] == pytest.approx(expected)
+    assert result["displacement_error_max"] == pytest.approx(0.5 / 2)
+
+
+def test_a_pushed_cube_sweeps_its_own_volume(cube, tmp_path):
+    """Moved along an edge, two faces sweep their area times the way; a volume change would cancel them."""
+    X, F = cube
+    run = load_run(
+        write_run(tmp_path / "a", X, F, lambda X: 0 * X + [0.3, 0, 0], program="fem_reference", n_dofs=7)
+    )
+    described = describe_reference(run)
+    assert described["swept_volume"] == pytest.approx(2 * 4 * 0.3 / 8)
+    assert described["largest_displacement"] == pytest.approx(0.3)
+    assert described["largest_volume_change"] == pytest.approx(0, abs=ROUNDING)
+    assert described["n_dofs"] == 7
+
+
+def test_a_moving_reference_is_described_at_its_widest(ball, tmp_path):
+    run = write_motion(tmp_path / "a", *ball, lambda X: -0.1 * X, TIMES, SIZES)
+    described = describe_reference(run)
+    radius = np.linalg.norm(ball[0], axis=1).max()
+    assert described["largest_displacement"] == pytest.approx(0.3 * radius)
+    # X spreads by the divergence 3, of which each triangle has its share.
+    assert described["swept_volume"] == pytest.approx(3 * 0.3)
+    assert described["largest_volume_change"] == pytest.approx(1 - 0.7**3)
+    (run.folder / "scene.toml").unlink()  # without it the run is static
+    assert describe_reference(load_run(run.folder))["swept_volume"] == pytest.approx(3 * 0.1)
+
+
+def test_springs_alone_are_described_at_their_end(ball, tmp_path):
+    run = write_motion(tmp_path / "a", *ball, lambda X: -0.1 * X, TIMES, SIZES)
+    described = describe_alone(run)
+    assert described["volume_change"] == pytest.approx(0.9**3 - 1)
+    assert described["largest_displacement"] == pytest.approx(0.1 * np.linalg.norm(ball[0], axis=1).max())
+    assert described["kinetic_energy_left"] == pytest.approx(0.25)
 
 
 def test_a_reference_at_rest_has_no_trajectory(ball, tmp_path):

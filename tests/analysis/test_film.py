@@ -49,6 +49,17 @@ def test_strip_has_a_row_for_each_run(runs, tmp_path):
     assert shares == sorted(shares) and shares[0] > 0.05
 
 
+def test_film_ends_with_the_run_that_ends_first(ball, runs, tmp_path):
+    longer = write_run(tmp_path / "longer", *ball, lambda X: 0.6 * X, np.linspace(0, 2, 3), calibration="lloyd")
+    draw_film(tmp_path / "film.gif", {"lloyd": load_run(longer), "affine": runs["affine"]}, n_frames=3)
+    film = Image.open(tmp_path / "film.gif")
+    film.seek(film.n_frames - 1)
+    last, middle = film.convert("RGB"), film.width // 2
+    # Both grow alike, so that they look alike at every time that both have.
+    left, right = last.crop((0, 22, middle, 262)), last.crop((middle, 22, film.width, 262))
+    assert np.abs(np.asarray(left, dtype=int) - np.asarray(right, dtype=int)).max() == 0
+
+
 def test_a_single_frame_is_no_film(ball, tmp_path):
     run = load_run(write_run(tmp_path / "run", *ball, lambda X: X, times=np.array([1.0])))
     with pytest.raises(RunError, match="at least two frames"):

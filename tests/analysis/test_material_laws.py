@@ -9,6 +9,7 @@ from analysis.material_laws import (
     inflation_gives_way_at,
     mirror_energy,
     pressure_softens_at,
+    table,
 )
 
 CHOSEN = "Ciarlet-Geymonat (chosen)"
@@ -33,3 +34,26 @@ def test_chosen_law_never_softens_and_resists_turning_inside_out(lam: float) -> 
 def test_saint_venant_kirchhoff_collapses_where_theory_says() -> None:
     assert crush_softens_at(LAWS["St. Venant-Kirchhoff"], 1.0) == pytest.approx(1 / np.sqrt(3), abs=0.01)
     assert mirror_energy(LAWS["St. Venant-Kirchhoff"], 1.0) == 0
+
+
+def test_hencky_gives_way_where_theory_says() -> None:
+    """Nominal traction ln(s) / s is largest at s = e, whatever the ratio of the moduli."""
+    for lam in (1.0, 9.0):
+        assert inflation_gives_way_at(LAWS["Hencky"], lam) == pytest.approx(np.exp(3), rel=0.01)
+
+
+def test_pressure_of_a_law_that_softens() -> None:
+    """Energy (1 - V)^2 (1 + 2 V) has the pressure 6 V (1 - V), largest at half the volume."""
+
+    def law(s: np.ndarray, lam: float) -> float:
+        v = float(np.prod(s))
+        return (1 - v) ** 2 * (1 + 2 * v)
+
+    assert pressure_softens_at(law, 1) == pytest.approx(0.5, abs=0.01)
+
+
+def test_table_is_of_the_poissons_ratio_asked_for() -> None:
+    """lam over mu is 2 nu / (1 - 2 nu): 1 for 0.25, 9 for 0.45, the mirror energy of neo-Hookean 2 + 2 (lam + 1)."""
+    for nu, energy in ((0.25, "6.00"), (0.45, "22.00")):
+        (row,) = [line for line in table(nu).splitlines() if "(J - 1)^2" in line]
+        assert row.endswith(f"| {energy} |")

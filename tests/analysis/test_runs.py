@@ -56,6 +56,15 @@ def test_cut_frame_is_refused(folder):
         _ = load_run(folder).last
 
 
+def test_triangle_of_an_internal_node_is_refused(folder):
+    file = folder / "frames" / f"frame_{N_STEPS:06d}.vtu"
+    grid = pv.read(file)
+    grid.field_data["n_surface"] = [641]
+    grid.save(file)
+    with pytest.raises(RunError, match="expected the triangles of 641 surface nodes"):
+        _ = load_run(folder).last
+
+
 def test_nan_in_a_frame_is_refused(folder):
     file = folder / "frames" / f"frame_{N_STEPS:06d}.vtu"
     grid = pv.read(file)

@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pytest
+from matplotlib.colors import to_hex
 
 from analysis import stability
 from analysis.runs import RunError
@@ -47,6 +48,17 @@ def test_measure_reads_the_cells_and_plot_draws_them(tmp_path: Path):
     rows = stability.measure(tmp_path / "out", write_program(tmp_path / "program"))
     assert [row["outcome"] for row in rows] == ["diverged", "ok", "ok", "ok"]
     assert stability.OUTCOMES["diverged"][0].lower() in stability.plot(rows[:2]).lower()
+
+
+def test_plot_has_stiffness_along_and_steps_up(drawn):
+    cells = [("1e3", "1", "ok"), ("1e4", "1", "diverged"), ("1e3", "2", "inverted"), ("1e4", "2", "short")]
+    rows = [{"method": "m", "start": "rest", "E": E, "h": h, "outcome": o} for E, h, o in cells]
+    (axes,) = drawn(stability).plot(rows).axes
+    colours = axes.collections[0].to_rgba(axes.collections[0].get_array())[..., :3]
+    expected = [["ok", "diverged"], ["inverted", "short"]]  # a line for each step
+    for line, names in zip(colours, expected, strict=True):
+        for colour, name in zip(line, names, strict=True):
+            assert to_hex(colour) == stability.OUTCOMES[name][0].lower()
 
 
 def test_killed_map_continues_behind_its_last_whole_row(tmp_path: Path):

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from solvers import calls, make_solvers
 
@@ -38,9 +39,58 @@ def test_scaling_states_slopes_and_lemma_1():
     head, rows = scaling.table(measured)
     steps = [row[head.index("slope to the row before")] for row in rows]
     assert steps == ["-", "1.00", "1.00"] * 2 + ["-", "1.25", "1.25"]
-    assert "(1.25)" in scaling.plot_seconds(measured)
-    assert "(1.000)" in scaling.plot_lemma(measured)
-    assert "MB" in scaling.plot_memory(measured)
+
+
+def points_of(line):
+    return np.array(line.get_xdata(), dtype=float), np.array(line.get_ydata(), dtype=float)
+
+
+def test_scaling_draws_seconds_memory_and_blocks_over_the_nodes(drawn):
+    nodes = np.array([1e3, 1e4, 1e5])
+    springs, elements = drawn(scaling).plot_seconds(sizes(1.25)).axes
+    expected = {"sampling and PCP (1.00)": 1e-5 * nodes, "set-up (1.00)": 1e-6 * nodes, "explicit step (1.25)": 1e-6 * nodes**1.25}  # fmt: skip
+    lines = {line.get_label().partition(": ")[2]: points_of(line) for line in springs.lines}
+    assert set(lines) == set(expected) and not elements.lines
+    for name, (x, y) in lines.items():
+        np.testing.assert_allclose(x, nodes)
+        np.testing.assert_allclose(y, expected[name])
+    (line,) = scaling.plot_memory(sizes(1.25)).axes[0].lines
+    np.testing.assert_allclose(points_of(line), [nodes, 100 * nodes / 1e6])
+    (line,) = scaling.plot_lemma(sizes(1.25)).axes[0].lines
+    np.testing.assert_allclose(points_of(line), [nodes, 13 * nodes])
+    assert line.get_label() == "PCP network (1.000)"
+
+
+def test_scaling_takes_the_median_of_each_stage_and_the_largest_memory():
+    runs = [{"peak_memory": byte, "seconds": {"setup": setup, "solve": 50 * setup}} for setup, byte in ((1, 5), (9, 7), (2, 6))]  # fmt: skip
+    size = scaling.Size(scaling.LINES[0], [Outcome("ok", "", 1, 1, 0, record=record) for record in runs])
+    assert (size.seconds("setup"), size.seconds("solve"), size.memory) == (2, 2, 7)
+
+
+class Recording:
+    """A store that runs nothing: large bodies fail, and points are listed."""
+
+    def __init__(self):
+        self.points = []
+
+    def run(self, point):
+        self.points.append(point)
+        is_large = "surface.n_vertices=3600" in point.overrides
+        return Outcome("failed" if is_large else "ok", "too large" if is_large else "", 1, 1, 0, record={"n_nodes": 7})
+
+
+def test_scaling_fills_bodies_with_the_nodes_asked_for(tmp_path):
+    store = Recording()
+    # Eight times the nodes in the body have four times the vertices on its surface.
+    measured = scaling.measure(tmp_path / "bar.toml", store, [1400, 8 * 1400, 2e6], 2, is_quiet=True)
+    vertices = [int(point.overrides[0].partition("=")[2]) for point in store.points]
+    n = len(scaling.LINES)
+    huge = round(900 * (2e6 / 1400) ** (2 / 3))
+    # All methods by turns, what failed only once, and of the largest body the explicit step alone.
+    assert vertices == [900] * n + [3600] * n + [huge] + [900] * n + [huge]
+    assert [point.repetition for point in store.points] == [0] * (2 * n + 1) + [1] * (n + 1)
+    assert [size.message for size in measured if size.message] == ["failed: too large"] * n
+    assert {len(size.outcomes) for size in measured} == {0, 2}
 
 
 def test_scaling_keeps_what_failed_as_a_row():
@@ -70,7 +120,29 @@ def test_cost_is_what_a_part_adds():
     ]
     words = cost.finding(costs)
     assert "a +50 %" in words and "below 1 % stay b" in words and "No result: c" in words
-    assert "added to a step" in cost.plot(costs)
+
+
+def test_cost_draws_what_a_part_adds(drawn):
+    costs = [cost.Cost("a", 3e6), cost.Cost(cost.ALONE, 2e6), cost.Cost("b", 1.5e6)]
+    (axes,) = drawn(cost).plot(costs).axes
+    assert [bar.get_width() for bar in axes.patches] == [50, -25]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b"]
+
+
+def test_cost_of_a_step_is_without_the_start(tmp_path, monkeypatch):
+    monkeypatch.setattr(cost, "PARTS", {cost.ALONE: (), "gravity": ("gravity=[0, -9.81, 0]",)})
+
+    class Counted:
+        """5 million instructions to start, 2 or 3 million a step of 0.1 ms."""
+
+        def run(self, point):
+            n = round(float(point.overrides[0].partition("=")[2]) / 1e-4)
+            count = 5_000_000 + (3_000_000 if len(point.overrides) > 1 else 2_000_000) * n
+            (tmp_path / "messages.txt").write_text(f"==1== I   refs:      {count:,}\n")
+            return Outcome("ok", "", 1, 1, 0, tmp_path)
+
+    costs = cost.measure(tmp_path / "cost", Counted(), is_quiet=True)
+    assert costs == [cost.Cost(cost.ALONE, 2e6), cost.Cost("gravity", 3e6)]
 
 
 def test_every_part_is_a_row_even_where_all_fail(ball, tmp_path):
@@ -133,9 +205,29 @@ def test_figure_11_draws_what_ran_and_says_what_did_not(ball, tmp_path):
     assert rows[1][-1] == "torn" and len(rows[0]) == len(head)
 
 
-def test_figures_9_and_10_have_their_curves():
-    assert all(f"R = {R}" in paper.figure_9() for R in (0.1, 0.9))
-    assert all(name in paper.figure_10() for name in ("constant", "elastic", "explode", "custom"))
+def at(line, x):
+    return np.interp(x, *points_of(line))
+
+
+def test_figure_9_draws_how_far_a_spring_collapses(drawn):
+    lines = {line.get_label(): line for line in drawn(paper).figure_9().axes[0].lines}
+    assert set(lines) == {f"R = {R}" for R in (0.1, 0.3, 0.5, 0.9)}
+    # R of the length at the pivot, half of that one smallest side away, a fifth of it at four; between 200 points.
+    for R in (0.1, 0.9):
+        assert at(lines[f"R = {R}"], [0, 1, 4]) == pytest.approx([1 - R, 1 - R / 2, 1 - R / 5], abs=1e-3)
+
+
+def test_figure_10_draws_warps_and_their_speeds(drawn):
+    time, speed = drawn(paper).figure_10().axes
+    shown = {line.get_label(): at(line, [0, 0.5, 1]) for line in time.lines}
+    middle = {"constant": 0.5, "elastic": 0.5, "explode": 0.9526, "custom": 0.1 + 0.7 * 2 / 3}
+    assert shown == {name: pytest.approx([0, value, 1], abs=1e-3) for name, value in middle.items()}
+    fastest = {line.get_label(): points_of(line)[1].max() for line in speed.lines}
+    # Of a parabola's derivative 6 t (1 - t), of an exponential's 6 / (1 - exp(-6)) and of the steepest of three pieces.
+    assert fastest == {
+        "constant": pytest.approx(1), "elastic": pytest.approx(1.5, rel=0.02),
+        "explode": pytest.approx(6, rel=0.02), "custom": pytest.approx(0.7 / 0.3),
+    }  # fmt: skip
 
 
 def test_timed_studies_wait_for_each_other(tmp_path):

@@ -9,6 +9,7 @@ import pytest
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 
+from analysis import sweep as sweeps
 from analysis.__main__ import parse_arguments
 from analysis.points import Point, Store
 from analysis.runs import RunError
@@ -68,6 +69,20 @@ def test_table_holds_the_errors_of_the_runs(scene, programs, tmp_path):
     assert not fetched(page)
 
 
+def test_plot_has_a_line_for_each_value_beside_the_longest(drawn):
+    rows = [
+        {"a": a, "b": b, "status": "ok" if a != "3" else "failed", sweeps.FIGURES[0]: 0.01 * float(a) * float(b)}
+        for a in ("2", "1", "3")
+        for b in ("1", "10")
+    ]
+    (axes,) = drawn(sweeps).plot(["a", "b"], rows).axes
+    lines = {line.get_label(): line for line in axes.lines}
+    assert set(lines) == {"b = 1", "b = 10"} and axes.get_xlabel() == "a"
+    for label, factor in (("b = 1", 1), ("b = 10", 10)):
+        assert list(lines[label].get_xdata()) == [1, 2, 3]
+        assert lines[label].get_ydata() == pytest.approx([factor, 2 * factor, float("nan")], nan_ok=True)
+
+
 def test_motions_keep_their_frames(scene, programs, tmp_path):
     run(scene, tmp_path / "out", programs, {"material.nu": ["0.25"]})
     scene.write_text('[time]\nmode = "dynamic"\n')
@@ -89,30 +104,129 @@ def test_finished_points_never_run_again(scene, programs, tmp_path):
     assert len(calls(programs)) == 9 + 2
 
 
-@pytest.mark.parametrize("changed", ["scene", "program", "threads"])
-def test_what_a_result_depends_on_makes_it_run_again(changed, scene, programs, tmp_path, monkeypatch):
-    point = Point("massspring", scene)
-    before = Store(tmp_path / "out", programs=programs).key(point)
-    if changed == "scene":
-        scene.write_text("gravity = [0, 0, 1]\n")
-    elif changed == "program":
-        programs = programs.rename(tmp_path / "rebuilt")
-        (programs / "massspring").write_text("another")
-    else:
-        monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    assert Store(tmp_path / "out", programs=programs).key(point) != before
+INPUTS = {
+    "scene.toml": """name = "first"
+gravity = [0, 0, -9]
+surface = { file = "ball.obj" }
+network = { multiplicity = 3 }
+reference = { degree = 1 }
+comparison = { calibrations = ["lloyd"] }
+playback = { fps = 25 }
+obstacles = [{ plane = { point = [0, 0, 0] } }, { mesh = { file = "wall.obj" } }]
+""",
+    "ball.obj": "v 0 0 1",
+    "wall.obj": "v 0 0 2",
+    "other.obj": "v 0 0 3",
+    **{f"bin/{name}": "build 1" for name in ("massspring", "fem_reference", "gmsh_worker", "tetgen_worker")},
+}
+SPRINGS, ELEMENTS, NEITHER = {"massspring"}, {"fem_reference"}, set()
+BOTH = SPRINGS | ELEMENTS
 
 
-def test_surface_file_counts_with_what_it_holds(programs, tmp_path):
-    scene = tmp_path / "scene.toml"
-    scene.write_text('[surface]\nfile = "a.obj"\n')
-    (tmp_path / "a.obj").write_text("v 0 0 0")
-    (tmp_path / "b.obj").write_text("v 0 0 1")
-    store = Store(tmp_path / "out", programs=programs)
-    other = Point("massspring", scene, (f"surface.file={tmp_path / 'b.obj'}",))
-    assert store.key(Point("massspring", scene)) != store.key(other)
-    with pytest.raises(RunError, match="c.obj: No such file"):
-        store.key(Point("massspring", scene, ("surface.file=c.obj",)))
+@pytest.fixture
+def inputs(tmp_path):
+    folder = tmp_path / "inputs"
+    (folder / "bin").mkdir(parents=True)
+    for name, text in INPUTS.items():
+        (folder / name).write_text(text)
+        os.utime(folder / name, (0, 0))  # a change to the same size shows, however fast the test
+    return folder
+
+
+def keys(inputs, *overrides, **more):
+    store = Store(inputs.parent / "points", programs=inputs / "bin")
+    scene = inputs / "scene.toml"
+    return {program: store.key(Point(program, scene, overrides, **more)) for program in BOTH}
+
+
+def changed(before, after):
+    return {program for program in BOTH if before[program] != after[program]}
+
+
+@pytest.mark.parametrize(
+    "file, old, new, whose",
+    [
+        ("scene.toml", "-9", "-8", BOTH),
+        ("scene.toml", '"ball.obj"', '"other.obj"', BOTH),
+        ("scene.toml", "point = [0, 0, 0]", "point = [0, 0, 1]", BOTH),
+        ("scene.toml", "multiplicity = 3", "multiplicity = 5", SPRINGS),
+        ("scene.toml", "degree = 1", "degree = 2", ELEMENTS),
+        ("scene.toml", "first", "second", NEITHER),
+        ("scene.toml", "lloyd", "affine", NEITHER),
+        ("scene.toml", "fps = 25", "fps = 50", NEITHER),
+        ("scene.toml", "gravity", "# a comment\ngravity", NEITHER),
+        ("ball.obj", "v 0 0 1", "v 0 0 4", BOTH),
+        ("wall.obj", "v 0 0 2", "v 0 0 4", BOTH),
+        ("other.obj", "v 0 0 3", "v 0 0 4", NEITHER),
+        ("bin/massspring", "1", "2", SPRINGS),
+        ("bin/fem_reference", "1", "2", ELEMENTS),
+        ("bin/gmsh_worker", "1", "2", BOTH),
+        ("bin/tetgen_worker", "1", "2", BOTH),
+    ],
+)
+def test_results_depend_on_what_files_hold(file, old, new, whose, inputs):
+    before = keys(inputs)
+    text = (inputs / file).read_text()
+    assert old in text
+    (inputs / file).write_text(text.replace(old, new))
+    assert changed(before, keys(inputs)) == whose
+
+
+@pytest.mark.parametrize(
+    "override, whose",
+    [
+        ("material.nu=0.4", BOTH),
+        ("network.multiplicity=5", SPRINGS),
+        ("reference.degree=2", ELEMENTS),
+        ("name=second", NEITHER),
+        ("comparison.calibrations=[]", NEITHER),
+        ("playback.fps=50", NEITHER),
+    ],
+)
+def test_results_depend_on_overrides(override, whose, inputs):
+    key, _, value = override.partition("=")
+    assert changed(keys(inputs), keys(inputs, override)) == whose
+    assert changed(keys(inputs, override), keys(inputs, f"{key}={value}1")) == whose
+
+
+@pytest.mark.parametrize(
+    "more", [{"options": ("--converge", "2")}, {"prefix": ("valgrind",)}, {"repetition": 1}]
+)
+def test_runs_of_other_words_or_repetitions_are_kept_apart(more, inputs):
+    assert changed(keys(inputs), keys(inputs, **more)) == BOTH
+
+
+@pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "DEAL_II_NUM_THREADS"])
+def test_results_depend_on_threads(name, inputs, monkeypatch):
+    before = keys(inputs)
+    monkeypatch.setenv(name, "7")
+    assert changed(before, keys(inputs)) == BOTH
+
+
+@pytest.mark.parametrize(
+    "override, left",
+    [
+        ("surface.file={}", "ball.obj"),
+        ('surface.file="{}"', "ball.obj"),
+        ('surface={{ file = "{}" }}', "ball.obj"),
+        ("obstacles.1.mesh.file={}", "wall.obj"),
+        ('obstacles=[{{ mesh = {{ file = "{}" }} }}]', "wall.obj"),
+    ],
+)
+def test_files_of_overrides_count_instead_of_the_scenes(override, left, inputs):
+    words = override.format(inputs / "other.obj")
+    before = keys(inputs, words)
+    (inputs / left).unlink()
+    assert changed(before, keys(inputs, words)) == NEITHER
+    (inputs / "other.obj").write_text("v 0 0 4")
+    assert changed(before, keys(inputs, words)) == BOTH
+
+
+def test_a_generated_shape_needs_no_file(inputs):
+    (inputs / "ball.obj").unlink()
+    keys(inputs, 'surface.file=""', "surface.shape=ball")
+    with pytest.raises(RunError, match="ball.obj: No such file"):
+        keys(inputs)
 
 
 def test_failed_point_is_a_row_with_its_message(scene, programs, tmp_path):

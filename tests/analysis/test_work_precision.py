@@ -10,20 +10,24 @@ import numpy as np
 import pytest
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
+from synthetic import write_run
 
 from analysis.experiment import ROOT
 from analysis.front import pareto, seconds_for
-from analysis.points import Store
+from analysis.points import Outcome, Store
 from analysis.runs import RunError
 from analysis.study import Result, Section, write
 from analysis.style import FEM_P2
 from analysis.work_precision import (
     FULL,
+    QUICK,
     Effort,
+    Measurement,
     SceneStudy,
     curves_of,
     in_words,
     methods_of,
+    noise,
     plot,
     table,
     winners,
@@ -53,6 +57,15 @@ def test_methods_change_places_where_their_curves_cross():
     parts = winners({"node_averaged": SPRINGS, FEM_P2: ELEMENTS})
     assert [name for name, _, _ in parts] == ["node_averaged", FEM_P2]
     assert parts[0][2] == pytest.approx(0.1, rel=0.05)  # 400 steps over 4 decades
+
+
+def test_errors_of_no_use_win_nothing():
+    curves = {"uniform": [(0.001, 0.9)], "affine": [(1.0, 0.8), (10.0, 0.01)]}
+    assert winners(curves) == [("affine", pytest.approx(0.3), pytest.approx(0.01))]
+    assert winners({"uniform": [(0.1, 0.9)], "affine": [(1.0, 0.6)]}) == [
+        ("affine", pytest.approx(0.6), pytest.approx(0.6))
+    ]
+    assert winners({}) == []
 
 
 def test_words_name_wins_and_losses_of_the_springs():
@@ -88,6 +101,168 @@ def test_scene_without_a_ladder_is_refused(text, message, tmp_path):
         SceneStudy(tmp_path / "scene.toml", FULL, *[Store(tmp_path / "points")] * 2)
 
 
+def measurement(*outcomes, **more):
+    return Measurement(methods_of({})[0], 1, list(outcomes), **more)
+
+
+def timed(cpu=1.0, memory=0, **seconds):
+    return Outcome("ok", "", 1.0, cpu, 0.0, record={"seconds": seconds, "peak_memory": memory})
+
+
+def test_errors_within_twice_the_references_own_are_not_resolved():
+    assert measurement(error=0.021, reference_error=0.01).is_resolved
+    assert not measurement(error=0.019, reference_error=0.01).is_resolved
+    assert measurement(error=1e-9).is_resolved
+    assert not measurement(reference_error=0.01).is_resolved
+
+
+def test_seconds_are_the_median_without_the_output():
+    m = measurement(
+        *(timed(memory=byte, setup=1, solve=solve, output=100) for solve, byte in ((2, 5), (40, 7), (3, 6)))
+    )
+    assert m.seconds() == [3, 41, 4]
+    assert m.seconds("solve", "output") == [102, 140, 103]
+    assert m.whole == 4
+    assert m.memory == 7
+
+
+def test_runs_that_waited_for_a_core_are_counted():
+    assert noise([measurement(timed(cpu=0.91), timed(cpu=1.5))]) == "Every timed run had a core for itself."
+    words = noise([measurement(timed(cpu=0.89), timed(cpu=1)), measurement(timed(cpu=1))])
+    assert words.startswith("1 of 3 timed runs waited")
+
+
+class Ladder:
+    """A store of runs whose displacement is known: (1 + its error) times that of the limit, X.
+
+    Elements of n tetrahedra err by in_space / ratio^refinements, and by in_time step^2; springs by a tenth.
+    """
+
+    def __init__(self, folder, in_space=0.0, ratio=8.0, in_time=0.0, n=100):
+        self.folder, self.in_space, self.ratio, self.in_time, self.n = folder, in_space, ratio, in_time, n
+        self.points = []
+        X = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], dtype=float)
+        upper = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2)]
+        self.surface = X, np.array(upper + [(b, a, 5) for a, b, _ in upper])
+
+    def error(self, settings):
+        refinements = int(settings.get("reference.refine", 0))
+        return (
+            self.in_space / self.ratio**refinements + self.in_time * float(settings.get("time.step", 0)) ** 2
+        )
+
+    def run(self, point):
+        self.points.append(point)
+        settings = dict(override.split("=", 1) for override in point.overrides)
+        error = 0.1 if point.program == "massspring" else self.error(settings)
+        folder = self.folder / str(len(self.points))
+        record = {"program": point.program, "is_free": False, "n_tetrahedra": self.n}
+        if point.options[:1] == ("--converge",):
+            error = self.error(settings | {"reference.refine": 1})
+            record["convergence"] = {"status": "ok", "estimated_error_l2_finest": error, "error_ratio": self.ratio}
+        write_run(folder, *self.surface, lambda X: (1 + error) * X, **record)
+        record["seconds"] = {"solve": 1.0}
+        return Outcome("ok", "", 1, 1, 0, folder, record | {"n_nodes": 6})
+
+
+STATIC = '[surface]\nshape = "ball"\n'
+DYNAMIC = '[time]\nmode = "dynamic"\nstep = 0.1\n'
+
+
+def study_over(ladder, scene, reference_tetrahedra=0, factors=(1,)):
+    file = ladder.folder / "scene.toml"
+    file.write_text(scene)
+    study = SceneStudy(file, Effort(factors, (1, 2), 1, reference_tetrahedra), ladder, ladder)
+    study.run(is_quiet=True)
+    return study
+
+
+@pytest.mark.parametrize("reference_tetrahedra, refinements", [(6400, 2), (6399, 1)])
+@pytest.mark.parametrize("ratio", [4, 8])
+def test_static_reference_states_its_own_error(ratio, reference_tetrahedra, refinements, tmp_path):
+    study = study_over(Ladder(tmp_path, 0.032, ratio), STATIC, reference_tetrahedra)
+    error = 0.032 / ratio**refinements
+    springs = [m for m in study.measurements if m.method.program == "massspring"]
+    assert [m.reference_error for m in springs] == pytest.approx([error] * len(springs))
+    assert [m.error for m in springs] == pytest.approx([(0.1 - error) / (1 + error)] * len(springs))
+
+
+def test_references_of_large_strain_are_refined_while_they_have_a_sixth_of_the_tetrahedra(tmp_path):
+    for number, law, tetrahedra, refinements in (
+        (1, "neo_hookean", 6 * 6400, 2),
+        (2, "neo_hookean", 6 * 6400 - 1, 1),
+        (3, "small_strain", 6400, 2),
+    ):
+        (tmp_path / str(number)).mkdir()
+        ladder = Ladder(tmp_path / str(number), 0.032)
+        study = study_over(ladder, f'{STATIC}[reference]\nlaw = "{law}"\n', tetrahedra)
+        assert study.measurements[0].reference_error == pytest.approx(0.032 / 8**refinements)
+        # Many load steps where the displacement is not proportional to the load, for every method alike.
+        is_one_step = {"time.load_steps=1" in point.overrides for point in ladder.points}
+        assert is_one_step == {law == "small_strain"}
+
+
+def test_dynamic_reference_states_its_error_in_time_and_space(tmp_path):
+    in_time, in_space = 0.016 / 0.1**2, 0.001
+    ladder = Ladder(tmp_path, in_space, 8, in_time)
+    study = study_over(ladder, DYNAMIC)
+    # The ladder's shortest step is 0.1 s, the reference's a quarter. Space: what a refinement changes.
+    error = 0.016 / 4**2 + in_space * (1 - 1 / 8)
+    # Relative to a displacement that errs by 0.3 % itself.
+    assert study.measurements[0].reference_error == pytest.approx(error, rel=0.01)
+    exact = 1 + 0.016 / 4**2 + in_space / 8
+    springs = [m for m in study.measurements if m.method.program == "massspring"]
+    assert [m.error for m in springs] == pytest.approx([1.1 / exact - 1] * len(springs))
+    elements = [m for m in study.measurements if m.method.program == "fem_reference"]
+    own = [1 + 0.016 * m.factor**2 + in_space for m in elements]
+    assert [m.error for m in elements] == pytest.approx([u / exact - 1 for u in own])
+
+
+@pytest.mark.parametrize("effort", [FULL, QUICK])
+def test_all_steps_of_a_ladder_write_frames_at_the_same_moments(effort, tmp_path):
+    (tmp_path / "scene.toml").write_text(DYNAMIC)
+    study = SceneStudy(tmp_path / "scene.toml", effort, *[Ladder(tmp_path)] * 2)
+    for m in study.measurements:
+        words = dict(word.split("=") for word in study.rung(m.factor))
+        assert float(words["time.step"]) == pytest.approx(0.1 * m.factor)
+        assert float(words["time.step"]) * int(words["output.frames_every"]) == pytest.approx(
+            0.1 * max(effort.steps)
+        )
+
+
+def test_ladder_of_surfaces_is_in_shares_of_the_scenes_vertices(tmp_path):
+    (tmp_path / "scene.toml").write_text(STATIC + "n_vertices = 900\n")
+    study = SceneStudy(tmp_path / "scene.toml", FULL, *[Ladder(tmp_path)] * 2)
+    assert study.rung(0.25)[0] == "surface.n_vertices=225"
+    assert study.rung(4)[0] == "surface.n_vertices=3600"
+
+
+class Failing(Ladder):
+    """moment takes too long, lloyd breaks down."""
+
+    def run(self, point):
+        outcome = super().run(point)
+        if "network.calibration=moment" in point.overrides:
+            return Outcome("time limit", "stopped", 9, 9, 0)
+        return (
+            Outcome("diverged", "", 1, 1, 0) if "network.calibration=lloyd" in point.overrides else outcome
+        )
+
+
+def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
+    study = study_over(Failing(tmp_path), STATIC, factors=(1, 2))
+    said = {(m.method.name, m.factor): m.message for m in study.measurements if not m.is_good}
+    assert said == {
+        ("moment", 1): "time limit: stopped",
+        ("moment", 2): "not tried: beyond the time limit on a coarser rung",
+        ("lloyd", 1): "diverged",
+        ("lloyd", 2): "diverged",
+    }
+    head, rows = table(study)
+    assert {row[-1] for row in rows} == {"", *said.values()}
+    assert all(len(row) == len(head) for row in rows)
+
+
 @pytest.fixture(scope="module")
 def study(ball, tmp_path_factory):
     """Springs that are off by a tenth of the reference, which estimates its own error as 1 %."""
@@ -108,6 +283,11 @@ def test_study_measures_the_error_of_the_runs_and_repeats_them(study):
     assert {m.reference_error for m in study.measurements} == {0.01}
     assert springs[0].whole == pytest.approx(0.1 + 0.2 + 0.3)  # the synthetic run's mesh, setup and solve
     assert springs[0].seconds("solve") == pytest.approx([0.3] * 2)
+    row = dict(zip(*[table(study)[0], table(study)[1][0]], strict=True))
+    assert (row["vertices"], row["error"], row["of reference"]) == ("642", "10 %", "1 %")
+    assert [row[f"{part} (s)"] for part in ("set-up", "solve", "whole", "spread")] == [
+        "0.3", "0.3", "0.6", "0.6 to 0.6"
+    ]  # fmt: skip
     # Elements agree with the reference, which are the same stand-in; their error is as good as the reference's.
     assert curves_of(study.measurements)["fem_p2"][0][1] == 0.01
     order = [line.split()[0] for line in calls(programs)]
@@ -144,7 +324,7 @@ def test_report_stands_alone(study, tmp_path):
 _STUDY = """
 import sys
 from pathlib import Path
-from analysis.points import Store
+from analysis.points import Outcome, Store
 from analysis.study import Result, Section, write
 from analysis.work_precision import Effort, SceneStudy, table
 folder, programs = map(Path, sys.argv[1:])

@@ -1,0 +1,41 @@
+"""The description of programs and machine, against what other programs say of them."""
+
+import re
+import subprocess
+from pathlib import Path
+
+from analysis.machine import describe
+
+CACHE = """// a comment
+CMAKE_BUILD_TYPE:STRING=Release
+CMAKE_CXX_COMPILER:FILEPATH=/bin/echo
+CMAKE_CXX_FLAGS:STRING=-Wall
+CMAKE_CXX_FLAGS_DEBUG:STRING=-g
+CMAKE_CXX_FLAGS_RELEASE:STRING=-O3 -DNDEBUG
+"""
+
+
+def test_programs_are_named_by_what_they_hold(tmp_path, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("DEAL_II_NUM_THREADS", raising=False)
+    (tmp_path / "bin").mkdir()
+    for name in ("massspring", "gmsh_worker", "test_springs"):
+        (tmp_path / "bin" / name).write_text(f"program {name}")
+    described = describe(tmp_path / "bin")
+    sums = subprocess.run(
+        ["sha256sum", "massspring", "gmsh_worker"], cwd=tmp_path / "bin", capture_output=True, text=True, check=True
+    )
+    expected = {line.split()[1]: line[:16] for line in sums.stdout.splitlines()}
+    assert described["programs (SHA-256)"] == expected
+    assert described["threads"] == {"OMP_NUM_THREADS": "7", "DEAL_II_NUM_THREADS": "not set"}
+    assert described["compiler"] == "unknown" and "flags" not in described
+    kilobytes = re.search(r"MemTotal:\s*(\d+) kB", Path("/proc/meminfo").read_text())[1]
+    assert abs(described["memory (GB)"] - int(kilobytes) * 1024 / 1e9) < 0.1
+
+
+def test_flags_are_those_of_the_build(tmp_path):
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "CMakeCache.txt").write_text(CACHE)
+    described = describe(tmp_path / "bin")
+    assert described["flags"] == "Release -Wall -O3 -DNDEBUG"
+    assert described["compiler"].startswith("echo")
