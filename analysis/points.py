@@ -195,7 +195,7 @@ def _files_in(value: Any, place: str, folder: Path) -> Iterator[tuple[str, Path]
     """Place and path of every file that a value of a scene names: the surface, and meshes of obstacles."""
     if isinstance(value, dict | list):
         for key, part in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _files_in(part, f"{place}.{key}" if place else key, folder)
+            yield from _files_in(part, f"{place}.{key}" if place else str(key), folder)
     elif value and place.endswith(".file"):
         yield place, folder / value
 

@@ -74,7 +74,10 @@ def test_convergence_is_of_one_shape_seed_and_poissons_ratio_in_order_of_the_nod
 
 def test_ratios_are_drawn_as_shares_of_the_cases(drawn) -> None:
     rows = [row("edge_coupled", load, 0.2) for load in ("bending", "torsion", "cubic", "shear")]
-    rows += [row("affine", load, error) for load, error in (("torsion", 0.4), ("bending", 0.1), ("shear", 9), ("clamp", 9))]
+    rows += [
+        row("affine", load, error)
+        for load, error in (("torsion", 0.4), ("bending", 0.1), ("shear", 9), ("clamp", 9))
+    ]
     rows.append(row("affine", "cubic", 9, status="refused"))
     line, unity = drawn(accuracy).plot_ratios(rows).axes[0].lines
     assert list(line.get_xdata()) == pytest.approx([0.5, 2])

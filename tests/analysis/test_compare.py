@@ -51,7 +51,9 @@ def surface_integral(X, F, values):
 
 
 def trapezium(times, values):
-    return sum((t - s) * (a + b) / 2 for s, t, a, b in zip(times, times[1:], values, values[1:], strict=False))
+    return sum(
+        (t - s) * (a + b) / 2 for s, t, a, b in zip(times, times[1:], values, values[1:], strict=False)
+    )
 
 
 def test_volume_of_a_cube_far_from_the_origin(cube):

@@ -34,7 +34,8 @@ def test_film_has_a_moving_body_for_each_run(runs, tmp_path):
     last = film.convert("RGB")
     left, right = last.crop((0, 20, width, 260)), last.crop((width, 20, film.width, 260))
     assert np.abs(np.asarray(left, dtype=int) - np.asarray(first, dtype=int)).max() > 100
-    # The springs' ball grows in all directions, to 1.6; the other's in one of them, so that it covers less.
+    # The springs' ball grows in all directions, to 1.3; the other's in one of them, so that it covers less.
+    assert coloured(first) == pytest.approx(coloured(left) / 1.3**2, rel=0.05)
     assert 0.2 < coloured(right) < coloured(left) < 0.9
 
 
@@ -50,7 +51,9 @@ def test_strip_has_a_row_for_each_run(runs, tmp_path):
 
 
 def test_film_ends_with_the_run_that_ends_first(ball, runs, tmp_path):
-    longer = write_run(tmp_path / "longer", *ball, lambda X: 0.6 * X, np.linspace(0, 2, 3), calibration="lloyd")
+    longer = write_run(
+        tmp_path / "longer", *ball, lambda X: 0.6 * X, np.linspace(0, 2, 3), calibration="lloyd"
+    )
     draw_film(tmp_path / "film.gif", {"lloyd": load_run(longer), "affine": runs["affine"]}, n_frames=3)
     film = Image.open(tmp_path / "film.gif")
     film.seek(film.n_frames - 1)

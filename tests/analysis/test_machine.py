@@ -23,7 +23,11 @@ def test_programs_are_named_by_what_they_hold(tmp_path, monkeypatch):
         (tmp_path / "bin" / name).write_text(f"program {name}")
     described = describe(tmp_path / "bin")
     sums = subprocess.run(
-        ["sha256sum", "massspring", "gmsh_worker"], cwd=tmp_path / "bin", capture_output=True, text=True, check=True
+        ["sha256sum", "massspring", "gmsh_worker"],
+        cwd=tmp_path / "bin",
+        capture_output=True,
+        text=True,
+        check=True,
     )
     expected = {line.split()[1]: line[:16] for line in sums.stdout.splitlines()}
     assert described["programs (SHA-256)"] == expected

@@ -76,7 +76,9 @@ class Recording:
     def run(self, point):
         self.points.append(point)
         is_large = "surface.n_vertices=3600" in point.overrides
-        return Outcome("failed" if is_large else "ok", "too large" if is_large else "", 1, 1, 0, record={"n_nodes": 7})
+        return Outcome(
+            "failed" if is_large else "ok", "too large" if is_large else "", 1, 1, 0, record={"n_nodes": 7}
+        )
 
 
 def test_scaling_fills_bodies_with_the_nodes_asked_for(tmp_path):
@@ -232,9 +234,11 @@ def test_figure_10_draws_warps_and_their_speeds(drawn):
 
 def test_timed_studies_wait_for_each_other(tmp_path):
     code = "import sys; from pathlib import Path; from analysis.study import SCENES, alone\n"
-    code += "with alone(True, Path(sys.argv[1])): pass"
+    code += "with alone(False, Path(sys.argv[1])): pass"
     with alone(lock_file=tmp_path / "lock"):
-        other = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "lock")], cwd=ROOT)
+        words = [sys.executable, "-c", code, str(tmp_path / "lock")]
+        other = subprocess.Popen(words, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+        assert "waiting for it to end" in other.stderr.readline()
         with pytest.raises(subprocess.TimeoutExpired):
-            other.wait(5)
+            other.wait(0.5)
     assert other.wait(30) == 0

@@ -11,7 +11,7 @@ from solvers import ERRORS, calls, make_solvers, wait_for_calls
 
 from analysis import sweep as sweeps
 from analysis.__main__ import parse_arguments
-from analysis.points import Point, Store
+from analysis.points import Point, Store, say
 from analysis.runs import RunError
 from analysis.sweep import finding, parse_grid, points_of, sweep
 
@@ -71,7 +71,12 @@ def test_table_holds_the_errors_of_the_runs(scene, programs, tmp_path):
 
 def test_plot_has_a_line_for_each_value_beside_the_longest(drawn):
     rows = [
-        {"a": a, "b": b, "status": "ok" if a != "3" else "failed", sweeps.FIGURES[0]: 0.01 * float(a) * float(b)}
+        {
+            "a": a,
+            "b": b,
+            "status": "ok" if a != "3" else "failed",
+            sweeps.FIGURES[0]: 0.01 * float(a) * float(b),
+        }
         for a in ("2", "1", "3")
         for b in ("1", "10")
     ]
@@ -238,10 +243,23 @@ def test_failed_point_is_a_row_with_its_message(scene, programs, tmp_path):
 
 
 def test_point_that_takes_too_long_is_stopped(ball, scene, tmp_path):
-    programs = make_solvers(tmp_path / "slow", ball, seconds=60)
+    programs = make_solvers(tmp_path / "slow", ball, seconds=20)
     outcome = Store(tmp_path / "out", time_limit=0.2, programs=programs).run(Point("massspring", scene))
-    assert outcome.status == "time limit"
-    assert outcome.wall < 30
+    assert (outcome.status, outcome.message) == ("time limit", "stopped after 0.2 s")
+    assert outcome.wall < 15
+
+
+def test_point_stopped_early_runs_again_with_more_time(ball, scene, tmp_path):
+    programs = make_solvers(tmp_path / "slow", ball, seconds=0.5)
+    stores = [Store(tmp_path / "out", time_limit, programs) for time_limit in (0.1, 60, 0.1)]
+    statuses = [store.run(Point("massspring", scene)).status for store in stores]
+    assert statuses == ["time limit", "ok", "ok"]  # what has been solved is not run again in less time
+
+
+def test_progress_stands_on_stderr(capsys):
+    say("half way", is_quiet=False)
+    say("nothing", is_quiet=True)
+    assert capsys.readouterr() == ("", "half way\n")
 
 
 def test_shares_of_two_machines_make_the_whole_table(scene, programs, tmp_path):

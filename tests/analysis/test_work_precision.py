@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
 
+from analysis import work_precision
 from analysis.experiment import ROOT
 from analysis.front import pareto, seconds_for
 from analysis.points import Outcome, Store
@@ -78,6 +80,9 @@ def test_words_name_wins_and_losses_of_the_springs():
     assert "At 3 % the best springs (node_averaged) are 55 times faster" in " ".join(faster)
     alone = in_words({"uniform": [(1.0, 0.5)], FEM_P2: ELEMENTS})
     assert "No springs reach 3 %" in " ".join(alone)
+    springs_alone = in_words({"uniform": SPRINGS, FEM_P2: [(2.0, 0.5)]})
+    assert "No elements reach 3 % on this ladder; springs, uniform do in 33 s." in springs_alone
+    assert in_words({"uniform": SPRINGS})[0] == "springs, uniform is the fastest at every error reached."
 
 
 def test_every_method_has_a_line_in_static_and_dynamic_scenes():
@@ -86,6 +91,30 @@ def test_every_method_has_a_line_in_static_and_dynamic_scenes():
         assert len(names) == len(set(names))
         assert {"fem_p1", "fem_p2"} < set(names)
         assert any(name.startswith("uniform") for name in names)
+
+
+@pytest.mark.parametrize("text", ["", '[time]\nmode = "dynamic"\nstep = 0.1'])
+def test_methods_differ_in_degree_or_springs_and_scheme(text, tmp_path):
+    (tmp_path / "scene.toml").write_text(text or STATIC)
+    study = SceneStudy(tmp_path / "scene.toml", QUICK, *[Ladder(tmp_path)] * 2)
+    for m in study.measurements:
+        point = study.point(m, 3)
+        words = dict(word.split("=") for word in point.overrides)
+        asked = (
+            point.program,
+            point.options,
+            words.get("reference.degree"),
+            words.get("network.calibration"),
+        )
+        assert asked == {
+            "fem_p1": ("fem_reference", (), "1", None),
+            "fem_p2": ("fem_reference", (), "2", None),
+        }.get(m.method.name, ("massspring", ("--no-diagnostics",), None, m.method.name.split(", ")[0]))
+        if text and point.program == "massspring":
+            assert words["time.integrator"] == m.method.name.split(", ")[1]
+        # A displacement that is proportional to the load needs one step; a motion's load has none.
+        assert ("time.load_steps" in words) == (not text)
+        assert point.repetition == 3
 
 
 @pytest.mark.parametrize(
@@ -126,6 +155,24 @@ def test_seconds_are_the_median_without_the_output():
     assert m.memory == 7
 
 
+def test_plot_has_errors_over_seconds_and_a_band_of_the_references_own(drawn):
+    rungs = [
+        measurement(timed(setup=9 * s, solve=s, output=5), error=error, reference_error=0.01)
+        for s, error in ((1, 0.1), (10, 0.001))
+    ]
+    study = SimpleNamespace(measurements=rungs, name="ball")
+    whole, solve = drawn(work_precision).plot(study).axes
+    for axes, seconds in ((whole, [10, 100]), (solve, [1, 10])):
+        curve, resolved, hollow = axes.lines
+        assert list(curve.get_xdata()) == seconds and list(curve.get_ydata()) == pytest.approx([10, 0.1])
+        assert list(resolved.get_xdata()) == seconds[:1] and list(hollow.get_xdata()) == seconds[1:]
+        assert hollow.get_markerfacecolor() == "white" != resolved.get_markerfacecolor()
+        (band,) = axes.patches
+        assert band.get_y() + band.get_height() == pytest.approx(1)
+    labels = [text.get_text() for text in solve.get_legend().get_texts()]
+    assert labels == ["springs, uniform (-2.0)"]
+
+
 def test_runs_that_waited_for_a_core_are_counted():
     assert noise([measurement(timed(cpu=0.91), timed(cpu=1.5))]) == "Every timed run had a core for itself."
     words = noise([measurement(timed(cpu=0.89), timed(cpu=1)), measurement(timed(cpu=1))])
@@ -159,7 +206,11 @@ class Ladder:
         record = {"program": point.program, "is_free": False, "n_tetrahedra": self.n}
         if point.options[:1] == ("--converge",):
             error = self.error(settings | {"reference.refine": 1})
-            record["convergence"] = {"status": "ok", "estimated_error_l2_finest": error, "error_ratio": self.ratio}
+            record["convergence"] = {
+                "status": "ok",
+                "estimated_error_l2_finest": error,
+                "error_ratio": self.ratio,
+            }
         write_run(folder, *self.surface, lambda X: (1 + error) * X, **record)
         record["seconds"] = {"solve": 1.0}
         return Outcome("ok", "", 1, 1, 0, folder, record | {"n_nodes": 6})
@@ -208,6 +259,8 @@ def test_dynamic_reference_states_its_error_in_time_and_space(tmp_path):
     study = study_over(ladder, DYNAMIC)
     # The ladder's shortest step is 0.1 s, the reference's a quarter. Space: what a refinement changes.
     error = 0.016 / 4**2 + in_space * (1 - 1 / 8)
+    # Steps of the methods without a ladder of their own.
+    assert {row[1] for row in table(study)[1][:16]} == {"0.2", "0.1"}
     # Relative to a displacement that errs by 0.3 % itself.
     assert study.measurements[0].reference_error == pytest.approx(error, rel=0.01)
     exact = 1 + 0.016 / 4**2 + in_space / 8
@@ -237,6 +290,27 @@ def test_ladder_of_surfaces_is_in_shares_of_the_scenes_vertices(tmp_path):
     assert study.rung(4)[0] == "surface.n_vertices=3600"
 
 
+def test_rows_without_a_reference_say_why(tmp_path):
+    class Diverging(Ladder):
+        def run(self, point):
+            outcome = super().run(point)
+            outcome.record.get("convergence", {})["status"] = "not converging"
+            return outcome
+
+    study = study_over(Diverging(tmp_path), STATIC)
+    assert {m.message for m in study.measurements} == {"no reference: its refinements are not converging"}
+    assert not any(m.is_good for m in study.measurements)
+    assert curves_of(study.measurements) == {}
+
+
+def test_errors_below_the_references_own_count_as_that(tmp_path):
+    known = [
+        measurement(timed(solve=2), error=e, reference_error=r)
+        for e, r in ((0.2, 0.1), (0.1, 0.2), (0.3, None))
+    ]
+    assert curves_of(known) == {"uniform": [(2, 0.2), (2, 0.2), (2, 0.3)]}
+
+
 class Failing(Ladder):
     """moment takes too long, lloyd breaks down."""
 
@@ -244,9 +318,7 @@ class Failing(Ladder):
         outcome = super().run(point)
         if "network.calibration=moment" in point.overrides:
             return Outcome("time limit", "stopped", 9, 9, 0)
-        return (
-            Outcome("diverged", "", 1, 1, 0) if "network.calibration=lloyd" in point.overrides else outcome
-        )
+        return Outcome("diverged", "", 1, 1, 0) if "network.calibration=lloyd" in point.overrides else outcome
 
 
 def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
@@ -285,6 +357,7 @@ def test_study_measures_the_error_of_the_runs_and_repeats_them(study):
     assert springs[0].seconds("solve") == pytest.approx([0.3] * 2)
     row = dict(zip(*[table(study)[0], table(study)[1][0]], strict=True))
     assert (row["vertices"], row["error"], row["of reference"]) == ("642", "10 %", "1 %")
+    assert {line[1] for line in table(study)[1]} == {"642", "1284"}
     assert [row[f"{part} (s)"] for part in ("set-up", "solve", "whole", "spread")] == [
         "0.3", "0.3", "0.6", "0.6 to 0.6"
     ]  # fmt: skip
