@@ -88,18 +88,23 @@ def test_free_bodies_are_in_balance(load, ball):
 
 
 def test_balance_is_the_least(ball):
-    """Any other balance of the same load has a larger mean square: the least is orthogonal to what balances nothing."""
-    X, F = ball
+    """The least mean square is orthogonal, over the area, to all tractions that balance nothing."""
+    X, F = ball[0] * [1.3, 1, 0.5], ball[1]
     load = np.array([1.0, 2, 3, 4, 5, 6])
-    least = balancing(X, F, load)
-    areas = np.array([np.linalg.norm(np.cross(X[p[:, 1]] - X[p[:, 0]], X[p[:, 2]] - X[p[:, 0]]), axis=1).sum() / 2
-                      for _, _, p in eighths(X, F)])  # fmt: skip
-    for number in range(20):
-        other = balancing(X, F, load + np.random.default_rng(number).normal(size=6))
-        other += np.random.default_rng(number).normal(size=other.shape)
-        left = sum(resultant(X, p, np.tile(t, (len(p), 1))) for t, (_, _, p) in zip(other, eighths(X, F)))
-        other += balancing(X, F, load + left)  # now it balances the load, too
-        assert (areas @ other**2).sum() > (areas @ least**2).sum() > 0
+    parts = [part for _, _, part in eighths(X, F)]
+    resultants = np.array(
+        [resultant(X, p, np.tile(axis, (len(p), 1))) for p in parts for axis in np.eye(3)]
+    ).T
+    least = balancing(X, F, load).ravel()
+    np.testing.assert_allclose(resultants @ least, -load, rtol=1e-9)
+    areas = np.repeat(
+        [np.linalg.norm(resultant(X, p, np.tile([1, 0, 0], (len(p), 1)))[:3]) for p in parts], 3
+    )
+    nothing = np.linalg.svd(resultants)[2][6:]
+    assert len(nothing) == 3 * len(parts) - 6
+    scale = np.abs(areas * least).max()
+    np.testing.assert_allclose(nothing @ (areas * least), 0, atol=1e-9 * scale)
+    assert np.abs(nothing @ least).max() > 1e-3 * np.abs(least).max()  # eighths differ in area
 
 
 def test_every_case_is_measured_once():

@@ -199,6 +199,23 @@ def test_run_that_ends_early_is_refused(ball, tmp_path):
         compare_runs(a, b, is_free=True)
 
 
+def test_short_motions_end_together_within_a_share_of_their_length(ball, tmp_path):
+    reference = load_run(write_run(tmp_path / "a", *ball, lambda X: X, np.array([0, 1e-6])))
+    early = load_run(write_run(tmp_path / "b", *ball, lambda X: X, np.array([0, 0.9999e-6])))
+    rounded = load_run(write_run(tmp_path / "c", *ball, lambda X: X, np.array([0, 1e-6 * (1 + 1e-12)])))
+    compare_runs(rounded, reference, is_free=False)
+    with pytest.raises(RunError, match="last frame is at time"):
+        compare_runs(early, reference, is_free=False)
+
+
+def test_comparison_keeps_what_the_springs_say_of_themselves(ball, tmp_path):
+    said = {"n_nodes": 7, "n_springs": 8, "diagnostics": {"pressure_error": 0.1}, "n_floppy_motions": 2, "floppy_load_share": 0.3}  # fmt: skip
+    run = load_run(write_run(tmp_path / "a", *ball, lambda X: X, **said))
+    reference = load_run(write_run(tmp_path / "b", *ball, lambda X: X, program="fem_reference"))
+    result = compare_runs(run, reference, is_free=False)
+    assert {key: result[key] for key in said} == said
+
+
 def test_displacement_is_linear_between_frames(ball, tmp_path):
     run = load_run(write_run(tmp_path / "a", *ball, lambda X: 0.1 * X, times=np.array([0, 0.4, 1])))
     for time in (0, 0.1, 0.4, 0.7, 1):

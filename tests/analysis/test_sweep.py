@@ -2,8 +2,10 @@
 
 import csv
 import os
+import platform
 import random
 import signal
+import subprocess
 
 import pytest
 from pages import fetched
@@ -265,6 +267,18 @@ def test_point_stopped_early_runs_again_with_more_time(ball, scene, tmp_path):
     stores = [Store(tmp_path / "out", time_limit, programs) for time_limit in (0.1, 60, 0.1)]
     statuses = [store.run(Point("massspring", scene)).status for store in stores]
     assert statuses == ["time limit", "ok", "ok"]  # what has been solved is not run again in less time
+
+
+def test_only_what_dead_processes_left_is_cleared(tmp_path):
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    left, busy = (tmp_path / f"a.part-{platform.node()}-{number}" for number in (dead.pid, os.getpid()))
+    elsewhere, whole = tmp_path / f"a.part-another.machine-{dead.pid}", tmp_path / "a"
+    for folder in (left, busy, elsewhere, whole):
+        folder.mkdir()
+        (folder / "run.json").write_text("{}")
+    Store(tmp_path)
+    assert [folder.exists() for folder in (left, busy, elsewhere, whole)] == [False, True, True, True]
 
 
 def test_progress_stands_on_stderr(capsys):
