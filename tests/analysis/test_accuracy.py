@@ -49,7 +49,7 @@ def test_undecided_cases_are_counted_not_averaged() -> None:
     shear, clamp = (by_load["node_averaged", load] for load in ("end_shear", "clamp"))
     assert (shear["median"], shear["undecided"]) == (pytest.approx(0.1), 0)
     assert (clamp["median"], clamp["undecided"], clamp["refused"]) == (None, 1, 0)
-    # At most (0.03 + 0.02) / (0.2 - 0.02), below a third; (0.045 + 0.02) / 0.18 may be more, over 0.2 it were not.
+    # At most (0.03 + 0.02) / (0.2 - 0.02), below a third; (0.045 + 0.02) / 0.18 is more, over 0.2 it is less.
     assert clamp["undecided_at_most_third"] == 1
     assert by_load["affine", "clamp"]["undecided_at_most_third"] == 0
 
@@ -73,8 +73,9 @@ def test_program_measures_each_case_once(tmp_path) -> None:
     rows = {(r["model"], r["load"]): r for r in read_table(table)}
     assert len(both.splitlines()) == 1 + len(rows) == 1 + 2 * 6
     for model in ("uniform", "edge_coupled"):
-        # Work of a pressure is pressure times change of volume, here -3 of the volume: compliance is its share of the exact.
-        compliance, change = (float(rows[model, "pressure"][key]) for key in ("compliance", "volume_change_error"))
+        # A pressure works by the change of volume, exactly -3 of the volume: compliance is the share of it.
+        pressed = rows[model, "pressure"]
+        compliance, change = float(pressed["compliance"]), float(pressed["volume_change_error"])
         assert change == pytest.approx(-3 * (compliance - 1), rel=1e-3, abs=1e-8)
     assert abs(float(rows["uniform", "pressure"]["compliance"]) - 1) > 0.01
     assert max(float(rows["edge_coupled", load]["error_l2"]) for load in accuracy.PATCH_LOADS) < 1e-8

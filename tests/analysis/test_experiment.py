@@ -177,7 +177,8 @@ def test_error_is_painted_in_percent_of_the_references_largest_displacement(ball
     monkeypatch.setattr(pv.Plotter, "add_mesh", spy)
     X, F = ball[0] * [2, 1, 1], ball[1]
     # The springs' body is shifted, too, which means nothing where it is free.
-    draw_comparison(tmp_path / "picture.png", Frame(X, 0.3 * X + [0, 5, 0], F), Frame(X, 0.2 * X, F), is_free=True, label="")
+    frames = [Frame(X, 0.3 * X + [0, 5, 0], F), Frame(X, 0.2 * X, F)]
+    draw_comparison(tmp_path / "picture.png", *frames, is_free=True, label="springs")
     length = np.linalg.norm(X, axis=1)
     reference, springs, error = (values for values in painted if values.shape == length.shape)
     np.testing.assert_allclose(reference, 0.2 * length, rtol=1e-6)
@@ -254,7 +255,8 @@ def home(ball, tmp_path, monkeypatch):
 
 
 def test_exit_status_tells_whether_the_scenes_own_model_gave_a_result(home, tmp_path, capsys):
-    arguments = parse_arguments(["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"])
+    words = ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
+    arguments = parse_arguments(words)
     assert run_command(arguments) == 0
     written = (tmp_path / "out" / "comparison.json").stat().st_mtime_ns
     assert run_command(arguments) == 0
@@ -272,7 +274,8 @@ def test_refinement_of_an_earlier_run_does_not_outlive_it(home, tmp_path):
     assert run() == ["fem_reference", "fem_reference", "massspring"]
     assert (tmp_path / "out" / "reference_refined").exists()
     record = home / "fem_reference" / "run.json"
-    record.write_text(json.dumps(json.loads(record.read_text()) | {"n_dofs": 10**6}))  # too many to be refined
+    many = {"n_dofs": 10**6}  # too many to be refined
+    record.write_text(json.dumps(json.loads(record.read_text()) | many))
     assert run()[3:] == ["fem_reference", "massspring"]
     assert not (tmp_path / "out" / "reference_refined").exists()
 
