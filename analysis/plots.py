@@ -65,6 +65,8 @@ def plot_errors(errors: dict[str, float], of_reference: float | None) -> str:
     axes.bar_label(bars, [f"{value:.3g}" for value in values], padding=2, fontsize=8)
     axes.set_xscale("log")
     axes.margins(x=0.1)
+    if not errors:
+        axes.set_xlim(1, 100)  # a logarithmic axis without bars would start below zero
     axes.set_xlim(left=min(axes.get_xlim()[0], 50 * (of_reference or np.inf), min(values, default=1) / 2))
     if of_reference and 100 * of_reference > axes.get_xlim()[0]:
         axes.axvspan(axes.get_xlim()[0], 100 * of_reference, color="grey", alpha=0.25, linewidth=0)

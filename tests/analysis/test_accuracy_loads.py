@@ -137,6 +137,22 @@ def test_error_is_to_the_refined_reference_whose_own_is_stated(stand_ins, tmp_pa
     assert {row["status"] for row in rows} == {"ok"}
 
 
+@pytest.mark.parametrize(
+    "load, n_tetrahedra, own", [("clamp", 31250, 0.01), ("clamp", 31251, 0.02), ("gravity", 31250, 0.02)]
+)
+def test_references_of_clamped_bodies_are_refined_twice_while_they_are_small(
+    load, n_tetrahedra, own, ball, stand_ins, tmp_path
+):
+    """Each refinement makes eight of a tetrahedron. The second takes a hundredth off the displacement."""
+    record = tmp_path / "home" / "fem_reference_refine_1" / "run.json"
+    record.write_text(record.read_text().replace("1000000", str(n_tetrahedra)))
+    twice = tmp_path / "home" / "fem_reference_refine_2"
+    more = {"program": "fem_reference", "is_free": False}
+    write_run(twice, *ball, lambda X: 0.01 / 1.02 / 1.01 * X, np.linspace(0, 1, 2), **more)
+    rows = study_of(tmp_path / "study", stand_ins).measure("0.25", "ball:162", load)
+    assert [float(row["reference_error"]) for row in rows] == pytest.approx([own] * len(MODELS), rel=1e-4)
+
+
 def test_error_near_the_references_own_is_undecided(stand_ins, tmp_path, monkeypatch):
     monkeypatch.setattr(accuracy_loads, "DECIDED", 7)  # 0.122 < 7 x 0.02
     rows = study_of(tmp_path / "study", stand_ins).measure("0.25", "ball:162", "end_shear")

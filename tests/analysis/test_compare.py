@@ -317,7 +317,15 @@ def test_a_reference_at_rest_has_no_trajectory(ball, tmp_path):
         trajectory_error(fewer, load_run(write_run(tmp_path / "e", *ball, lambda X: 0 * X)))
 
 
-@pytest.mark.parametrize("key", ["gravity = [0, 0, -9.81]", "[material]\nE = 2e5", "[[loads]]\npressure = 1"])
+@pytest.mark.parametrize(
+    "key",
+    [
+        "gravity = [0, 0, -9.81]",
+        "[material]\nE = 2e5",
+        "[[loads]]\npressure = 1",
+        "[[supports]]\nregion.sphere.radius = 1",
+    ],
+)
 def test_runs_of_different_load_cases_are_refused(key, ball, tmp_path):
     folders = [write_run(tmp_path / name, *ball, lambda X: 0.1 * X) for name in "ab"]
     for folder, text in zip(folders, (key, key.replace("1", "3").replace("2e5", "1e5")), strict=True):

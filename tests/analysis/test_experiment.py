@@ -2,15 +2,19 @@
 
 import html
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import pyvista as pv
 from pages import fetched
 from PIL import Image
-from solvers import make_solvers
+from solvers import calls, make_solvers
 from synthetic import write_run
 
+from analysis import experiment as experiments
+from analysis.__main__ import parse_arguments
+from analysis.__main__ import run as run_command
 from analysis.experiment import Experiment, compare, default_folder, fingerprint, refinement, run_solvers
 from analysis.pictures import draw_comparison, magnification, seen_size
 from analysis.plots import plot_errors
@@ -212,6 +216,26 @@ def test_pictures_show_the_body_whole_and_in_its_proportions(stretch, ball, tmp_
         assert np.ptp(columns) == pytest.approx(size / 1.33 * width * per_metre, abs=4)
 
 
+def test_error_is_painted_in_percent_of_the_references_largest_displacement(ball, tmp_path, monkeypatch):
+    painted = []
+    add_mesh = pv.Plotter.add_mesh
+
+    def spy(plotter, mesh, **more):
+        painted.append(np.array(more.get("scalars")))
+        return add_mesh(plotter, mesh, **more)
+
+    monkeypatch.setattr(pv.Plotter, "add_mesh", spy)
+    X, F = ball[0] * [2, 1, 1], ball[1]
+    # The springs' body is shifted, too, which means nothing where it is free.
+    frames = [Frame(X, 0.3 * X + [0, 5, 0], F), Frame(X, 0.2 * X, F)]
+    draw_comparison(tmp_path / "picture.png", *frames, is_free=True, label="springs")
+    length = np.linalg.norm(X, axis=1)
+    reference, springs, error = (values for values in painted if values.shape == length.shape)
+    np.testing.assert_allclose(reference, 0.2 * length, rtol=1e-6)
+    np.testing.assert_allclose(springs, 0.3 * length, rtol=1e-6)
+    np.testing.assert_allclose(error, 100 * 0.1 * length / (0.2 * 2), rtol=1e-6)
+
+
 def test_failed_model_of_the_scene_is_the_status(experiment):
     failed = Experiment(
         experiment.folder, experiment.scene, {"affine": "diverged", "moment": "not converged"}
@@ -254,6 +278,56 @@ def test_fingerprint_follows_the_runs(experiment):
     record = experiment.reference_folder / "run.json"
     record.write_text(record.read_text().replace("ok", "diverged"))
     assert fingerprint(experiment) != before
+
+
+def test_fingerprint_follows_what_failed(experiment):
+    """A model that failed leaves no record, so that the reason stands for it."""
+    others = [{}, {"moment": "diverged"}, {"lloyd": "not converged"}]
+    prints = {fingerprint(replace(experiment, failed=failed)) for failed in others}
+    assert len(prints | {fingerprint(experiment)}) == 4
+
+
+FILLED_IN = """name = "paired"
+surface = { file = "", shape = "ball" }
+network = { calibration = "affine" }
+comparison = { calibrations = [] }
+time = { mode = "static" }
+reference = { law = "small_strain", refine = 0 }
+"""
+
+
+@pytest.fixture
+def home(ball, tmp_path, monkeypatch):
+    """Folder of the runs that stand-ins for the solvers leave; the reference's has the scene filled in."""
+    monkeypatch.setattr(experiments, "PROGRAMS", make_solvers(tmp_path / "home", ball))
+    (tmp_path / "home" / "fem_reference" / "scene.toml").write_text(FILLED_IN)
+    return tmp_path / "home"
+
+
+def test_exit_status_tells_whether_the_scenes_own_model_gave_a_result(home, tmp_path, capsys):
+    words = ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
+    arguments = parse_arguments(words)
+    assert run_command(arguments) == 0
+    written = (tmp_path / "out" / "comparison.json").stat().st_mtime_ns
+    assert run_command(arguments) == 0
+    assert (tmp_path / "out" / "comparison.json").stat().st_mtime_ns == written  # nothing has changed
+    (home / "massspring_0.25" / "run.json").write_text('{"status": "diverged", "reason": "at 2 s"}')
+    assert run_command(arguments) == 1
+    assert "gave no result: diverged, at 2 s" in capsys.readouterr().out
+
+
+def test_refinement_of_an_earlier_run_does_not_outlive_it(home, tmp_path):
+    def run():
+        run_solvers(tmp_path / "scene.toml", tmp_path / "out", None, [], is_quiet=True)
+        return [call.split()[0] for call in calls(home / "bin")]
+
+    assert run() == ["fem_reference", "fem_reference", "massspring"]
+    assert (tmp_path / "out" / "reference_refined").exists()
+    record = home / "fem_reference" / "run.json"
+    many = {"n_dofs": 10**6}  # too many to be refined
+    record.write_text(json.dumps(json.loads(record.read_text()) | many))
+    assert run()[3:] == ["fem_reference", "massspring"]
+    assert not (tmp_path / "out" / "reference_refined").exists()
 
 
 def test_volume_of_an_isochoric_scene_is_no_fraction(ball, experiment):

@@ -95,6 +95,38 @@ def test_obstacles_are_drawn(name, runs, tmp_path):
     assert grey() - without > 0.03
 
 
+MOVING = """[[obstacles]]
+sphere = { center = [0, -92, 0], radius = 1 }
+motion = [[0, 0, 0, 0], [0.5, 0, 180, 0]]
+"""
+
+
+def covered(run, folder, n_frames):
+    """Shares of a strip's panels that are not white."""
+    draw_strip(folder / "strip.png", {"affine": run}, n_frames=n_frames)
+    strip = np.asarray(Image.open(folder / "strip.png").convert("L"))[24:260]
+    return np.array([(panel < 250).mean() for panel in np.split(strip, n_frames, axis=1)])
+
+
+def test_obstacles_move_as_the_scene_says(runs, tmp_path):
+    """The sphere passes below the body at half time, and is far off at the start and the end."""
+    without = covered(runs["affine"], tmp_path, 3)
+    (runs["affine"].folder / "scene.toml").write_text(MOVING)
+    more = covered(runs["affine"], tmp_path, 3) - without
+    assert more[1] > 0.03
+    assert more[[0, 2]] == pytest.approx([0, 0], abs=1e-3)
+
+
+def test_small_motion_is_enlarged_but_among_obstacles(ball, tmp_path):
+    run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0.01 * X, calibration="affine"))
+    # Enlarged, the ball grows to 1.2: by 20, the round number below 0.08 of the box's diagonal over 0.01.
+    first, last = covered(run, tmp_path, 2)
+    assert last / first == pytest.approx(1.2**2, rel=0.02)
+    (run.folder / "scene.toml").write_text(MOVING.replace("[0.5,", "[1,"))
+    first, last = covered(run, tmp_path, 2)
+    assert last / first == pytest.approx(1.01**2, rel=0.02)
+
+
 def test_command_names_what_is_missing(tmp_path, capsys):
     assert main([str(tmp_path)]) == 1
     assert "no run.json" in capsys.readouterr().err

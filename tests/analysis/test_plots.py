@@ -35,6 +35,15 @@ def test_errors_are_drawn_in_percent_above_a_band_of_the_references_own(drawn):
     assert [label.get_text() for label in axes.get_yticklabels()] == [label_of("affine"), label_of("lloyd")]
 
 
+@pytest.mark.filterwarnings("error")
+def test_references_own_error_is_drawn_where_every_model_failed(drawn):
+    (axes,) = drawn(plots).plot_errors({}, 0.02).axes
+    (band,) = axes.patches
+    assert 0 < axes.get_xlim()[0] < 2 and band.get_x() == pytest.approx(axes.get_xlim()[0])
+    assert band.get_x() + band.get_width() == pytest.approx(2) and axes.get_xlim()[1] > 2
+    assert not plots.plot_errors({}, None).axes[0].patches
+
+
 def test_seconds_are_drawn_by_stage_and_in_total(drawn):
     seconds = {"affine": {"solve": 4.0, "mesh": 1.0}, REFERENCE: {"mesh": 2.0, "assemble": 3.0, "solve": 5.0}}
     (axes,) = drawn(plots).plot_times(seconds).axes

@@ -182,6 +182,8 @@ def test_benchmark_is_measured_once_for_a_program(tmp_path):
     for _ in range(2):
         assert paper.benchmark(program, tmp_path / "out", 3) == [{"run_type": "iteration", "run_name": "a"}]
     (words,) = (tmp_path / "log").read_text().splitlines()
+    paper.benchmark(program, tmp_path / "out", 4)
+    assert "repetitions=4" in (tmp_path / "log").read_text().splitlines()[1]
     wanted = re.compile(words.split("--benchmark_filter=")[1].split()[0])
     assert wanted.search("ball/implicit_euler/soft") and wanted.search("head/symplectic_euler/soft")
     assert not wanted.search("scale/symplectic_euler/soft/1000000")  # minutes

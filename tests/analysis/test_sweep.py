@@ -254,6 +254,17 @@ def test_references_point_that_is_not_solved_says_how_it_ended(nu, status, messa
     assert (outcome.status, outcome.message) == (status, message)
 
 
+@pytest.mark.parametrize(
+    "lines, message",
+    [("error: first|error: last|goodbye", "last"), ("one|two", "two"), ("", "exit status 4")],
+)
+def test_message_of_a_failed_point_is_its_last_error(lines, message, scene, programs, tmp_path):
+    text = "".join(f"echo '{line}' >&2\n" for line in lines.split("|") if line)
+    (programs / "massspring").write_text(f"#!/bin/sh\n{text}exit 4\n")
+    outcome = Store(tmp_path / "out", programs=programs).run(Point("massspring", scene))
+    assert (outcome.status, outcome.message) == ("failed", message)
+
+
 def test_point_that_takes_too_long_is_stopped(ball, scene, tmp_path):
     programs = make_solvers(tmp_path / "slow", ball, seconds=20)
     outcome = Store(tmp_path / "out", time_limit=0.2, programs=programs).run(Point("massspring", scene))
@@ -292,6 +303,7 @@ def test_shares_of_two_machines_make_the_whole_table(scene, programs, tmp_path):
     for part in ((1, 2), (2, 2)):
         run(scene, tmp_path / "shared", programs, part=part)
     assert not (tmp_path / "shared" / "sweep.csv").exists()
+    assert len(calls(programs)) == 2 * n_calls  # nothing is left to be run
     run(scene, tmp_path / "shared", programs)
     assert len(calls(programs)) == 2 * n_calls
     assert (tmp_path / "shared" / "sweep.csv").read_text() == (tmp_path / "whole" / "sweep.csv").read_text()

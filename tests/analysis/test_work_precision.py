@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,9 @@ from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
 
+from analysis import study as studies
 from analysis import work_precision
+from analysis.__main__ import parse_arguments
 from analysis.experiment import ROOT
 from analysis.front import pareto, seconds_for
 from analysis.points import Outcome, Store
@@ -179,6 +182,16 @@ def test_runs_that_waited_for_a_core_are_counted():
     assert words.startswith("1 of 3 timed runs waited")
 
 
+def test_plot_has_bars_from_the_fastest_to_the_slowest_run(drawn):
+    """Of runs of 2, 40 and 3 s, of which 1 s is not the solve."""
+    runs = [timed(setup=1, solve=solve) for solve in (1, 39, 2)]
+    study = SimpleNamespace(name="", measurements=[measurement(*runs, error=0.1, reference_error=0.06)])
+    whole, solve = drawn(work_precision).plot(study).axes
+    for axes, seconds in ((whole, (2, 3, 40)), (solve, (1, 2, 39))):
+        (bar,) = axes.containers[0].lines[2][0].get_segments()
+        np.testing.assert_allclose(bar, [[seconds[0], 10], [seconds[2], 10]])
+
+
 class Ladder:
     """A store of runs whose displacement is known: (1 + its error) times that of the limit, X.
 
@@ -333,6 +346,27 @@ def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
     head, rows = table(study)
     assert {row[-1] for row in rows} == {"", *said.values()}
     assert all(len(row) == len(head) for row in rows)
+
+
+def test_time_limit_is_that_of_timed_runs_alone(tmp_path, monkeypatch):
+    """References may take as long as they need."""
+    ladders = {}
+
+    def store(folder, time_limit=None):
+        folder.mkdir(parents=True, exist_ok=True)
+        ladders[time_limit] = Ladder(folder / str(time_limit), in_space=0.032)
+        return ladders[time_limit]
+
+    monkeypatch.setattr(studies, "Store", store)
+    monkeypatch.setattr(studies, "alone", lambda _: nullcontext())
+    monkeypatch.setattr(studies, "environment", lambda _: {})
+    (tmp_path / "scene.toml").write_text(STATIC)
+    options = ["--quick", "--quiet", "--repetitions", "2", "--time-limit", "7"]
+    arguments = parse_arguments(["study", "work-precision", str(tmp_path / "scene.toml"), *options])
+    studies.study_work_precision(arguments, tmp_path / "out")
+    repetitions = {limit: {point.repetition for point in ladder.points} for limit, ladder in ladders.items()}
+    assert repetitions == {7: {0, 1}, None: {0}}
+    assert {point.program for point in ladders[None].points} == {"fem_reference"}
 
 
 @pytest.fixture(scope="module")
