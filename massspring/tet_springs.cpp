@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -435,7 +436,7 @@ Eigen::Matrix2Xi pairs_of(const TetSprings& springs) {
 }
 
 double smallest_jacobian(const TetSprings& springs, const Matrix3Xd& x) {
-  double smallest = 1;
+  double smallest = std::numeric_limits<double>::infinity();
   for (int p = 0; p < springs.n_patches(); ++p)
     smallest = std::min(smallest, deformation_gradient(springs, p, x).determinant());
   return smallest;

@@ -162,6 +162,30 @@ TEST_F(TwoBalls, ForceIsMinusEnergyGradientAndKeepsMomentum) {
   EXPECT_LT(torque.norm(), 1e-12 * f.norm());
 }
 
+TEST_F(TwoBalls, PotentialOfAMotionHasAllItsUndampedForcesAsNegativeGradient) {
+  Forces all = no_forces(model);
+  all.load = random_points(2 * n, 3, 8);
+  all.volume_pressure = 20;
+  all.followers.push_back({4, model.network.F});
+  all.self_thickness = thickness;
+  Motion motion(model, all);
+  for (double by = 0; by < 0.34; by += 0.02) motion.self_contact->begin_step(moved(by));
+  State state = initial_state(model);
+  state.x = moved(0.34);
+  Matrix3Xd f;
+  motion.undamped_forces_at(state, f);
+  Matrix3Xd by_contact = Matrix3Xd::Zero(3, 2 * n);
+  motion.self_contact->add_forces(state.x, by_contact);
+  ASSERT_GT(by_contact.norm(), 0.1 * f.norm());
+  constexpr double kStep = 1e-7;
+  for (int k = 0; k < f.size(); ++k) {
+    State up = state, down = state;
+    up.x(k) += kStep;
+    down.x(k) -= kStep;
+    EXPECT_NEAR(f(k), -(motion.potential(up) - motion.potential(down)) / (2 * kStep), 1e-5 * f.norm());
+  }
+}
+
 TEST(SurfaceContact, NearestPointsOfTwoTrianglesAreThoseOfABruteForceSearch) {
   constexpr double thickness = 0.3, far = 100;
   MassSpringModel model = crossing_triangles(0, far);

@@ -249,6 +249,7 @@ TEST(TetSprings, SmallestJacobianIsThatOfTheMostCrushedPatch) {
   const TetMesh mesh = box_tets(2, 2, 2, 1);
   const TetSprings springs = couple_springs(mesh.X, mesh.T, soft, edge_coupled);
   EXPECT_NEAR(smallest_jacobian(springs, mesh.X), 1, rounding);
+  EXPECT_NEAR(smallest_jacobian(springs, 1.2 * mesh.X), 1.2 * 1.2 * 1.2, rounding) << "swollen";
   Matrix3Xd x = mesh.X;
   x(0, 2) -= 0.75;  // a corner, where it leaves both its tetrahedra a quarter of their height along x
   EXPECT_NEAR(smallest_jacobian(springs, x), 0.25, rounding);
