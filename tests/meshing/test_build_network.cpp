@@ -112,6 +112,22 @@ TEST(BuildNetwork, FollowsTheScenesTable) {
   EXPECT_THROW(build_network(ball, options, false), std::runtime_error);
 }
 
+TEST(BuildNetwork, CompletedPcpHasAsManyNeighboursAsTheTableSays) {
+  const SurfaceMesh ball = make_shape("ball", 162);  // nearly convex: every link from an inner node is inside
+  const auto fewest = [&](int neighbours) {
+    NetworkOptions options;
+    options.connectivity = "completed_pcp";
+    options.k = 150;
+    options.neighbours = neighbours;
+    const SpringNetwork network = build_network(ball, options, false);
+    Eigen::VectorXi n_springs = Eigen::VectorXi::Zero(network.X.cols());
+    for (int v : network.E.reshaped()) ++n_springs[v];
+    return n_springs.tail(network.X.cols() - network.n_surface).minCoeff();
+  };
+  EXPECT_LT(fewest(8), 14);
+  EXPECT_GE(fewest(14), 14);
+}
+
 TEST(VertexSpacing, IsTheMeanLengthOfAVertexsEdges) {
   const SurfaceMesh cube = make_shape("bar", 8, {2, 2, 2});
   const Eigen::VectorXd spacing = vertex_spacing(cube);
@@ -128,10 +144,15 @@ TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
     const Eigen::VectorXd r = interior_size(plate, 0.7).cwiseQuotient(vertex_spacing(plate));
     int middle;
     (plate.X.colwise() - Eigen::Vector3d(0, 0, plate.X.row(2).maxCoeff())).colwise().norm().minCoeff(&middle);
+    if (thickness == 0.3) {
+      const double four_layers = 4 * r[middle] * vertex_spacing(plate)[middle], halving = 0.35 / 32;
+      EXPECT_LE(four_layers, thickness + 1e-12);
+      EXPECT_GT(four_layers, thickness - 4 * halving * vertex_spacing(plate)[middle]);
+    }
     return r[middle];
   };
   EXPECT_NEAR(ratio(2), 0.7, 1e-12);
-  EXPECT_NEAR(ratio(0.001), 0.35, 0.02);
+  EXPECT_NEAR(ratio(0.001), 0.35, 1e-12);
   EXPECT_GT(ratio(0.3), 0.36);
   EXPECT_LT(ratio(0.3), 0.69);
 }

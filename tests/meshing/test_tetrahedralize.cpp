@@ -7,6 +7,7 @@
 #include "meshing/surface.h"
 #include "meshing/surface_io.h"
 #include "meshing/tet_mesh.h"
+#include "meshing/tet_worker.h"
 #include "meshing/tetrahedralize.h"
 #include "tests/meshing/surfaces.h"
 
@@ -135,6 +136,32 @@ TEST(Tetrahedralize, GoesOnWhenAMesherFails) {
   EXPECT_EQ(complaint(tetrahedralize(surface, {}, &report), surface), "");
   ASSERT_FALSE(report.failures.empty());
   EXPECT_NE(report.failures[0].find("boundary mesh"), std::string::npos) << report.failures[0];
+}
+
+TEST(Tetrahedralize, ReportsOfThisSurfaceAlone) {
+  TetReport report{"another", {"of another surface"}};
+  tetrahedralize(make_shape("ball", 42), {}, &report);
+  EXPECT_EQ(report.mesher, "gmsh, Delaunay");
+  EXPECT_TRUE(report.failures.empty()) << report.failures[0];
+}
+
+TEST(TetgenWorker, NoTetrahedronIsLargerThanARegularOneOfTheLongestEdge) {
+  for (double radius : {1.0, 1e-3}) {
+    const SurfaceMesh ball = scaled(make_shape("ball", 42), radius);
+    const double longest = 0.3 * radius;
+    const TemporaryFolder folder;
+    const std::string task = folder.path() / "task", nodes_file = folder.path() / "nodes";
+    write_task(task, {ball, Eigen::Matrix3Xd(3, 0), Eigen::VectorXd::Constant(42, 10 * radius), longest});
+    const ChildResult child =
+        run_child(program_folder() / "tetgen_worker", {"0", "0", task, nodes_file}, 60);
+    ASSERT_TRUE(child.is_success) << child.output;
+    const TetNodes nodes = read_nodes(nodes_file);
+    const double regular = std::pow(longest, 3) / (6 * std::sqrt(2.0));
+    double largest = 0;
+    for (const auto& tet : nodes.T.colwise()) largest = std::max(largest, tet_volume(nodes.X, tet));
+    EXPECT_LE(largest, regular * (1 + 1e-6)) << "ball of " << radius << " m";
+    EXPECT_GT(largest, regular / 2) << "the limit is used";
+  }
 }
 
 TEST(Tetrahedralize, RefusesCrossingsWithTheirPlaces) {
