@@ -66,7 +66,9 @@ class Terminal {
 
 TEST(Progress, TellsAPlaceInPerCentAndTheSecondsLeftOnATerminal) {
   using Clock = std::chrono::steady_clock;
-  const auto since = [](Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); };
+  const auto since = [](Clock::time_point t) {
+    return std::chrono::duration<double>(Clock::now() - t).count();
+  };
   constexpr double part = 0.01;  // 99 times as long is left as went by
   double least, most;
   std::string text;

@@ -256,8 +256,8 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
 TEST(Names, SuggestionIsTheNameOfFewestInsertionsDeletionsAndSubstitutions) {
   const auto suggested = [](const std::string& name, const std::vector<std::string>& known) {
     const std::string text = suggestion(name, known), before = "did you mean ";
-    const size_t begin = text.find(before);
-    return begin == std::string::npos ? "" : text.substr(begin + before.size(), text.find('?') - begin - before.size());
+    const size_t at = text.find(before), begin = at + before.size();
+    return at == std::string::npos ? "" : text.substr(begin, text.find('?') - begin);
   };
   EXPECT_EQ(suggested("abcd", {"axbxcxd", "abxd"}), "abxd") << "three insertions, one substitution";
   EXPECT_EQ(suggested("abcdef", {"bcd", "abxxef"}), "abxxef") << "three deletions, two substitutions";

@@ -108,8 +108,8 @@ TEST(TetQuality, OfARegularTetrahedronAndOfASliver) {
 }
 
 TEST(TetQuality, ASliverIsJudgedByItsLongestEdgeWhicheverThatIs) {
-  // One edge of 2 m and a cross edge; 6 sqrt(2) V / 8 is a b / (2 sqrt(2)), half of the limit of 0.05. The next
-  // longest edge, of sqrt(1 + a^2), would make that 8 / (1 + a^2)^1.5 = 7.8 times as much.
+  // The longest edge is 2 m, and 6 sqrt(2) V / 8 is a b / (2 sqrt(2)), half of the limit of 0.05.
+  // The next longest edge, of sqrt(1 + a^2), would make that 8 / (1 + a^2)^1.5 = 7.8 times as much.
   const double a = 0.13, b = 0.025 * 2 * std::sqrt(2.0) / a;
   Eigen::Matrix3Xd corners(3, 4);
   corners << -1, 1, 0, 0,  //
