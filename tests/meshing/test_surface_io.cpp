@@ -230,9 +230,11 @@ TEST(SurfaceIo, ReadsObjAsUsersWriteIt) {
 
 TEST(SurfaceIo, CutsPolygonsThatAreNotConvexInsideTheirOutline) {
   // an arrow head: area 0.5 inside the outline, a fan from the first corner would cover more
-  const SurfaceMesh mesh =
-      read_surface(file_of("arrow.off", "OFF 4 1 0\n0 0 0\n1 -1 0\n0 1 0\n-1 -1 0\n4 1 2 3 0\n"));
-  EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding);
+  for (const std::string corners : {"1 2 3 0", "2 3 0 1", "3 0 1 2", "0 1 2 3"}) {
+    const SurfaceMesh mesh = read_surface(
+        file_of("arrow.off", "OFF 4 1 0\n0 0 0\n1 -1 0\n0 1 0\n-1 -1 0\n4 " + corners + "\n"));
+    EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding) << corners;
+  }
 }
 
 TEST(SurfaceIo, ReadsTheSurfaceOfVtkFilesAndNothingElse) {
