@@ -3,6 +3,7 @@
 #include <tetgen.h>
 
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -37,7 +38,11 @@ TetNodes mesh_task(const TetTask& task, int, double) {
   in.pointmtrlist = new REAL[X.cols()];
   std::copy_n(task.size.data(), X.cols(), in.pointmtrlist);
   std::string switches = "pYmq1.4";  // Y: the surface stays as it is; m: edge lengths inside
-  if (task.longest > 0) switches += "a" + std::to_string(std::pow(task.longest, 3) / (6 * std::sqrt(2.0)));
+  if (task.longest > 0) {
+    char text[32];  // all digits: that of a small body is no more than 0.000000 to six decimals
+    std::snprintf(text, sizeof text, "a%.17g", std::pow(task.longest, 3) / (6 * std::sqrt(2.0)));
+    switches += text;
+  }
   if (task.interior.cols() > 0) switches += "i";
   try {
     tetrahedralize(switches.data(), &in, &out, &points);

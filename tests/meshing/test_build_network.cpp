@@ -112,6 +112,22 @@ TEST(BuildNetwork, FollowsTheScenesTable) {
   EXPECT_THROW(build_network(ball, options, false), std::runtime_error);
 }
 
+TEST(BuildNetwork, CompletedPcpHasAsManyNeighboursAsTheTableSays) {
+  const SurfaceMesh ball = make_shape("ball", 162);  // nearly convex: every link from an inner node is inside
+  const auto fewest = [&](int neighbours) {
+    NetworkOptions options;
+    options.connectivity = "completed_pcp";
+    options.k = 150;
+    options.neighbours = neighbours;
+    const SpringNetwork network = build_network(ball, options, false);
+    Eigen::VectorXi n_springs = Eigen::VectorXi::Zero(network.X.cols());
+    for (int v : network.E.reshaped()) ++n_springs[v];
+    return n_springs.tail(network.X.cols() - network.n_surface).minCoeff();
+  };
+  EXPECT_LT(fewest(8), 14);
+  EXPECT_GE(fewest(14), 14);
+}
+
 TEST(VertexSpacing, IsTheMeanLengthOfAVertexsEdges) {
   const SurfaceMesh cube = make_shape("bar", 8, {2, 2, 2});
   const Eigen::VectorXd spacing = vertex_spacing(cube);
@@ -123,15 +139,21 @@ TEST(VertexSpacing, IsTheMeanLengthOfAVertexsEdges) {
 }
 
 TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
-  const auto ratio = [](double thickness) {
-    const SurfaceMesh plate = make_shape("bar", 400, {2, 2, thickness});
-    const Eigen::VectorXd r = interior_size(plate, 0.7).cwiseQuotient(vertex_spacing(plate));
-    int middle;
-    (plate.X.colwise() - Eigen::Vector3d(0, 0, plate.X.row(2).maxCoeff())).colwise().norm().minCoeff(&middle);
-    return r[middle];
+  constexpr double rounding = 1e-12;
+  struct Middle {
+    double size, spacing;
   };
-  EXPECT_NEAR(ratio(2), 0.7, 1e-12);
-  EXPECT_NEAR(ratio(0.001), 0.35, 0.02);
-  EXPECT_GT(ratio(0.3), 0.36);
-  EXPECT_LT(ratio(0.3), 0.69);
+  const auto at_the_middle = [](double thickness) {
+    const SurfaceMesh plate = make_shape("bar", 400, {2, 2, thickness});
+    int middle;
+    (plate.X.colwise() - Eigen::Vector3d(1, 1, thickness)).colwise().norm().minCoeff(&middle);
+    return Middle{interior_size(plate, 0.7)[middle], vertex_spacing(plate)[middle]};
+  };
+  const Middle thick = at_the_middle(2), thin = at_the_middle(0.001), between = at_the_middle(0.3);
+  EXPECT_NEAR(thick.size, 0.7 * thick.spacing, rounding);
+  EXPECT_NEAR(thin.size, 0.35 * thin.spacing, rounding);
+  ASSERT_GT(0.69 * between.spacing, 0.3 / 4);
+  ASSERT_LT(0.36 * between.spacing, 0.3 / 4);
+  EXPECT_LE(between.size, 0.3 / 4 + rounding) << "four layers fit";
+  EXPECT_GT(between.size, 0.3 / 4 - 0.35 / 32 * between.spacing) << "found by halving five times";
 }

@@ -64,15 +64,7 @@ std::vector<std::pair<int, int>> brute_force(const SurfaceMesh& surface, const E
   }
 }
 
-}  // namespace
-
-TEST(LinkPcp, IsFigure8StageByStage) {
-  const SurfaceMesh surface = make_shape("torus", 200);
-  SampleOptions sample;
-  sample.k = 150;
-  sample.phi = sample.psi = 0.08;
-  const Eigen::Matrix3Xd interior = sample_interior(surface, sample);
-  ASSERT_GT(interior.cols(), 100);
+void expect_figure_8(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior) {
   const Eigen::Matrix2Xi edges = edges_of(surface.F);
   for (int multiplicity : {3, 5, 8}) {
     const SpringNetwork network = link_pcp(surface, interior, {multiplicity, PcpReading::StageWise});
@@ -82,6 +74,25 @@ TEST(LinkPcp, IsFigure8StageByStage) {
     for (size_t s = 0; s < expected.size(); ++s)
       EXPECT_EQ(network.E.col(edges.cols() + s), Eigen::Vector2i(expected[s].first, expected[s].second));
   }
+}
+
+}  // namespace
+
+TEST(LinkPcp, IsFigure8StageByStage) {
+  const SurfaceMesh surface = make_shape("torus", 200);
+  SampleOptions sample;
+  sample.k = 150;
+  sample.phi = sample.psi = 0.08;
+  const Eigen::Matrix3Xd interior = sample_interior(surface, sample);
+  ASSERT_GT(interior.cols(), 100);
+  expect_figure_8(surface, interior);
+}
+
+TEST(LinkPcp, EqualDistancesGoByTheFewestSpringsOfTheInnerNode) {
+  // grids of powers of two: distances are equal to the last bit
+  Eigen::Matrix3Xd grid(3, 7 * 7 * 7);
+  for (int i = 0; i < grid.cols(); ++i) grid.col(i) << 1 + i % 7, 1 + i / 7 % 7, 1 + i / 49;
+  expect_figure_8(make_shape("bar", 26, {2, 2, 2}), grid / 4);
 }
 
 TEST(LinkPcp, KeepsNodesAndLinksNoPairTwice) {

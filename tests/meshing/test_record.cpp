@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <unistd.h>
 #include <vtkDoubleArray.h>
 #include <vtkFieldData.h>
 #include <vtkIdTypeArray.h>
@@ -8,6 +9,7 @@
 #include <vtkXMLUnstructuredGridReader.h>
 
 #include <cmath>
+#include <fstream>
 #include <thread>
 
 #include "meshing/files.h"
@@ -52,6 +54,33 @@ TEST_F(RecorderTest, FramesHoldEveryBitOfPositionsAndFields) {
   for (int i = 0; i < 4; ++i) EXPECT_EQ(node_id->GetValue(i), i);
   EXPECT_EQ(grid->GetFieldData()->GetArray("TimeValue")->GetComponent(0, 0), 0.25);
   EXPECT_EQ(grid->GetFieldData()->GetArray("n_surface")->GetComponent(0, 0), 3);
+}
+
+TEST_F(RecorderTest, TheListOfFramesHoldsEveryBitOfTheirTimes) {
+  const std::vector<double> times{0, 1.0 / 3, 1234567.0 / 1024};
+  Recorder recorder(folder, cells, 3);
+  for (double time : times) recorder.add_frame(time, X, u);
+  const std::string pvd = read_file(folder / "frames.pvd"), before = "timestep=\"";
+  size_t at = 0;
+  for (double time : times) {
+    at = pvd.find(before, at);
+    ASSERT_NE(at, std::string::npos) << pvd;
+    at += before.size();
+    EXPECT_EQ(std::stod(pvd.substr(at)), time);
+  }
+}
+
+TEST_F(RecorderTest, PeakMemoryIsInBytes) {
+  constexpr size_t n_bytes = 100'000'000;  // by far the most that this process has held
+  const std::vector<char> block(n_bytes, 1);
+  Recorder(folder, cells, 3).finish({});
+  const auto peak = nlohmann::json::parse(read_file(folder / "run.json")).at("peak_memory").get<double>();
+  std::ifstream statm("/proc/self/statm");  // in pages, and of this moment
+  double all_pages = 0, resident_pages = 0;
+  if (!(statm >> all_pages >> resident_pages)) GTEST_SKIP() << "no /proc/self/statm";
+  const double resident = resident_pages * static_cast<double>(sysconf(_SC_PAGESIZE));
+  ASSERT_GE(resident, n_bytes * block[n_bytes / 2]);
+  EXPECT_NEAR(peak / resident, 1, 0.01) << "a kB of 1000 byte would be 2.3 % off";
 }
 
 TEST_F(RecorderTest, NothingThatIsNotFiniteIsWritten) {

@@ -3,6 +3,7 @@
 #include "meshing/network.h"
 #include "meshing/random.h"
 #include "meshing/shapes.h"
+#include "meshing/surface.h"
 #include "meshing/surface_tree.h"
 #include "tests/meshing/surfaces.h"
 
@@ -129,7 +130,21 @@ TEST(SampleInterior, GradedNodesAreDenseWhereTheSurfaceIs) {
     return static_cast<double>((X.row(2).array() > 0.4).count()) / (X.row(2).array() < -0.4).count();
   };
   EXPECT_NEAR(top_over_bottom(Sampling::Relaxed), 1, 0.3);
-  EXPECT_GT(top_over_bottom(Sampling::Graded), 3);
+  // Where edges are everywhere a share of the spacing at the nearest vertex, nodes are as 1 / spacing^3.
+  const Eigen::VectorXd spacing = vertex_areas(ball.X, ball.F).cwiseSqrt();
+  const SurfaceTree tree(ball);
+  Random random(5);
+  double top = 0, bottom = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    const Eigen::Vector3d x = Eigen::Vector3d::NullaryExpr([&] { return 2 * random.uniform() - 1; });
+    if (x.norm() > 0.95 || std::abs(x.z()) < 0.4) continue;
+    int nearest;
+    (ball.X.colwise() - x).colwise().squaredNorm().minCoeff(&nearest);
+    (x.z() > 0 ? top : bottom) += std::pow(spacing(nearest), -3);
+  }
+  ASSERT_GT(top / bottom, 10);
+  const double found = top_over_bottom(Sampling::Graded);
+  EXPECT_NEAR(found / (top / bottom), 1, 0.35) << "but for the layers below the surface";
 }
 
 TEST(SampleInterior, RelaxedNodesLieMoreEvenlyAndDeepEnough) {

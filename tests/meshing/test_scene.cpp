@@ -8,6 +8,7 @@
 #include <set>
 
 #include "meshing/files.h"
+#include "meshing/names.h"
 #include "meshing/scene.h"
 #include "meshing/scene_keys.h"
 #include "meshing/shapes.h"
@@ -272,6 +273,18 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
             "scene.toml:3: collapse.pivots.0.point is missing, expected m");
   EXPECT_NE(error_of(ball + "[time\n").find("scene.toml:3: "), std::string::npos);
   EXPECT_THROW(read_scene("nowhere.toml"), std::runtime_error);
+}
+
+TEST(Names, SuggestionIsTheNameOfFewestInsertionsDeletionsAndSubstitutions) {
+  const auto suggested = [](const std::string& name, const std::vector<std::string>& known) {
+    const std::string text = suggestion(name, known), before = "did you mean ";
+    const size_t at = text.find(before), begin = at + before.size();
+    return at == std::string::npos ? "" : text.substr(begin, text.find('?') - begin);
+  };
+  EXPECT_EQ(suggested("abcd", {"axbxcxd", "abxd"}), "abxd") << "three insertions, one substitution";
+  EXPECT_EQ(suggested("abcdef", {"bcd", "abxxef"}), "abxxef") << "three deletions, two substitutions";
+  EXPECT_EQ(suggested("abcd", {"xbcx", "abcde"}), "abcde") << "two substitutions, one insertion";
+  EXPECT_EQ(suggested("abcd", {"bcdea"}), "") << "three edits, more than half of the name's length";
 }
 
 TEST(Scene, RangesHoldTheirBoundsOrNot) {

@@ -116,4 +116,10 @@ TEST(CheckClosed, NamesEveryFault) {
   expect(pinched, "separate fans");
 
   expect({good.X, Eigen::Matrix3Xi(3, 0)}, "no triangles");
+
+  SurfaceMesh beyond = good;
+  beyond.F(2, 3) = 4;
+  expect(beyond, "vertex indices 0 to 4, expected 0 to 3");
+  beyond.F(2, 3) = -1;
+  expect(beyond, "vertex indices -1 to 3, expected 0 to 3");
 }

@@ -274,6 +274,13 @@ TEST(SurfaceCheck, ReportsCountsAndMeasures) {
   EXPECT_DOUBLE_EQ(values["volume"].get<double>(), volume(torus.X, torus.F));
 }
 
+TEST(SurfaceCheck, GenusIsThatOfTheTrianglesWhateverVerticesAreUnused) {
+  SurfaceMesh torus = make_shape("torus", 300);
+  for (double x : {7, 8, 9}) torus = with_vertex(torus, {x, 0, 0});
+  EXPECT_EQ(report_surface(torus, 0).values["genus"], 1);
+  EXPECT_EQ(report_surface(join(torus, shifted(torus, {20, 0, 0})), 0).values["genus"], 2);
+}
+
 TEST(SurfaceCheck, NestedShellsMustAlternate) {
   const SurfaceMesh ball = make_shape("ball", 162), inner = scaled(ball, 0.5);
   EXPECT_TRUE(report_surface(join(ball, inside_out(inner)), 0).problems.empty());
@@ -310,4 +317,15 @@ TEST(Repair, DropsBothTrianglesOfAFin) {
   RepairReport done;
   EXPECT_NO_THROW(check_closed(repair(bad, done), "mended"));
   EXPECT_EQ(done.n_doubled_triangles, 2);
+}
+
+TEST(Repair, CountsATriangleThatIsTurnedTwiceAsLeft) {
+  const SurfaceMesh ball = make_shape("ball", 42);
+  for (int f : {0, 41}) {  // the others are turned to agree with triangle 0, then all outward
+    SurfaceMesh bad = ball;
+    bad.F.col(f).reverseInPlace();
+    RepairReport done;
+    EXPECT_NO_THROW(check_closed(repair(bad, done), "mended"));
+    EXPECT_EQ(done.n_turned_triangles, 1) << f;
+  }
 }

@@ -2,6 +2,7 @@
 
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <sstream>
 
 #include "meshing/shapes.h"
@@ -114,6 +115,39 @@ TEST(SurfaceIo, ReadsBothByteOrdersOfPly) {
   }
 }
 
+TEST(SurfaceIo, ReadsEveryWholeNumberOfBinaryPlyToItsLimits) {
+  // vertex v of one triangle is at (v, v^2, least of the type), so that no index can be taken for another
+  const auto expect_indices = [](const std::vector<std::string>& names, auto greatest) {
+    using Index = decltype(greatest);
+    const int n = static_cast<int>(std::min<double>(greatest, 70000)) + 1;
+    const std::vector<int> corners{0, n / 2 + 1, n - 1};
+    const Index least = std::numeric_limits<Index>::min();
+    for (const std::string& name : names) {
+      std::string bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(n) +
+                          "\nproperty double x\nproperty double y\nproperty " + name +
+                          " z\nelement face 1\nproperty list uchar " + name + " vertex_indices\nend_header\n";
+      for (int v = 0; v < n; ++v) {
+        append<double>(bytes, v, false);
+        append<double>(bytes, double(v) * v, false);
+        append(bytes, least, false);
+      }
+      append<std::uint8_t>(bytes, 3, false);
+      for (int v : corners) append(bytes, static_cast<Index>(v), false);
+      const SurfaceMesh mesh = read_surface(file_of("index.ply", bytes));
+      for (int c = 0; c < 3; ++c)
+        EXPECT_EQ(mesh.X.col(mesh.F(c, 0)),
+                  Eigen::Vector3d(corners[c], double(corners[c]) * corners[c], double(least)))
+            << name;
+    }
+  };
+  expect_indices({"char", "int8"}, std::numeric_limits<std::int8_t>::max());
+  expect_indices({"uchar", "uint8"}, std::numeric_limits<std::uint8_t>::max());
+  expect_indices({"short", "int16"}, std::numeric_limits<std::int16_t>::max());
+  expect_indices({"ushort", "uint16"}, std::numeric_limits<std::uint16_t>::max());
+  expect_indices({"int", "int32"}, std::numeric_limits<std::int32_t>::max());
+  expect_indices({"uint", "uint32"}, std::numeric_limits<std::uint32_t>::max());
+}
+
 TEST(SurfaceIo, ReadsBinaryStlWhateverItsHeaderSays) {
   SurfaceMesh mesh = make_shape("head", 100);
   mesh.X = mesh.X.cast<float>().cast<double>().eval();
@@ -196,9 +230,11 @@ TEST(SurfaceIo, ReadsObjAsUsersWriteIt) {
 
 TEST(SurfaceIo, CutsPolygonsThatAreNotConvexInsideTheirOutline) {
   // an arrow head: area 0.5 inside the outline, a fan from the first corner would cover more
-  const SurfaceMesh mesh =
-      read_surface(file_of("arrow.off", "OFF 4 1 0\n0 0 0\n1 -1 0\n0 1 0\n-1 -1 0\n4 1 2 3 0\n"));
-  EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding);
+  for (const std::string corners : {"1 2 3 0", "2 3 0 1", "3 0 1 2", "0 1 2 3"}) {
+    const SurfaceMesh mesh = read_surface(
+        file_of("arrow.off", "OFF 4 1 0\n0 0 0\n1 -1 0\n0 1 0\n-1 -1 0\n4 " + corners + "\n"));
+    EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding) << corners;
+  }
 }
 
 TEST(SurfaceIo, ReadsTheSurfaceOfVtkFilesAndNothingElse) {
@@ -266,6 +302,8 @@ TEST(SurfaceIo, ErrorsNameFileLineAndValue) {
   const std::vector<std::tuple<std::string, std::string, std::string>> cases = {
       {"a.obj", "v 0 0 0\nv 1 x 0\n", "a.obj:2: 'x'"},
       {"b.obj", "v 0 0 nan\n", "b.obj:1: 'nan'"},
+      {"crlf.obj", "v 0 0 0\r\nv 1 0 0\r\n\r\nv 0 x 0\r\n", "crlf.obj:4: 'x'"},
+      {"cr.obj", "v 0 0 0\rv 1 0 0\r\rv 0 x 0\r", "cr.obj:4: 'x'"},
       {"c.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "c.obj:4: vertex 4, expected 1 to 3"},
       {"d.obj", "v 0 0 0\nf 1 1\n", "d.obj:2: face with 2"},
       {"e.obj", "", "e.obj: no triangles"},

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "meshing/shapes.h"
@@ -103,4 +105,21 @@ TEST(TetQuality, OfARegularTetrahedronAndOfASliver) {
   EXPECT_LT(flat.min_dihedral, 1);
   EXPECT_LT(flat.min_radius_ratio, 0.01);
   EXPECT_EQ(flat.n_slivers, 1);
+}
+
+TEST(TetQuality, ASliverIsJudgedByItsLongestEdgeWhicheverThatIs) {
+  // The longest edge is 2 m, and 6 sqrt(2) V / 8 is a b / (2 sqrt(2)), half of the limit of 0.05.
+  // The next longest edge, of sqrt(1 + a^2), would make that 8 / (1 + a^2)^1.5 = 7.8 times as much.
+  const double a = 0.13, b = 0.025 * 2 * std::sqrt(2.0) / a;
+  Eigen::Matrix3Xd corners(3, 4);
+  corners << -1, 1, 0, 0,  //
+      0, 0, a, 0,          //
+      0, 0, 0, b;
+  std::array<int, 4> order{0, 1, 2, 3};
+  do {
+    const Eigen::Matrix3Xd X = corners(Eigen::all, order);
+    if (tet_volume(X, {0, 1, 2, 3}) > 0) {
+      EXPECT_EQ(tet_quality(X, Eigen::Vector4i(0, 1, 2, 3)).n_slivers, 1) << order[0] << order[1] << order[2];
+    }
+  } while (std::next_permutation(order.begin(), order.end()));
 }

@@ -7,6 +7,7 @@
 #include "meshing/surface.h"
 #include "meshing/surface_io.h"
 #include "meshing/tet_mesh.h"
+#include "meshing/tet_worker.h"
 #include "meshing/tetrahedralize.h"
 #include "tests/meshing/surfaces.h"
 
@@ -21,6 +22,17 @@ std::string complaint(const TetMesh& mesh, const SurfaceMesh& surface) {
     return error.what();
   }
   return "";
+}
+
+/// What the worker makes of edges wanted at all vertices, and of the longest wanted anywhere (m).
+TetNodes mesh_by_tetgen(const SurfaceMesh& surface, double size, double longest) {
+  const TemporaryFolder folder;
+  const std::string task = folder.path() / "task", nodes = folder.path() / "nodes";
+  write_task(task,
+             {surface, Eigen::Matrix3Xd(3, 0), Eigen::VectorXd::Constant(surface.X.cols(), size), longest});
+  const ChildResult child = run_child(program_folder() / "tetgen_worker", {"0", "0", task, nodes}, 60);
+  if (!child.is_success) throw std::runtime_error(child.ending + ": " + child.output);
+  return read_nodes(nodes);
 }
 
 }  // namespace
@@ -135,6 +147,33 @@ TEST(Tetrahedralize, GoesOnWhenAMesherFails) {
   EXPECT_EQ(complaint(tetrahedralize(surface, {}, &report), surface), "");
   ASSERT_FALSE(report.failures.empty());
   EXPECT_NE(report.failures[0].find("boundary mesh"), std::string::npos) << report.failures[0];
+}
+
+TEST(Tetrahedralize, ReportsOfThisSurfaceAlone) {
+  TetReport report{"another", {"of another surface"}};
+  tetrahedralize(make_shape("ball", 42), {}, &report);
+  EXPECT_EQ(report.mesher, "gmsh, Delaunay");
+  EXPECT_TRUE(report.failures.empty()) << report.failures[0];
+}
+
+TEST(TetgenWorker, NoTetrahedronIsLargerThanARegularOneOfTheLongestEdge) {
+  const SurfaceMesh ball = make_shape("ball", 642);
+  // by their size at the vertices alone they would be 1.3 and 1.6 times as large
+  for (const auto& [longest, size] : {std::pair{0.4, 0.3}, {0.5, 0.5}}) {
+    const TetNodes nodes = mesh_by_tetgen(ball, size, longest);
+    const double regular = std::pow(longest, 3) / (6 * std::sqrt(2.0));
+    double largest = 0;
+    for (const auto& tet : nodes.T.colwise()) largest = std::max(largest, tet_volume(nodes.X, tet));
+    EXPECT_LE(largest, regular * (1 + 1e-6)) << longest;
+    EXPECT_GT(largest, 0.8 * regular) << longest << ": no smaller than needed";
+  }
+}
+
+TEST(TetgenWorker, FillsABodyAlikeAtEveryScale) {
+  const auto n_tetrahedra = [](double scale) {  // a power of two: all coordinates round alike
+    return mesh_by_tetgen(scaled(make_shape("ball", 162), scale), 0.3 * scale, 0.4 * scale).T.cols();
+  };
+  EXPECT_EQ(n_tetrahedra(0x1p-10), n_tetrahedra(1)) << "a body of a millimetre and one of a metre";
 }
 
 TEST(Tetrahedralize, RefusesCrossingsWithTheirPlaces) {
