@@ -36,34 +36,38 @@ TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
 }
 
 TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
-  MassSpringModel model = small_model();
-  model.springs->damping = 3;
-  Forces forces = some_constraints(model);
-  forces.volume_pressure = 70;
-  forces.followers.push_back({40, model.network.F});
-  const Motion motion(model, forces);
-  State state =
-      initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
-  state.v = random_points(5, 1, 4);
-  constexpr double m = 2, k = 0.3, d = 0.1, step = 1e-6, difference_tolerance = 1e-7;
-  ImplicitMatrix A(motion);
-  A.set(state, state.x, {m, k, d}, Curvature::Exact);
-  Matrix3Xd p = random_points(5, 1, 6), y, f[2][2];
-  filter(forces.constraints, p);
-  A.multiply(p, y);
-  for (int side : {0, 1}) {
-    State moved = state;
-    moved.x += (side ? step : -step) * p;
-    undamped_forces(model, forces, moved, f[0][side]);
-    moved = state;
-    moved.v += (side ? step : -step) * p;
-    motion.forces_at(moved, f[1][side]);
+  MassSpringModel springs = small_model();
+  springs.springs->damping = 3;
+  MassSpringModel coupled = springs;  // a matrix in blocks instead of spring by spring
+  coupled.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
+  for (const MassSpringModel& model : {springs, coupled}) {
+    Forces forces = some_constraints(model);
+    forces.volume_pressure = 70;
+    forces.followers.push_back({40, model.network.F});
+    const Motion motion(model, forces);
+    State state =
+        initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
+    state.v = random_points(5, 1, 4);
+    constexpr double m = 2, k = 0.3, d = 0.1, step = 1e-6, difference_tolerance = 1e-7;
+    ImplicitMatrix A(motion);
+    A.set(state, state.x, {m, k, d}, Curvature::Exact);
+    Matrix3Xd p = random_points(5, 1, 6), y, f[2][2];
+    filter(forces.constraints, p);
+    A.multiply(p, y);
+    for (int side : {0, 1}) {
+      State moved = state;
+      moved.x += (side ? step : -step) * p;
+      undamped_forces(model, forces, moved, f[0][side]);
+      moved = state;
+      moved.v += (side ? step : -step) * p;
+      motion.forces_at(moved, f[1][side]);
+    }
+    Matrix3Xd expected =
+        m * p * model.mass.asDiagonal() - (k * (f[0][1] - f[0][0]) + d * (f[1][1] - f[1][0])) / (2 * step);
+    filter(forces.constraints, expected);
+    ASSERT_GT(y.norm(), 1);
+    EXPECT_LT((y - expected).norm(), difference_tolerance * y.norm());
   }
-  Matrix3Xd expected =
-      m * p * model.mass.asDiagonal() - (k * (f[0][1] - f[0][0]) + d * (f[1][1] - f[1][0])) / (2 * step);
-  filter(forces.constraints, expected);
-  ASSERT_GT(y.norm(), 1);
-  EXPECT_LT((y - expected).norm(), difference_tolerance * y.norm());
 }
 
 /// Two triangles whose edges touch each other, and a node that touches the floor.

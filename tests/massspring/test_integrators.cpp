@@ -125,6 +125,34 @@ TEST(Integrators, Bdf2BeginsAnewByImplicitEulerWhereTheStepHasAnotherLength) {
   }
 }
 
+// One node is free, along one direction: conjugate gradients end after one iteration, whatever Newton asks.
+TEST(Integrators, AStepCountsTheIterationsOfAllItsStages) {
+  const Oscillator o;
+  for (const auto& [integrator, n_stages] :
+       {std::pair(Integrator::MinimisingEuler, 1), std::pair(Integrator::Midpoint, 1),
+        std::pair(Integrator::TrBdf2, 2)}) {
+    TimeStepper stepper(o.model, o.forces, integrator, 1);
+    State state = o.start;
+    const StepReport report = stepper.step(state, o.h);
+    EXPECT_GE(report.newton_iterations, n_stages);
+    EXPECT_EQ(report.linear_iterations, report.newton_iterations) << all[static_cast<int>(integrator)].second;
+  }
+}
+
+// A free body turns by a radian within a step, so that Newton's steps go round circles.
+TEST(Integrators, TheWayOfAFastTurnIsThatOfItsSpeeds) {
+  const MassSpringModel model = small_model(1e4);
+  const double h = 0.1;
+  State start = initial_state(model);
+  for (int i = 0; i < 5; ++i) start.v.col(i) = Eigen::Vector3d(3, -5, 8).cross(start.x.col(i));
+  for (const auto& [integrator, new_share] :
+       {std::pair(Integrator::MinimisingEuler, 1.), std::pair(Integrator::Midpoint, 0.5)}) {
+    const State end = advance(model, no_forces(model), integrator, start, h, 1);
+    const Matrix3Xd way = h * (new_share * end.v + (1 - new_share) * start.v);
+    EXPECT_LT((end.x - start.x - way).norm(), rounding) << all[static_cast<int>(integrator)].second;
+  }
+}
+
 TEST(Integrators, BackwardEulerFallsByItsClosedForm) {
   const MassSpringModel model = small_model();
   Forces forces = no_forces(model);
@@ -409,6 +437,22 @@ TEST(Integrators, ABodyAtRestWakesWhenAnObstacleMoves) {
     for (int i = 0; i < 30; ++i) EXPECT_EQ(stepper.step(state, 0.01).is_at_rest, i < 10) << name << ' ' << i;
     EXPECT_LT(state.x(0, 1), 0.851) << name << ": the piston went through it";
   }
+}
+
+TEST(Integrators, ABodyAtRestWakesWhenItsSupportMoves) {
+  Oscillator o;
+  o.start.x = o.model.network.X;
+  const Path path{{0, 0, 0, 0}, {0.105, 0, 0, 0}, {0.305, 0.2, 0, 0}};
+  o.forces.constraints[0].motion[0] = std::make_shared<const Path>(path);
+  IntegratorOptions options;
+  options.sleep_below = 1e-3;
+  TimeStepper stepper(o.model, o.forces, Integrator::MinimisingEuler, 1, options);
+  State state = o.start;
+  for (int i = 0; i < 30; ++i) {
+    EXPECT_EQ(stepper.step(state, 0.01).is_at_rest, i < 10) << i;
+    EXPECT_NEAR(state.x(0, 0), position_at(path, state.t)(0), rounding);
+  }
+  EXPECT_GT(state.x(0, 1), 1.01);
 }
 
 TEST(Integrators, ASwingTurningIsNotAtRest) {

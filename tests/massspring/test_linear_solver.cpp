@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -94,6 +95,25 @@ TEST(BlockCholesky, AgreesWithADenseSolveAlsoForBlocksThatAreNotSymmetricAndAfte
   }
 }
 
+// Without rounding the residual is gone after as many iterations as the matrix has different eigenvalues.
+TEST(BiConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvalues) {
+  constexpr int n = 4;
+  constexpr double tolerance = 1e-9;  // rounding and the condition of the eigenvectors
+  const Eigen::Vector4d eigenvalues(1, 2, 4, 7);
+  Eigen::MatrixXd V = Eigen::MatrixXd::Identity(3 * n, 3 * n);
+  V += random_points(n * 3 * n, 0.2, 5).reshaped(3 * n, 3 * n);
+  const Eigen::MatrixXd A = V * eigenvalues.replicate(3, 1).asDiagonal() * V.inverse();
+  ASSERT_GT((A - A.transpose()).norm(), 1);
+  const Matrix3Xd b = random_points(n, 1, 2);
+  Matrix3Xd x = Matrix3Xd::Zero(3, n);
+  const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) { y = (A * p.reshaped()).reshaped(3, n); };
+  const auto precondition = [](const Matrix3Xd& r, Matrix3Xd& z) { z = r; };
+  const SolveReport report = bi_conjugate_gradients(product, precondition, b, x, tolerance, 100);
+  EXPECT_TRUE(report.is_converged);
+  EXPECT_EQ(report.iterations, eigenvalues.size());
+  EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), tolerance * b.norm());
+}
+
 TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {
   constexpr int n = 500;  // enough for single precision
   const Matrix3Xd b = random_points(n, 1, 2), g = random_points(n, 0.3, 3);
@@ -138,6 +158,38 @@ TEST(LinearSolver, KeepsBlockJacobiWhereItIsFastAndAFactorWhereItIsNot) {
   x.setZero();
   const int fast = stiff.solve(system_of(stronger, none, none), b, x, solver_tolerance).iterations;
   EXPECT_LT(fast, slow / 10);
+}
+
+TEST(LinearSolver, AFactorServesOnWhereConstraintsHaveComeSince) {
+  constexpr int n = 300;
+  const Matrix3Xd none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix A = chain(n, 1e5);
+  Matrix3Xd b = random_points(n, 1, 2), x = Matrix3Xd::Zero(3, n);
+  LinearSolver solver;
+  solver.solve(system_of(A, none, none), b, x, solver_tolerance);
+  ASSERT_EQ(solver.choice().rfind("Cholesky", 0), 0u) << solver.choice();
+
+  const std::vector<int> held{0, 120, 250};
+  const auto filter = [&](Matrix3Xd& y) {
+    for (int i : held) y.col(i).setZero();
+  };
+  LinearSystem system = system_of(A, none, none);
+  system.product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
+    multiply(A, p, y);
+    filter(y);
+  };
+  system.filter = filter;
+  filter(b);
+  x.setZero();
+  EXPECT_TRUE(solver.solve(system, b, x, solver_tolerance).is_converged);
+  Eigen::MatrixXd D = dense(A);
+  for (int i : held) {
+    D.middleRows<3>(3 * i).setZero();
+    D.middleCols<3>(3 * i).setZero();
+    D.block<3, 3>(3 * i, 3 * i).setIdentity();
+  }
+  const Eigen::VectorXd exact = D.llt().solve(b.reshaped());
+  EXPECT_LT((x.reshaped() - exact).norm(), agreement * exact.norm());
 }
 
 TEST(LinearSolver, DropsAFactorThatWearsOutSoonerThanItIsWorth) {
