@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <cmath>
 
 #include "fem_reference/dynamics.h"
@@ -96,6 +97,55 @@ TEST(TimeIntegrator, IsOfSecondOrder) {
       EXPECT_LT(fine, 0.02);
       EXPECT_NEAR(std::log2(error_of(bar, scheme, 40, damping) / fine), 2, 0.1);
     }
+}
+
+// Its three unknowns of a step at once, as the method's equations stand in the paper.
+TEST(TimeIntegrator, MovesADampedOscillatorByTheSchemesRecurrence) {
+  constexpr double m = 2, k = 50, c = 3, h = 0.1, f = 7, start = 0.4, speed = -1, kRounding = 1e-12;
+  const auto scalar = [](double value) {
+    Eigen::SparseMatrix<double> A(1, 1);
+    A.insert(0, 0) = value;
+    return A;
+  };
+  for (bool is_by_stiffness : {false, true})
+    for (const TimeScheme& scheme : {newmark, generalised_alpha(0.8), generalised_alpha(0.3)}) {
+      const auto& [alpha_m, alpha_f, beta, gamma] = scheme;
+      Dynamics s{scalar(k), scalar(m), 0, 0, VectorXd::Constant(1, f), {}, {}, {}};
+      (is_by_stiffness ? s.stiffness_damping : s.damping) = c / (is_by_stiffness ? k : m);
+      TimeIntegrator motion(s, h, scheme);
+      motion.restart(VectorXd::Constant(1, start), VectorXd::Constant(1, speed));
+      Eigen::Matrix3d A, B;  // A (u, v, a) = B (u, v, a)_before + (f, 0, 0)
+      A << k * (1 - alpha_f), c * (1 - alpha_f), m * (1 - alpha_m),  //
+          1, 0, -h * h * beta,                                       //
+          0, 1, -h * gamma;
+      B << -k * alpha_f, -c * alpha_f, -m * alpha_m,  //
+          1, h, h * h * (0.5 - beta),                 //
+          0, 1, h * (1 - gamma);
+      Vector3d x(start, speed, (f - c * speed - k * start) / m);
+      for (int n = 0; n < 30; ++n) {
+        ASSERT_TRUE(motion.step());
+        x = A.inverse() * (B * x + Vector3d(f, 0, 0));
+        EXPECT_NEAR(motion.u()(0), x(0), kRounding);
+        EXPECT_NEAR(motion.v()(0), x(1), kRounding);
+      }
+    }
+}
+
+TEST(TimeIntegrator, RestartsItsClock) {
+  constexpr double h = 0.05;
+  const Bar bar;
+  Dynamics s = bar.system();
+  s.held_motion = [n = bar.held.size()](double t) -> VectorXd {
+    return VectorXd::Constant(static_cast<Eigen::Index>(n), 0.3 * t);
+  };
+  TimeIntegrator motion(s, h, newmark);
+  for (int n = 0; n < 7; ++n) motion.step();
+  motion.restart(VectorXd::Zero(bar.solid.n_dofs()), VectorXd::Zero(bar.solid.n_dofs()));
+  EXPECT_EQ(motion.t(), 0);
+  EXPECT_EQ(motion.u()(s.held).cwiseAbs().maxCoeff(), 0);
+  for (int n = 0; n < 4; ++n) motion.step();
+  EXPECT_NEAR(motion.t(), 4 * h, 1e-15);
+  EXPECT_LT((motion.u()(s.held).array() - 0.3 * 4 * h).abs().maxCoeff(), 1e-15);
 }
 
 TEST(TimeIntegrator, NewmarkConservesEnergy) {

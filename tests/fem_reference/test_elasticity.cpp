@@ -216,6 +216,29 @@ TEST(ElasticSolid, NamesTheRigidMotionsThatLoadsDrive) {
   }
 }
 
+// A cubic traction on the end of a box, against a field that quadratic elements hold whole: it does the work
+// 1/6 along y^2 and 1/10 along y z, the integrals of y^5 and y^4 z.
+TEST(ElasticSolid, IntegratesCubicTractionsExactly) {
+  constexpr double kRounding = 1e-13;
+  const TetMesh mesh = box_tets(1, 1, 1, 1);
+  const Matrix3Xd areas = area_vectors(mesh.X, mesh.F);
+  ElasticLoads loads;
+  loads.traction = [areas](const Vector3d& x, int f) -> Vector3d {
+    return {areas(0, f) > 0.1 ? std::pow(x(1), 3) : 0, 0, 0};
+  };
+  ElasticSolid solid(mesh, 2);
+  solid.assemble(kMaterial, ElasticLaw::SmallStrain, loads, {});
+  const Eigen::VectorXd load = solid.load();
+  double squared = 0, mixed = 0;
+  for (int i = 0; i < solid.X().cols(); ++i) {
+    const double y = solid.X()(1, i), z = solid.X()(2, i);
+    squared += load(3 * i) * y * y;
+    mixed += load(3 * i) * y * z;
+  }
+  EXPECT_NEAR(squared, 1. / 6, kRounding);
+  EXPECT_NEAR(mixed, 1. / 10, kRounding);
+}
+
 // A bar pulled at one end: its stress falls linearly to the other, u_x = t x^2 / (2 E L).
 TEST(ElasticSolid, StretchesWhatInertiaHolds) {
   constexpr double t = 5, L = 2;

@@ -35,6 +35,15 @@ TEST(EnclosedVolume, OfSixNodesIsThatUnderTheCurvedTriangle) {
   }
 }
 
+// Squares of the barycentric coordinates: sqrt(x) + sqrt(y) + sqrt(z) = 1, under which there is 1/90.
+TEST(EnclosedVolume, OfATriangleCurvedInEveryDirectionIsItsIntegral) {
+  Matrix3Xd x(3, 6);
+  x << 1, 0, 0, .25, 0, .25,  //
+      0, 1, 0, .25, .25, 0,   //
+      0, 0, 1, 0, .25, .25;
+  EXPECT_NEAR(enclosed_volume(x).volume, 1. / 90, 1e-15);
+}
+
 TEST(EnclosedVolume, DerivativesAreDifferences) {
   constexpr double h = 1e-4, kTolerance = 1e-7;  // central differences of a cubic
   for (int n : {3, 6}) {

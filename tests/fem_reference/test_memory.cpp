@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "fem_reference/memory.h"
 
@@ -26,6 +27,15 @@ TEST(CheckMemory, NamesWhatFits) {
       "expected refine <= 1");
   const std::string factor = refusal(100000, 0, 2, Memory::Factor, k4GiB);
   EXPECT_NE(factor.find("at most 4.1e+04 tetrahedra"), std::string::npos) << factor;
+}
+
+TEST(CheckMemory, AdvisesLinearElementsWhereTheyAreNotYet) {
+  const std::string advice = " tetrahedra (a coarser surface, a larger reference.interior_size";
+  for (const auto& [degree, end] : {std::pair(1, advice + ")"), {2, advice + ", degree 1)"}}) {
+    const std::string what = refusal(100000, 0, degree, Memory::Factor, 0.3e9);
+    ASSERT_GE(what.size(), end.size()) << what;
+    EXPECT_EQ(what.substr(what.size() - end.size()), end);
+  }
 }
 
 // Measured with time.mode = "static" and "dynamic" on ball_pressure.toml (README).

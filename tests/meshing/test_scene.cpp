@@ -133,8 +133,9 @@ TEST(Scene, StepsReachTheEndAndAreOneAtLeast) {
   EXPECT_EQ(n_steps(time, 0.25), 4);
   EXPECT_EQ(n_steps(time, 0.3), 4);
   EXPECT_EQ(n_steps(time, 7), 1);
-  time.end = 0.3;
-  EXPECT_EQ(n_steps(time, 0.1), 3) << "0.3 / 0.1 is rounded, and may not make a fourth";
+  time.end = 0.07;
+  ASSERT_GT(time.end / 0.01, 7) << "the quotient is rounded up";
+  EXPECT_EQ(n_steps(time, 0.01), 7) << "rounding may not make an eighth";
 }
 
 TEST(Scene, StepsBeyondWhatAnIntHoldsAreRefusedByTheirNumber) {
