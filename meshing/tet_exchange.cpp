@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstring>
 #include <stdexcept>
 
@@ -21,8 +22,9 @@ Matrix take(const std::string& bytes, size_t& at) {
   std::memcpy(&n, bytes.data() + at, sizeof(n));
   at += sizeof(n);
   Matrix matrix(Matrix::RowsAtCompileTime, n);
-  std::memcpy(matrix.data(), bytes.data() + at, matrix.size() * sizeof(matrix(0, 0)));
-  at += matrix.size() * sizeof(matrix(0, 0));
+  const size_t size = matrix.size() * sizeof(matrix(0, 0));
+  std::copy_n(bytes.data() + at, size, reinterpret_cast<char*>(matrix.data()));  // takes the null of no columns
+  at += size;
   return matrix;
 }
 
