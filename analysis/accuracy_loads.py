@@ -155,7 +155,9 @@ class Loads:
     def _run(self, point: Point) -> Outcome:
         outcome = self.store.run(point)
         if outcome.status != "ok":
-            raise RunError(": ".join(part for part in (point.program, outcome.status, outcome.message) if part))
+            raise RunError(
+                ": ".join(part for part in (point.program, outcome.status, outcome.message) if part)
+            )
         return outcome
 
     def scene(self, shape: str, load: str) -> Path:

@@ -140,7 +140,9 @@ def run_solvers(
     refined = folder / "reference_refined"
     record = json.loads((folder / "fem_reference" / "run.json").read_text())
     if status == NOT_OK:
-        raise RunError(f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}")
+        raise RunError(
+            f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}"
+        )
     unsolved = record["reason"] if status == _NOT_MODELLED else ""
     words = None if unsolved else refinement(scene, record)
     if not words or run("fem_reference", refined, options=words) not in (SOLVED, NOT_OK):

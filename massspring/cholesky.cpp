@@ -26,7 +26,7 @@ BlockCholesky::BlockCholesky(const BlockMatrix& A) : factor_(std::make_unique<Fa
         for (int r = A.column[k] == i ? c : 0; r < 3; ++r) lower.insert(3 * A.column[k] + r, 3 * i + c) = 0;
   lower.makeCompressed();
   // On two threads BLAS sums in another order: other bits, and seconds that are no longer those of one.
-  // The function is looked up by name: other BLAS libraries lack it, and not every linker keeps a weak reference.
+  // Looked up by name: other BLAS libraries lack it, and not every linker keeps a weak reference.
   if (void* const set_n_threads = dlsym(RTLD_DEFAULT, "openblas_set_num_threads"))
     reinterpret_cast<void (*)(int)>(set_n_threads)(1);
   factor_->llt.cholmod().print = 0;

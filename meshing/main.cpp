@@ -146,7 +146,9 @@ void add_network(CLI::App& app) {
   command->add_option("file", arguments->file, "surface")->required();
   command->add_option("out", arguments->out,
                       "file to write (.vtu): triangles, then springs, then tetrahedra");
-  command->add_option("--sampling", arguments->nodes.sampling, "of internal nodes: darts, relaxed, graded, mesher")
+  command
+      ->add_option("--sampling", arguments->nodes.sampling,
+                   "of internal nodes: darts, relaxed, graded, mesher")
       ->capture_default_str();
   command->add_option("--phi", arguments->nodes.phi, "least distance of internal nodes (normalised box)");
   command->add_option("--psi", arguments->nodes.psi, "least distance to the surface (normalised box)");

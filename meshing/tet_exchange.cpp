@@ -23,7 +23,8 @@ Matrix take(const std::string& bytes, size_t& at) {
   at += sizeof(n);
   Matrix matrix(Matrix::RowsAtCompileTime, n);
   const size_t size = matrix.size() * sizeof(matrix(0, 0));
-  std::copy_n(bytes.data() + at, size, reinterpret_cast<char*>(matrix.data()));  // takes the null of no columns
+  std::copy_n(bytes.data() + at, size,
+              reinterpret_cast<char*>(matrix.data()));  // takes the null of no columns
   at += size;
   return matrix;
 }

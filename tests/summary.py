@@ -16,7 +16,9 @@ def summarise(report: str) -> str:
         if by_pytest:
             for n, outcome in by_pytest:
                 counts["failed" if outcome == "error" else outcome] += int(n)
-            lines += [f"{case.attrib['name']}: {line}" for line in re.findall(r"^SKIPPED .*", output, re.MULTILINE)]
+            lines += [
+                f"{case.attrib['name']}: {line}" for line in re.findall(r"^SKIPPED .*", output, re.MULTILINE)
+            ]
         elif case.attrib["status"] == "run":
             counts["passed"] += 1
         elif case.find("skipped") is not None:

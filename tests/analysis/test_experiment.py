@@ -179,7 +179,9 @@ def test_refinement_that_gives_no_result_leaves_none_of_an_older_run(solve, tmp_
     older = tmp_path / "out" / "reference_refined"
     assert (older / "run.json").exists()
     program = tmp_path / "home" / "bin" / "fem_reference"
-    program.write_text(program.read_text().replace("nu = settings", 'sys.exit("--converge" in sys.argv)\nnu = settings', 1))
+    program.write_text(
+        program.read_text().replace("nu = settings", 'sys.exit("--converge" in sys.argv)\nnu = settings', 1)
+    )
     solve("0.3")
     assert not older.exists()
 

@@ -249,8 +249,12 @@ def test_failed_point_is_a_row_with_its_message(scene, programs, tmp_path):
     "nu, status, message",
     [("far", "not_converged", ""), ("touched", "failed", "exit status 3")],
 )
-def test_references_point_that_is_not_solved_says_how_it_ended(nu, status, message, scene, programs, tmp_path):
-    outcome = Store(tmp_path / "out", programs=programs).run(Point("fem_reference", scene, (f"material.nu={nu}",)))
+def test_references_point_that_is_not_solved_says_how_it_ended(
+    nu, status, message, scene, programs, tmp_path
+):
+    outcome = Store(tmp_path / "out", programs=programs).run(
+        Point("fem_reference", scene, (f"material.nu={nu}",))
+    )
     assert (outcome.status, outcome.message) == (status, message)
 
 

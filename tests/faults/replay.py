@@ -65,7 +65,10 @@ def target_of(test: str) -> str:
 
 def read_lists(folder: Path = HOME) -> list[Fault]:
     return [
-        Fault(**{**entry, "tests": tuple(entry["tests"]), "programs": tuple(entry.get("programs", ()))}, part=file.stem)
+        Fault(
+            **{**entry, "tests": tuple(entry["tests"]), "programs": tuple(entry.get("programs", ()))},
+            part=file.stem,
+        )
         for file in sorted(folder.glob("*.toml"))
         for entry in tomllib.loads(file.read_text())["fault"]
     ]
@@ -88,7 +91,9 @@ def find(fault: Fault, sources: dict[Path, str]) -> tuple[Path, str]:
     places = [(file, at) for file, text in sources.items() for at in fault.pattern.finditer(text)]
     if len(places) != 1:
         where = ", ".join(str(file) for file, _ in places) or "nowhere"
-        raise ListError(f"{fault.part}.toml: '{fault.name}': its text is found {len(places)} times ({where}), expected once")
+        raise ListError(
+            f"{fault.part}.toml: '{fault.name}': its text is found {len(places)} times ({where}), expected once"
+        )
     file, at = places[0]
     return file, sources[file][: at.start()] + fault.replacement + sources[file][at.end() :]
 
@@ -126,11 +131,21 @@ class Copy:
     def passes(self, test: str) -> bool:
         """Raises ListError where there is no such test."""
         if is_python(test):
-            words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", str(self.folder / test)]
+            words = [
+                sys.executable,
+                "-m",
+                "pytest",
+                *"-q -x -p no:cacheprovider".split(),
+                str(self.folder / test),
+            ]
             no_such_test = r"no tests ran|ERROR: (file or directory )?not found"
         else:
             target, _, pattern = test.partition(":")
-            words = [str(self.build / "bin" / target), f"--gtest_filter={pattern or '*'}", "--gtest_fail_fast"]
+            words = [
+                str(self.build / "bin" / target),
+                f"--gtest_filter={pattern or '*'}",
+                "--gtest_fail_fast",
+            ]
             no_such_test = r"Running 0 tests"
         environment = {**os.environ, "PYTHONPATH": str(self.folder), "PYTHONDONTWRITEBYTECODE": "1"}
         with tempfile.TemporaryDirectory() as elsewhere:
@@ -196,7 +211,10 @@ def replay_all(faults: list[Fault], folder: Path, jobs: int) -> dict[Fault, str]
                     verdicts[fault] = copy.replay(fault, file, content)
                 except ListError as error:
                     verdicts[fault] = str(error)
-                print(f"{len(verdicts):4} of {len(faults)}  {verdicts[fault]:10} {fault.part}: {fault.name}", flush=True)
+                print(
+                    f"{len(verdicts):4} of {len(faults)}  {verdicts[fault]:10} {fault.part}: {fault.name}",
+                    flush=True,
+                )
         finally:
             copies.put(copy)
 
@@ -227,13 +245,17 @@ def main() -> int:
     parser.add_argument("--only", default="", help="regular expression on 'list: name'")
     parser.add_argument("--sample", type=int, help="so many of those that must be caught, chosen by --seed")
     parser.add_argument("--seed", default="", help="by default, the commit's hash")
-    parser.add_argument("--folder", type=Path, default=ROOT / "build" / "faults", help="of the copies and the table")
+    parser.add_argument(
+        "--folder", type=Path, default=ROOT / "build" / "faults", help="of the copies and the table"
+    )
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
     arguments = parser.parse_args()
 
     faults = [f for f in read_lists() if re.search(arguments.only, f"{f.part}: {f.name}")]
     if arguments.sample:
-        commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "HEAD"], capture_output=True, text=True, check=False)
+        commit = subprocess.run(
+            ["git", "-C", ROOT, "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+        )
         stream = random.Random(arguments.seed or commit.stdout.strip())
         faults = stream.sample([f for f in faults if not f.harmless], arguments.sample)
     try:
@@ -245,7 +267,14 @@ def main() -> int:
         table = csv.writer(file)
         table.writerow(["list", "fault", "blind", "verdict", "tests", "harmless"])
         for fault in faults:
-            row = [fault.part, fault.name, fault.blind, verdicts[fault], " ".join(fault.tests), fault.harmless]
+            row = [
+                fault.part,
+                fault.name,
+                fault.blind,
+                verdicts[fault],
+                " ".join(fault.tests),
+                fault.harmless,
+            ]
             table.writerow(row)
     print(summarise(verdicts))
     wrong = [fault for fault in faults if not is_right(fault, verdicts[fault])]

@@ -3,7 +3,20 @@
 import re
 
 import pytest
-from replay import CAUGHT, ROOT, SURVIVED, Copy, Fault, ListError, find, is_python, read_lists, read_sources, summarise, target_of
+from replay import (
+    CAUGHT,
+    ROOT,
+    SURVIVED,
+    Copy,
+    Fault,
+    ListError,
+    find,
+    is_python,
+    read_lists,
+    read_sources,
+    summarise,
+    target_of,
+)
 
 FAULTS = read_lists()
 
@@ -32,7 +45,9 @@ def test_tests_named_are_there():
                 assert (ROOT / file).exists(), test
                 assert not name or f"def {name.partition('[')[0]}(" in (ROOT / file).read_text(), test
             else:
-                assert re.search(rf"\b{target_of(test)}\b", made) or list(tests.rglob(f"{target_of(test)}.cpp")), test
+                assert re.search(rf"\b{target_of(test)}\b", made) or list(
+                    tests.rglob(f"{target_of(test)}.cpp")
+                ), test
 
 
 def fault(text, **more):

@@ -147,8 +147,8 @@ TEST_P(AgainstCalculix, BendsFarAlikeAtFiniteStrain) {
   EXPECT_LT(difference(u, run_calculix(solid, job).u), kPrinted);
 }
 
-// CalculiX's error here falls with the square of its increments. Linear triangles stay flat; on curved ones it
-// has too few points.
+// CalculiX's error here falls with the square of its increments. Linear triangles stay flat; on curved ones
+// it has too few points.
 TEST_P(AgainstCalculix, InflatesAlikeUnderAPressureThatFollows) {
   const TetMesh mesh = box_tets(5, 3, 2, 0.5, 0.15);
   ElasticSolid solid(mesh, GetParam());

@@ -249,9 +249,12 @@ TEST(FiniteStrain, StaysAtRestWhereNothingMovesIt) {
     std::vector<HeldComponent> held;
     for (int i = 0; i < solid.X().cols(); ++i)
       for (int c = 0; c < 3; ++c)
-        if (std::abs(solid.X()(0, i) - 1) > 0.8) held.push_back({i, c, c == 0 && solid.X()(0, i) > 1 ? 0.3 : 0});
+        if (std::abs(solid.X()(0, i) - 1) > 0.8)
+          held.push_back({i, c, c == 0 && solid.X()(0, i) > 1 ? 0.3 : 0});
     ElasticLoads loads;
-    loads.motion = [&](int k, double t) { return std::min(1., 2 * t) * held[k].displacement; };  // and then rests
+    loads.motion = [&](int k, double t) {
+      return std::min(1., 2 * t) * held[k].displacement;
+    };  // and then rests
     solid.assemble({1e5, 0.45, 1, 0}, ElasticLaw::NeoHookean, loads, held);
     Eigen::Matrix3Xd at_pause;
     for (double t : {0., 0.25, 0.5, 0.75, 1.}) {

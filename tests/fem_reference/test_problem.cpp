@@ -1,4 +1,5 @@
-// What the reference makes of a scene: loads against integrals over its box, supports against its coordinates.
+// What the reference makes of a scene: loads against integrals over its box, supports against its
+// coordinates.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -110,8 +111,8 @@ TEST(ProblemOfAScene, MovesSupportsEvenlyToTheEndOrAlongTheirPath) {
   }
 }
 
-// From pivots far away a body shrinks evenly. One that starts half-way has then done nothing, and its whole part at
-// the end; parts multiply.
+// From pivots far away a body shrinks evenly. One that starts half-way has then done nothing, and its whole
+// part at the end; parts multiply.
 TEST(ProblemOfAScene, ShrinksAroundItsPivotsByTheProductOfTheirParts) {
   constexpr double kFar = 1e7, kPart = 0.1, kEven = 1e-5;
   Box211 box;
@@ -120,11 +121,13 @@ TEST(ProblemOfAScene, ShrinksAroundItsPivotsByTheProductOfTheirParts) {
   collapse.pivots = {{Vector3d(kFar, 0, 0), {}, 0, {}}, {Vector3d(0, kFar, 0), {}, 0.5, {}}};
   box.scene.collapse = collapse;
   ElasticSolid solid = box.solid(2, 0);
-  for (const auto& [factor, length] :
-       {std::pair(0.5, 1 - kPart / 2), {0.75, (1 - 0.75 * kPart) * (1 - kPart / 2)}, {1.0, std::pow(1 - kPart, 2)}}) {
+  for (const auto& [factor, length] : {std::pair(0.5, 1 - kPart / 2),
+                                       {0.75, (1 - 0.75 * kPart) * (1 - kPart / 2)},
+                                       {1.0, std::pow(1 - kPart, 2)}}) {
     ASSERT_TRUE(solid.solve(factor).is_converged);
     const Matrix3Xd expected = without_rigid_motion(solid.X(), (length - 1) * solid.X());
-    EXPECT_LT((without_rigid_motion(solid.X(), solid.displacement()) - expected).norm(), kEven * expected.norm());
+    EXPECT_LT((without_rigid_motion(solid.X(), solid.displacement()) - expected).norm(),
+              kEven * expected.norm());
   }
 }
 

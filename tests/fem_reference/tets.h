@@ -39,9 +39,10 @@ inline void shape_functions(int n, const Eigen::Vector4d& l, Eigen::VectorXd& N,
   }
 }
 
-/// Largest |principal stretch - 1| of a displacement, at the centre of linear and at the four points of the rule of
-/// degree 2 of quadratic tetrahedra.
-inline double largest_stretch(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells, const Eigen::Matrix3Xd& u) {
+/// Largest |principal stretch - 1| of a displacement, at the centre of linear and at the four points of the
+/// rule of degree 2 of quadratic tetrahedra.
+inline double largest_stretch(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells,
+                              const Eigen::Matrix3Xd& u) {
   const int n = static_cast<int>(cells.rows());
   const double b = n == 4 ? 0.25 : (5 - std::sqrt(5)) / 20;
   Eigen::VectorXd N;

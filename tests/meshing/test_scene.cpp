@@ -401,8 +401,18 @@ std::vector<std::string> others_than(const std::string& value) {
   if (value[0] != '"') return {"0.125", "0.5", "1", "2", "3", "4", "10"};
   std::vector<std::string> others{toml_text((test_folder() / "one.obj").string()),
                                   toml_text((test_folder() / "two.obj").string())};
-  for (const auto& names : {shape_names(), kTimeModes, kIntegrators, kKrylov, kSamplings, kConnectivities,
-                            kSpringLaws, kLaws, kMasses, kWarps, kFields, {"x", "some text"}})
+  for (const auto& names : {shape_names(),
+                            kTimeModes,
+                            kIntegrators,
+                            kKrylov,
+                            kSamplings,
+                            kConnectivities,
+                            kSpringLaws,
+                            kLaws,
+                            kMasses,
+                            kWarps,
+                            kFields,
+                            {"x", "some text"}})
     for (const std::string& name : names) others.push_back(toml_text(name));
   return others;
 }
@@ -448,10 +458,15 @@ box = { low = [0, 0, 0], high = [4, 4, 4] }
 [[obstacles]]
 mesh = { file = "one.obj" }
 )";
-  const std::vector<std::string> from_shape{
-      "network.phi=0.1", "network.psi=0.2", "reference.interior_size=0.1", "reference.spectral_radius=0.7",
-      "self_contact.thickness=0.01", "collapse.pivots.0.end=5", "playback.warp=custom",
-      "playback.points=[[0, 0], [0.3, 0.2]]", "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
+  const std::vector<std::string> from_shape{"network.phi=0.1",
+                                            "network.psi=0.2",
+                                            "reference.interior_size=0.1",
+                                            "reference.spectral_radius=0.7",
+                                            "self_contact.thickness=0.01",
+                                            "collapse.pivots.0.end=5",
+                                            "playback.warp=custom",
+                                            "playback.points=[[0, 0], [0.3, 0.2]]",
+                                            "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
   std::vector<std::string> from_file = from_shape;
   from_file.push_back("surface.shape=''");
   from_file.push_back("surface.file=" + (test_folder() / "one.obj").string());

@@ -166,8 +166,10 @@ TEST(SurfaceCheck, EveryFaultOfAMeshIsNamedAndMendedWhereItCanBe) {
   SurfaceMesh soup{ball.X(Eigen::all, ball.F.reshaped()), ball.F};
   for (int i = 0; i < 960; ++i) soup.F(i % 3, i / 3) = i;
   const int touched = static_cast<int>(
-      ((ball.X.colwise() + ball.X.col(9)).colwise().norm().array() < 1e-9).cast<int>().matrix().dot(
-          Eigen::RowVectorXi::LinSpaced(162, 0, 161)));  // the vertex opposite to vertex 9
+      ((ball.X.colwise() + ball.X.col(9)).colwise().norm().array() < 1e-9)
+          .cast<int>()
+          .matrix()
+          .dot(Eigen::RowVectorXi::LinSpaced(162, 0, 161)));  // the vertex opposite to vertex 9
   const SurfaceMesh kiss = welded(join(ball, shifted(ball, 2 * ball.X.col(9))), 9, 162 + touched);
   SurfaceMesh hinge{Eigen::Matrix3Xd(3, 6), Eigen::Matrix3Xi(3, 8)};  // two tetrahedra with a common edge
   hinge.X << 0, 1, 0, 0, 0, 0, 0, 0, 1, 0, -1, 0, 0, 0, 0, 1, 0, -1;

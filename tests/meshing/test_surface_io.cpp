@@ -196,8 +196,9 @@ TEST(SurfaceIo, ReadsTextStl) {
 
 TEST(SurfaceIo, ReadsEveryNameOfPlysFaces) {
   for (const std::string name : {"vertex_indices", "vertex_index"}) {
-    const SurfaceMesh mesh = read_surface(
-        file_of("faces.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    const SurfaceMesh mesh =
+        read_surface(file_of("faces.ply",
+                             "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
                              "property float z\nelement face 1\nproperty list uchar int other\n"
                              "property list uchar int " +
                                  name + "\nend_header\n0 0 0 2 0 0 0 1 0\n4 0 0 0 0 3 0 1 2\n"));
@@ -231,8 +232,8 @@ TEST(SurfaceIo, ReadsObjAsUsersWriteIt) {
 TEST(SurfaceIo, CutsPolygonsThatAreNotConvexInsideTheirOutline) {
   // an arrow head: area 0.5 inside the outline, a fan from the first corner would cover more
   for (const std::string corners : {"1 2 3 0", "2 3 0 1", "3 0 1 2", "0 1 2 3"}) {
-    const SurfaceMesh mesh = read_surface(
-        file_of("arrow.off", "OFF 4 1 0\n0 0 0\n1 -1 0\n0 1 0\n-1 -1 0\n4 " + corners + "\n"));
+    const SurfaceMesh mesh =
+        read_surface(file_of("arrow.off", "OFF 4 1 0\n0 0 0\n1 -1 0\n0 1 0\n-1 -1 0\n4 " + corners + "\n"));
     EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding) << corners;
   }
 }
@@ -240,9 +241,9 @@ TEST(SurfaceIo, CutsPolygonsThatAreNotConvexInsideTheirOutline) {
 TEST(SurfaceIo, ReadsTheSurfaceOfVtkFilesAndNothingElse) {
   // a pyramid of a quadrilateral, triangles and a polygon; then a line, a tetrahedron and a spare point
   const std::string points = "9 9 9 0 0 0 1 0 0 1 1 0 0 1 0 0 0 1";
-  const SurfaceMesh pyramid = read_surface(
-      file_of("pyramid.vtu", vtu_of("1 4 3 2 1 2 5 2 3 5 3 4 5 4 1 5 0 1 0 1 2 4", "4 7 10 13 16 18 22",
-                                    "9 5 5 7 5 3 10", points)));
+  const SurfaceMesh pyramid =
+      read_surface(file_of("pyramid.vtu", vtu_of("1 4 3 2 1 2 5 2 3 5 3 4 5 4 1 5 0 1 0 1 2 4",
+                                                 "4 7 10 13 16 18 22", "9 5 5 7 5 3 10", points)));
   EXPECT_EQ(pyramid.X.cols(), 5);
   EXPECT_EQ(pyramid.F.cols(), 6);
   EXPECT_NO_THROW(check_closed(pyramid, "pyramid.vtu"));

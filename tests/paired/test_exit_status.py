@@ -39,7 +39,14 @@ def run(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE)
 
     def run(program, *overrides, words=()):
-        command = [PROGRAMS / program, tmp_path / "scene.toml", "--quiet", "--out", tmp_path / program, *words]
+        command = [
+            PROGRAMS / program,
+            tmp_path / "scene.toml",
+            "--quiet",
+            "--out",
+            tmp_path / program,
+            *words,
+        ]
         for override in overrides:
             command += ["--set", override]
         return subprocess.run(command, capture_output=True, text=True, check=False)
@@ -56,7 +63,12 @@ def record_of(folder):
     [
         ("massspring", (), 0, "ok"),
         ("massspring", (DYNAMIC,), 0, "ok"),
-        ("massspring", (DYNAMIC, "time.integrator=explicit_euler", "time.step=1", "time.end=100"), 2, "diverged"),
+        (
+            "massspring",
+            (DYNAMIC, "time.integrator=explicit_euler", "time.step=1", "time.end=100"),
+            2,
+            "diverged",
+        ),
         ("massspring", ("loads.0.traction=[-1e9, 1e9, 0]",), 2, "not_converged"),
         ("fem_reference", (), 0, "ok"),
         ("fem_reference", (DYNAMIC,), 0, "ok"),
@@ -111,7 +123,9 @@ def test_more_steps_than_can_be_counted_are_an_error_that_names_their_number(run
 
 
 def test_default_step_of_a_tiny_body_is_refused_when_it_makes_too_many(run, tmp_path):
-    done = run("massspring", DYNAMIC, "time.end=300", "time.step=0", "time.integrator=rk4", "surface.scale=1e-6")
+    done = run(
+        "massspring", DYNAMIC, "time.end=300", "time.step=0", "time.integrator=rk4", "surface.scale=1e-6"
+    )
     assert done.returncode == 1
     assert "expected at most 2147483647" in done.stderr
     assert not (tmp_path / "massspring" / "run.json").exists()

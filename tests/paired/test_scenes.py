@@ -99,7 +99,9 @@ def test_curves_are_those_of_a_body_that_shrinks_evenly(tmp_path, program):
     }
     assert list(run.curves) == list(expected)
     for name, values in expected.items():
-        rel = 0.01 if name == "max_displacement" else 1e-5  # springs shrink towards a point near the ball's centre
+        rel = (
+            0.01 if name == "max_displacement" else 1e-5
+        )  # springs shrink towards a point near the ball's centre
         assert run.curves[name] == pytest.approx(values, rel=rel, abs=1e-9), name
 
 
@@ -216,7 +218,9 @@ ACCURACY_LAST_SEEN = {
 
 
 def test_accuracy_of_loads_without_an_exact_field(tmp_path, monkeypatch):
-    monkeypatch.setattr("analysis.accuracy_loads.MODELS", tuple(ACCURACY_LAST_SEEN))  # with what the study leaves out
+    monkeypatch.setattr(
+        "analysis.accuracy_loads.MODELS", tuple(ACCURACY_LAST_SEEN)
+    )  # with what the study leaves out
     loads = Loads(tmp_path, tmp_path, is_quiet=True)
     rows = [loads.measure("0.25", "ball:162", load) for load in ("end_shear", "collapse")]
     for shear, collapse in zip(*rows, strict=True):
@@ -366,9 +370,17 @@ calibration = "edge_coupled"
 
 
 def test_damping_of_a_ratio_is_the_same_in_both_programs(tmp_path):
-    overrides = ("material.damping_ratio=0.1", "surface.n_vertices=200", "time.end=0.032", "comparison.calibrations=[]")
+    overrides = (
+        "material.damping_ratio=0.1",
+        "surface.n_vertices=200",
+        "time.end=0.032",
+        "comparison.calibrations=[]",
+    )
     experiment = run_pair("bar_swing", tmp_path, *overrides)
-    springs, reference = load_run(experiment.massspring_folder("node_averaged")), load_run(experiment.reference_folder)
+    springs, reference = (
+        load_run(experiment.massspring_folder("node_averaged")),
+        load_run(experiment.reference_folder),
+    )
     # Masses at nodes would make it 0.3 % less.
     assert springs.record["mass_damping"] == pytest.approx(reference.record["mass_damping"], rel=2e-3)
     furthest = [run.curves["max_displacement"].max() for run in (springs, reference)]
