@@ -6,6 +6,7 @@ import platform
 import random
 import signal
 import subprocess
+from pathlib import Path
 
 import pytest
 from pages import fetched
@@ -256,6 +257,15 @@ def test_references_point_that_is_not_solved_says_how_it_ended(
         Point("fem_reference", scene, (f"material.nu={nu}",))
     )
     assert (outcome.status, outcome.message) == (status, message)
+
+
+def test_program_is_given_the_scene_the_options_and_the_overrides(scene, programs, tmp_path):
+    (programs / "massspring").write_text('#!/bin/sh\necho "error: $*" >&2\nexit 1\n')
+    point = Point("massspring", scene, ("material.nu=0.3",), ("--no-diagnostics",))
+    words = Store(tmp_path / "out", programs=programs).run(point).message.split()
+    assert words[0] == str(scene)
+    assert words[1] == "--out" and Path(words[2]).is_relative_to(tmp_path / "out")
+    assert words[3:] == ["--quiet", "--no-diagnostics", "--set", "material.nu=0.3"]
 
 
 @pytest.mark.parametrize(
