@@ -116,10 +116,9 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
   }
   K_ = stiffness_pattern(model);
   const State rest = initial_state(model);
-  add_stiffness(model, rest, K_);
-  largest_stiffness_ = largest_diagonal(K_);
   last_ = before_last_ = {0, rest.x};
   BlockMatrix P = simple_stiffness(model, rest);
+  largest_stiffness_ = largest_diagonal(P);
   factorise(P);
   if (model.tet_springs) return;  // rigid motions are all that tetrahedra leave free
   filter(forces.constraints, P);

@@ -52,7 +52,7 @@ class QuasiStaticSolver {
   int n_free_rigid_motions_ = 0;
   double floppy_load_share_ = 0;
   BlockMatrix K_;
-  double largest_stiffness_;  ///< on the diagonal at rest (N/m)
+  double largest_stiffness_;  ///< on the diagonal of the simple stiffness at rest (N/m)
   std::unique_ptr<BlockCholesky> preconditioner_;
   Equilibrium last_, before_last_;
 };

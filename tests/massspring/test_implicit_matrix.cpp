@@ -18,6 +18,19 @@ Forces some_constraints(const MassSpringModel& model) {
   return forces;
 }
 
+MassSpringModel damped_springs() {
+  MassSpringModel model = small_model();
+  model.springs->damping = 3;
+  return model;
+}
+
+/// Their matrix is formed in blocks instead of spring by spring.
+MassSpringModel damped_springs_in_blocks() {
+  MassSpringModel model = damped_springs();
+  model.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
+  return model;
+}
+
 TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
   MassSpringModel model = small_model();
   model.springs->damping = 3;
@@ -36,11 +49,7 @@ TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
 }
 
 TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
-  MassSpringModel springs = small_model();
-  springs.springs->damping = 3;
-  MassSpringModel coupled = springs;  // a matrix in blocks instead of spring by spring
-  coupled.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
-  for (const MassSpringModel& model : {springs, coupled}) {
+  for (const MassSpringModel& model : {damped_springs(), damped_springs_in_blocks()}) {
     Forces forces = some_constraints(model);
     forces.volume_pressure = 70;
     forces.followers.push_back({40, model.network.F});
@@ -145,10 +154,7 @@ TEST(ImplicitMatrix, DiagonalAndSinglePrecisionAreThoseOfTheProductWithContactsT
 
 TEST(ImplicitMatrix, IsInSinglePrecisionTheSameToItsRounding) {
   constexpr double single_rounding = 1e-6;
-  MassSpringModel springs = small_model(), coupled = small_model();
-  springs.springs->damping = 3;
-  coupled.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
-  for (const MassSpringModel& model : {springs, coupled}) {
+  for (const MassSpringModel& model : {damped_springs(), damped_springs_in_blocks()}) {
     Forces forces = some_constraints(model);
     forces.volume_pressure = 70;
     forces.followers.push_back({40, model.network.F});
