@@ -6,21 +6,23 @@
 #include <map>
 #include <optional>
 
-#include "fem_reference/dynamics.h"
-#include "fem_reference/elasticity.h"
-#include "fem_reference/memory.h"
-#include "fem_reference/problem.h"
-#include "fem_reference/processes.h"
-#include "fem_reference/richardson.h"
-#include "meshing/exit_status.h"
-#include "meshing/files.h"
-#include "meshing/progress.h"
-#include "meshing/record.h"
-#include "meshing/scene.h"
-#include "meshing/surface.h"
-#include "meshing/tetrahedralize.h"
+#include "fem_reference/base/memory.h"
+#include "fem_reference/base/processes.h"
+#include "fem_reference/solid/dynamics.h"
+#include "fem_reference/solid/elasticity.h"
+#include "fem_reference/solid/problem.h"
+#include "fem_reference/solid/richardson.h"
+#include "meshing/base/files.h"
+#include "meshing/base/stage_timer.h"
+#include "meshing/run/exit_status.h"
+#include "meshing/run/hash.h"
+#include "meshing/run/progress.h"
+#include "meshing/run/record.h"
+#include "meshing/scene/scene.h"
+#include "meshing/surface/surface.h"
+#include "meshing/tetrahedra/tetrahedralize.h"
 
-namespace testbed {
+namespace testbed::fem {
 namespace {
 
 struct Arguments {
@@ -35,8 +37,7 @@ struct LoadPath {
   bool is_proportional;
   int n_solves;
   explicit LoadPath(const Scene& scene)
-      : is_proportional(testbed::is_proportional(scene)),
-        n_solves(is_proportional ? 1 : scene.time.load_steps) {}
+      : is_proportional(fem::is_proportional(scene)), n_solves(is_proportional ? 1 : scene.time.load_steps) {}
   double factor(int n) const { return static_cast<double>(n) / n_solves; }
 };
 
@@ -170,7 +171,7 @@ void run_dynamic(Run& run) {
   constexpr int kDefaultSteps = 400;
   const double end = run.scene.time.end;
   const double step = run.scene.time.step > 0 ? run.scene.time.step : end / kDefaultSteps;
-  const int n_steps = testbed::n_steps(run.scene.time, step);
+  const int n_steps = meshing::n_steps(run.scene.time, step);
   const bool is_linear = run.scene.reference.law == ElasticLaw::SmallStrain;
   run.timer.start("assemble");
   Dynamics system;
@@ -304,16 +305,16 @@ ExitStatus run(const Arguments& arguments) {
     record["natural_frequencies"] = std::vector<double>(modes.frequency.begin(), modes.frequency.end());
     record["n_rigid_modes"] = modes.n_rigid;
   }
-  record["seconds"] = timer.seconds();
+  for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
   if (recorder) recorder->finish(record);
   return status_of(record);
 }
 
 }  // namespace
-}  // namespace testbed
+}  // namespace testbed::fem
 
 int main(int argc, char** argv) {
-  testbed::Arguments arguments;
+  testbed::fem::Arguments arguments;
   CLI::App app(
       "Solves a scene by finite elements on tetrahedra of the same surface: the reference.\n\n"
       "Examples:\n"
@@ -341,9 +342,9 @@ int main(int argc, char** argv) {
   app.footer(testbed::kExitStatusHelp);
   if (const auto status = testbed::parse(app, argc, argv)) return *status;
   try {
-    return testbed::run(arguments);
+    return testbed::fem::run(arguments);
   } catch (const std::exception& error) {
-    if (testbed::processes().n > 1) testbed::abort_processes(error.what());
+    if (testbed::fem::processes().n > 1) testbed::fem::abort_processes(error.what());
     std::cerr << "error: " << error.what() << '\n';
     return testbed::kError;
   }

@@ -9,15 +9,15 @@
 #include <set>
 #include <sstream>
 
-#include "massspring/calibrate.h"
-#include "massspring/exact_fields.h"
-#include "massspring/linear_statics.h"
-#include "massspring/tractions.h"
-#include "meshing/build_network.h"
-#include "meshing/scene.h"
-#include "meshing/surface.h"
+#include "massspring/calibrations/calibrate.h"
+#include "massspring/energies/tractions.h"
+#include "massspring/statics/exact_fields.h"
+#include "massspring/statics/linear_statics.h"
+#include "meshing/scene/build_network.h"
+#include "meshing/scene/scene.h"
+#include "meshing/surface/surface.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 namespace {
 
@@ -189,17 +189,18 @@ int run(const Options& options) {
 
 }  // namespace
 
-}  // namespace testbed
+}  // namespace testbed::massspring
 
 int main(int argc, char** argv) {
-  testbed::Options options;
+  testbed::massspring::Options options;
   CLI::App app{
       "Measures spring models against exact fields of elasticity, applied as tractions: one CSV row per "
       "surface, inner nodes, Poisson's "
       "ratio, model and load. The model edge_coupled is linear finite elements on the same nodes. Rows "
       "already in the file are kept.\n"
       "example: accuracy --out accuracy.csv --surface ball:642 --surface bunny.obj --nu 0.25 0.49"};
-  for (const testbed::Calibration& c : testbed::calibrations()) options.models.push_back(c.name);
+  for (const testbed::massspring::Calibration& c : testbed::massspring::calibrations())
+    options.models.push_back(c.name);
   app.add_option("--out", options.out, "CSV file, continued if it exists")->required();
   app.add_option("--surface", options.surfaces, "file, or SHAPE:VERTICES of a generated shape")->required();
   app.add_option("--nu", options.nu, "Poisson's ratios");
@@ -211,8 +212,8 @@ int main(int argc, char** argv) {
   app.add_option("--model", options.models, "spring models; all if absent");
   CLI11_PARSE(app, argc, argv);
   try {
-    for (const std::string& model : options.models) testbed::find_calibration(model);
-    return testbed::run(options);
+    for (const std::string& model : options.models) testbed::massspring::find_calibration(model);
+    return testbed::massspring::run(options);
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << '\n';
     return 1;

@@ -4,23 +4,25 @@
 #include <iostream>
 #include <sstream>
 
-#include "massspring/calibrate.h"
-#include "massspring/collapse.h"
-#include "massspring/diagnostics.h"
-#include "massspring/frequencies.h"
-#include "massspring/implicit_stage.h"
-#include "massspring/integrators.h"
-#include "massspring/quasi_static.h"
-#include "meshing/build_network.h"
-#include "meshing/exit_status.h"
-#include "meshing/files.h"
-#include "meshing/progress.h"
-#include "meshing/record.h"
-#include "meshing/scene.h"
-#include "meshing/surface.h"
-#include "meshing/tet_mesh.h"
+#include "massspring/calibrations/calibrate.h"
+#include "massspring/model/collapse.h"
+#include "massspring/statics/diagnostics.h"
+#include "massspring/statics/frequencies.h"
+#include "massspring/statics/quasi_static.h"
+#include "massspring/time/implicit_stage.h"
+#include "massspring/time/integrators.h"
+#include "meshing/base/files.h"
+#include "meshing/base/stage_timer.h"
+#include "meshing/run/exit_status.h"
+#include "meshing/run/hash.h"
+#include "meshing/run/progress.h"
+#include "meshing/run/record.h"
+#include "meshing/scene/build_network.h"
+#include "meshing/scene/scene.h"
+#include "meshing/surface/surface.h"
+#include "meshing/tetrahedra/tet_mesh.h"
 
-namespace testbed {
+namespace testbed::massspring {
 namespace {
 
 struct Arguments {
@@ -53,6 +55,13 @@ std::vector<std::pair<std::string, double>> curve_row(const MassSpringModel& mod
           {"elastic_energy", elastic_energy(model, state)},
           {"max_strain", strain},
           {"max_displacement", (state.x - X).colwise().norm().maxCoeff()}};
+}
+
+nlohmann::ordered_json to_json(const Diagnostics& diagnostics) {
+  return {{"pressure_error", diagnostics.pressure_error},
+          {"uniaxial_error", diagnostics.uniaxial_error},
+          {"bending_compliance", diagnostics.bending_compliance},
+          {"torsion_compliance", diagnostics.torsion_compliance}};
 }
 
 /// How far the model can be trusted on this mesh goes into the record; its error in bending and torsion at
@@ -133,6 +142,7 @@ ExitStatus run(const Arguments& arguments) {
   MassSpringModel model = model_of(scene, nodes, calibration);
   const SpringNetwork& network = model.network;
   Forces forces = forces_of(scene, model);
+  const Contacts contacts = contacts_of(scene, surface);
   if (model.spread_mass) {
     std::vector<int> driven;
     for (const Constraint& c : forces.constraints)
@@ -150,7 +160,7 @@ ExitStatus run(const Arguments& arguments) {
   if (!is_static && h == 0)
     h = is_explicit(scene.time.integrator) ? kSafety * stable_step(model, forces, state)
                                            : scene.time.end / kDefaultSteps;
-  const int n_steps = is_static ? scene.time.load_steps : testbed::n_steps(scene.time, h);
+  const int n_steps = is_static ? scene.time.load_steps : meshing::n_steps(scene.time, h);
   Recorder recorder(out, cells_of(network), network.n_surface);
 
   nlohmann::ordered_json record = environment_record("massspring", 1);
@@ -193,7 +203,8 @@ ExitStatus run(const Arguments& arguments) {
     options.linear_solver = scene.time.linear_solver;
     options.tolerance = scene.time.tolerance;
     options.sleep_below = scene.time.sleep_below;
-    stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end, options);
+    stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end, options,
+                                            contacts);
     record["step"] = h;
     if (scene.time.integrator == Integrator::ImplicitEuler)
       record["tolerance"] = options.linear_tolerance;
@@ -265,7 +276,7 @@ ExitStatus run(const Arguments& arguments) {
   record["residual"] = report.residual;
   if (is_static) record["tolerance"] = QuasiStaticSolver::kTolerance;
   if (stepper && !stepper->solver_choice().empty()) record["solver"] = stepper->solver_choice();
-  record["seconds"] = timer.seconds();
+  for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
   record["status"] = name_of(status);
   if (is_static && status != Status::Ok) {
     std::ostringstream reason;
@@ -278,10 +289,10 @@ ExitStatus run(const Arguments& arguments) {
 }
 
 }  // namespace
-}  // namespace testbed
+}  // namespace testbed::massspring
 
 int main(int argc, char** argv) {
-  testbed::Arguments arguments;
+  testbed::massspring::Arguments arguments;
   CLI::App app(
       "Simulates a closed surface as a mass-spring solid.\n\n"
       "Examples:\n"
@@ -305,7 +316,7 @@ int main(int argc, char** argv) {
   app.footer(testbed::kExitStatusHelp);
   if (const auto status = testbed::parse(app, argc, argv)) return *status;
   try {
-    return testbed::run(arguments);
+    return testbed::massspring::run(arguments);
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << '\n';
     return testbed::kError;

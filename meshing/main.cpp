@@ -3,19 +3,19 @@
 #include <cstdio>
 #include <iostream>
 
-#include "meshing/build_network.h"
-#include "meshing/connect.h"
-#include "meshing/exit_status.h"
-#include "meshing/record.h"
-#include "meshing/rigidity.h"
-#include "meshing/shapes.h"
-#include "meshing/surface.h"
-#include "meshing/surface_check.h"
-#include "meshing/surface_faults.h"
-#include "meshing/surface_io.h"
-#include "meshing/tet_mesh.h"
+#include "meshing/network/connect.h"
+#include "meshing/network/rigidity.h"
+#include "meshing/run/exit_status.h"
+#include "meshing/run/record.h"
+#include "meshing/scene/build_network.h"
+#include "meshing/surface/shapes.h"
+#include "meshing/surface/surface.h"
+#include "meshing/surface/surface_check.h"
+#include "meshing/surface/surface_faults.h"
+#include "meshing/surface/surface_io.h"
+#include "meshing/tetrahedra/tet_mesh.h"
 
-using namespace testbed;
+using namespace testbed::meshing;
 
 namespace {
 

@@ -1,7 +1,7 @@
 #include "massspring/calibrations/calibrations.h"
-#include "meshing/surface.h"
+#include "meshing/surface/surface.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 void calibrate_uniform(MassSpringModel& model) {
   const SpringNetwork& network = model.network;
@@ -17,4 +17,4 @@ void calibrate_affine(MassSpringModel& model) {
   set_springs(model, network.E, kr2 * r2.cwiseInverse());
 }
 
-}  // namespace testbed
+}  // namespace testbed::massspring

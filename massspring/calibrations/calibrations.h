@@ -1,9 +1,9 @@
 // Independent springs that stand, more or less, for an isotropic solid. Springs alone have nu = 1/4 (Cauchy).
 #pragma once
 
-#include "massspring/model.h"
+#include "massspring/model/model.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 /// One stiffness for every spring of the network, scaled to Young's modulus by affine theory: E = sum k r^2 /
 /// (6 V) [the paper; method 6]. Poisson's ratio is 1/4 whatever the material says.
@@ -39,4 +39,4 @@ void set_springs(MassSpringModel& model, const Eigen::Matrix2Xi& E, const Eigen:
 /// Squared rest lengths of the node pairs (m2).
 Eigen::VectorXd squared_lengths(const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& E);
 
-}  // namespace testbed
+}  // namespace testbed::massspring

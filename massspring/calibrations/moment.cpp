@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "massspring/calibrations/calibrations.h"
-#include "massspring/linear_statics.h"
+#include "massspring/statics/linear_statics.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 namespace {
 
@@ -202,4 +202,4 @@ void calibrate_moment(MassSpringModel& model) {
   LinearStatics(model, hold_rigid_motion(network.X));  // refuses what is not positive definite
 }
 
-}  // namespace testbed
+}  // namespace testbed::massspring

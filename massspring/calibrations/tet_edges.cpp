@@ -5,7 +5,7 @@
 
 #include "massspring/calibrations/calibrations.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 namespace {
 
@@ -57,4 +57,4 @@ void add_dilatation(MassSpringModel& model) {
     model.tet_springs = couple_springs(model.network.X, model.network.T, {lambda - mu, 0}, {0, 0, 1});
 }
 
-}  // namespace testbed
+}  // namespace testbed::massspring

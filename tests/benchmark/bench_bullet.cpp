@@ -10,12 +10,13 @@
 #include <BulletSoftBody/btSoftBodyRigidBodyCollisionConfiguration.h>
 #include <benchmark/benchmark.h>
 
-#include "massspring/integrators.h"
+#include "massspring/time/integrators.h"
 #include "tests/benchmark/table_1.h"
 
 namespace {
 
 using namespace testbed;
+using namespace testbed::massspring;
 
 constexpr double kGravity = -9.81, kSoft = 1e5, kStiff = 1e8;  // m/s2, Pa
 constexpr int kWarmUp = 3;

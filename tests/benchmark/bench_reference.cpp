@@ -7,15 +7,16 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
-#include "fem_reference/dynamics.h"
-#include "fem_reference/problem.h"
-#include "meshing/surface.h"
-#include "meshing/tetrahedralize.h"
+#include "fem_reference/solid/dynamics.h"
+#include "fem_reference/solid/problem.h"
+#include "meshing/surface/surface.h"
+#include "meshing/tetrahedra/tetrahedralize.h"
 #include "tests/fem_reference/calculix.h"
 
 namespace {
 
 using namespace testbed;
+using namespace testbed::fem;
 using Words = std::vector<std::string>;
 
 struct Cost {

@@ -9,15 +9,16 @@
 #include <Eigen/SparseCore>
 #include <cmath>
 
-#include "massspring/implicit_matrix.h"
-#include "massspring/integrators.h"
-#include "massspring/linear_statics.h"
+#include "massspring/statics/linear_statics.h"
+#include "massspring/time/implicit_matrix.h"
+#include "massspring/time/integrators.h"
 #include "tests/benchmark/table_1.h"
-#include "tests/massspring/box_tets.h"
+#include "tests/meshing/box_tets.h"
 
 namespace {
 
 using namespace testbed;
+using namespace testbed::massspring;
 
 constexpr double kSoft = 1e5, kStiff = 1e8;  // Pa; the soft ones sag by a good part of their height
 constexpr int kWarmUp = 3;                   // steps after which bodies stand and solvers are chosen
@@ -27,20 +28,26 @@ Forces make_forces(const MassSpringModel& model) {
   forces.load = Eigen::Vector3d(0, 0, -9.81) * model.mass.transpose();
   forces.volume_pressure = model.material.E;
   forces.mass_damping = 1;
+  return forces;
+}
+
+Contacts make_floor(const MassSpringModel& model) {
   Obstacle floor;
   floor.shape = HalfSpace{{0, 0, model.network.X.row(2).minCoeff()}, {0, 0, 1}};
   floor.friction = 0.5;
-  forces.bodies.emplace_back(floor);
-  return forces;
+  Contacts contacts;
+  contacts.bodies.emplace_back(floor);
+  return contacts;
 }
 
 void step(benchmark::State& bench, const Table1& row, double E, Integrator integrator) {
   const MassSpringModel model = make_model(row, E);
   const Forces forces = make_forces(model);
+  const Contacts floor = make_floor(model);
   State state = initial_state(model);
   constexpr double kTolerance = 1e-4, kFrame = 1. / 60;
   const double h = is_explicit(integrator) ? 0.5 * stable_step(model, forces, state) : kFrame;
-  TimeStepper stepper(model, forces, integrator, 1, {kTolerance});
+  TimeStepper stepper(model, forces, integrator, 1, {kTolerance}, floor);
   for (int n = 0; n < kWarmUp; ++n) stepper.step(state, h);
   double linear_iterations = 0;
   for (auto _ : bench) {
@@ -76,10 +83,11 @@ MassSpringModel make_ball(int n, double E) {
 void scale(benchmark::State& bench, int n, double E, Integrator integrator) {
   const MassSpringModel model = make_ball(n, E);
   const Forces forces = make_forces(model);
+  const Contacts floor = make_floor(model);
   State state = initial_state(model);
   constexpr double kFrame = 1. / 60, kShort = 1e-5;
   const double h = is_explicit(integrator) ? kShort : kFrame;
-  TimeStepper stepper(model, forces, integrator, 1, {1e-4});
+  TimeStepper stepper(model, forces, integrator, 1, {1e-4}, floor);
   for (int n = 0; n < kWarmUp; ++n) stepper.step(state, h);
   double linear_iterations = 0;
   for (auto _ : bench) linear_iterations += stepper.step(state, h).linear_iterations;

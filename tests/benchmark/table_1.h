@@ -1,11 +1,11 @@
 // The four models of the paper's Table 1: its node counts, 500 internal nodes, its multiplicities.
 #pragma once
 
-#include "massspring/calibrate.h"
-#include "meshing/network.h"
-#include "meshing/shapes.h"
+#include "massspring/calibrations/calibrate.h"
+#include "meshing/network/network.h"
+#include "meshing/surface/shapes.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 struct Table1 {
   const char* shape;
@@ -28,4 +28,4 @@ inline MassSpringModel make_model(const Table1& row, double E) {
                    find_calibration("uniform"));
 }
 
-}  // namespace testbed
+}  // namespace testbed::massspring

@@ -12,11 +12,11 @@
 #include <string>
 #include <vector>
 
-#include "fem_reference/elasticity.h"
-#include "meshing/child_process.h"
-#include "meshing/files.h"
+#include "fem_reference/solid/elasticity.h"
+#include "meshing/base/child_process.h"
+#include "meshing/base/files.h"
 
-namespace testbed {
+namespace testbed::fem {
 
 /// What CalculiX is asked about the nodes and cells of a solid.
 struct CalculixJob {
@@ -128,4 +128,4 @@ inline CalculixResult run_calculix(const ElasticSolid& solid, const CalculixJob&
   return result;
 }
 
-}  // namespace testbed
+}  // namespace testbed::fem

@@ -1,7 +1,7 @@
 // Roots of functions, for the closed forms of the tests.
 #pragma once
 
-namespace testbed {
+namespace testbed::fem {
 
 /// Root of f between low and high, where f changes its sign, by bisection.
 template <class F>
@@ -14,4 +14,4 @@ double root(F f, double low, double high) {
   return low;
 }
 
-}  // namespace testbed
+}  // namespace testbed::fem

@@ -12,9 +12,9 @@
 #include <functional>
 #include <vector>
 
-#include "meshing/mesh.h"
+#include "meshing/base/mesh.h"
 
-namespace testbed {
+namespace testbed::fem {
 
 inline double volume_of(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& t) {
   const Eigen::Vector3d a = X.col(t(0));
@@ -126,4 +126,4 @@ inline Eigen::Matrix3Xd without_rigid_motion(const Eigen::Matrix3Xd& X, Eigen::M
   return u;
 }
 
-}  // namespace testbed
+}  // namespace testbed::fem

@@ -3,9 +3,9 @@
 
 #include <Eigen/Core>
 
-#include "massspring/model.h"
+#include "massspring/model/model.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 inline Eigen::MatrixXd dense(const BlockMatrix& A) {
   Eigen::MatrixXd D = Eigen::MatrixXd::Zero(3 * A.rows(), 3 * A.rows());
@@ -33,4 +33,4 @@ inline Eigen::MatrixXd consistent_mass(const MassSpringModel& model) {
   return M;
 }
 
-}  // namespace testbed
+}  // namespace testbed::massspring

@@ -3,10 +3,10 @@
 
 #include <cmath>
 
-#include "massspring/model.h"
-#include "meshing/random.h"
+#include "massspring/model/model.h"
+#include "meshing/base/random.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 inline Eigen::Matrix3Xd random_points(int n, double size, std::uint64_t seed) {
   Random random(seed);
@@ -64,4 +64,4 @@ inline Forces no_forces(const MassSpringModel& model) {
   return forces;
 }
 
-}  // namespace testbed
+}  // namespace testbed::massspring

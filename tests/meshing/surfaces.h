@@ -3,28 +3,29 @@
 
 #include <cmath>
 
-#include "meshing/mesh.h"
+#include "meshing/base/mesh.h"
 
-inline testbed::SurfaceMesh join(const testbed::SurfaceMesh& a, const testbed::SurfaceMesh& b) {
-  testbed::SurfaceMesh both{Eigen::Matrix3Xd(3, a.X.cols() + b.X.cols()),
-                            Eigen::Matrix3Xi(3, a.F.cols() + b.F.cols())};
+inline testbed::meshing::SurfaceMesh join(const testbed::meshing::SurfaceMesh& a,
+                                          const testbed::meshing::SurfaceMesh& b) {
+  testbed::meshing::SurfaceMesh both{Eigen::Matrix3Xd(3, a.X.cols() + b.X.cols()),
+                                     Eigen::Matrix3Xi(3, a.F.cols() + b.F.cols())};
   both.X << a.X, b.X;
   both.F << a.F, (b.F.array() + static_cast<int>(a.X.cols())).matrix();
   return both;
 }
 
-inline testbed::SurfaceMesh inside_out(testbed::SurfaceMesh mesh) {
+inline testbed::meshing::SurfaceMesh inside_out(testbed::meshing::SurfaceMesh mesh) {
   mesh.F.row(0).swap(mesh.F.row(1));
   return mesh;
 }
 
-inline testbed::SurfaceMesh scaled(testbed::SurfaceMesh mesh, double factor) {
+inline testbed::meshing::SurfaceMesh scaled(testbed::meshing::SurfaceMesh mesh, double factor) {
   mesh.X *= factor;
   return mesh;
 }
 
 /// With vertex `gone` made one with vertex `kept`, which is before it.
-inline testbed::SurfaceMesh welded(testbed::SurfaceMesh mesh, int kept, int gone) {
+inline testbed::meshing::SurfaceMesh welded(testbed::meshing::SurfaceMesh mesh, int kept, int gone) {
   for (int& v : mesh.F.reshaped()) v = v == gone ? kept : v > gone ? v - 1 : v;
   const Eigen::Index n_after = mesh.X.cols() - gone - 1;
   mesh.X.middleCols(gone, n_after) = mesh.X.rightCols(n_after).eval();
@@ -32,21 +33,23 @@ inline testbed::SurfaceMesh welded(testbed::SurfaceMesh mesh, int kept, int gone
   return mesh;
 }
 
-inline testbed::SurfaceMesh with_vertex(testbed::SurfaceMesh mesh, const Eigen::Vector3d& x) {
+inline testbed::meshing::SurfaceMesh with_vertex(testbed::meshing::SurfaceMesh mesh,
+                                                 const Eigen::Vector3d& x) {
   mesh.X.conservativeResize(3, mesh.X.cols() + 1);
   mesh.X.rightCols<1>() = x;
   return mesh;
 }
 
-inline testbed::SurfaceMesh with_triangle(testbed::SurfaceMesh mesh, const Eigen::Vector3i& corners) {
+inline testbed::meshing::SurfaceMesh with_triangle(testbed::meshing::SurfaceMesh mesh,
+                                                   const Eigen::Vector3i& corners) {
   mesh.F.conservativeResize(3, mesh.F.cols() + 1);
   mesh.F.rightCols<1>() = corners;
   return mesh;
 }
 
 /// A closed band of 2 n triangles with one twist: it has one side.
-inline testbed::SurfaceMesh moebius_strip(int n) {
-  testbed::SurfaceMesh mesh{Eigen::Matrix3Xd(3, 2 * n), Eigen::Matrix3Xi(3, 2 * n)};
+inline testbed::meshing::SurfaceMesh moebius_strip(int n) {
+  testbed::meshing::SurfaceMesh mesh{Eigen::Matrix3Xd(3, 2 * n), Eigen::Matrix3Xi(3, 2 * n)};
   for (int i = 0; i < n; ++i) {
     const double turn = 2 * 3.14159265358979323846 * i / n;
     const Eigen::Vector3d out(std::cos(turn), std::sin(turn), 0);
@@ -61,7 +64,7 @@ inline testbed::SurfaceMesh moebius_strip(int n) {
   return mesh;
 }
 
-inline testbed::SurfaceMesh shifted(testbed::SurfaceMesh mesh, const Eigen::Vector3d& by) {
+inline testbed::meshing::SurfaceMesh shifted(testbed::meshing::SurfaceMesh mesh, const Eigen::Vector3d& by) {
   mesh.X.colwise() += by;
   return mesh;
 }

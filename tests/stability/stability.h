@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "massspring/calibrate.h"
-#include "massspring/integrators.h"
-#include "meshing/network.h"
-#include "meshing/shapes.h"
-#include "meshing/surface.h"
-#include "tests/massspring/box_tets.h"
+#include "massspring/calibrations/calibrate.h"
+#include "massspring/time/integrators.h"
+#include "meshing/network/network.h"
+#include "meshing/surface/shapes.h"
+#include "meshing/surface/surface.h"
+#include "tests/meshing/box_tets.h"
 
-namespace testbed {
+namespace testbed::massspring {
 
 /// What is tried: a spring model, its law, whether the global volume force acts (P = E), and an integrator.
 struct Method {
@@ -141,4 +141,4 @@ inline Outcome run_cell(const Method& method, const Start& start, double E, doub
   return outcome;
 }
 
-}  // namespace testbed
+}  // namespace testbed::massspring

@@ -8,6 +8,7 @@
 
 int main(int argc, char** argv) {
   using namespace testbed;
+  using namespace testbed::massspring;
   bool is_ok = true;
   int n_known = argc > 1 ? std::atoi(argv[1]) : 0;
   if (n_known == 0) std::puts("method,is_papers,start,E,h,outcome,t,energy_ratio");

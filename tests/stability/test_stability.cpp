@@ -2,7 +2,7 @@
 
 #include "tests/stability/stability.h"
 
-namespace testbed {
+namespace testbed::massspring {
 namespace {
 
 const Method& find_method(const std::string& name) {
@@ -71,4 +71,4 @@ TEST(StabilityMap, TellsStableFromUnstableAndGainedEnergy) {
 }
 
 }  // namespace
-}  // namespace testbed
+}  // namespace testbed::massspring

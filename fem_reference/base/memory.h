@@ -1,0 +1,22 @@
+// Whether a problem fits into the machine, before hours are lost on it.
+#pragma once
+
+#include <cstdint>
+
+namespace testbed::fem {
+
+/// What a solution is found by: iterations hold the matrix alone, a Cholesky factor (steps in time, natural
+/// frequencies) holds far more.
+enum class Memory { Iterations, Factor };
+
+/// Bytes that a mesh of tetrahedra takes at most, by figures measured on balls (README).
+double memory_needed(double n_tetrahedra, int degree, Memory kind);
+
+/// Free memory of the machine or of the container that holds us (byte).
+double memory_available();
+
+/// @param n_tetrahedra  before they are split in eight `refine` times
+/// @throws std::runtime_error when it does not fit: names what does.
+void check_memory(std::int64_t n_tetrahedra, int refine, int degree, Memory kind, double available);
+
+}  // namespace testbed::fem

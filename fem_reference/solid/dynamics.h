@@ -1,0 +1,91 @@
+// Natural frequencies, and steps in time at small and finite strain, on assembled matrices.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "fem_reference/solid/elasticity.h"
+
+namespace testbed::fem {
+
+/// The lowest undamped modes, K x = w^2 M x.
+struct Modes {
+  Eigen::VectorXd frequency;  ///< Hz, ascending; 0 for rigid motions
+  Eigen::MatrixXd shape;      ///< a column each, M-orthonormal (1/sqrt(kg))
+  int n_rigid = 0;            ///< how many of them are rigid motions
+};
+
+/// The n lowest modes by Lanczos iteration on (K + s M)^-1, s > 0 small, so that free bodies are no
+/// exception. K may be singular, M must be positive definite; the unknowns `held` (ascending) stay where they
+/// are.
+/// @throws std::runtime_error when it does not converge.
+Modes natural_modes(const Eigen::SparseMatrix<double>& K, const Eigen::SparseMatrix<double>& M,
+                    const std::vector<int>& held, int n);
+
+/// Parameters of the generalised-alpha method [Chung & Hulbert 1993].
+struct TimeScheme {
+  double alpha_m, alpha_f, beta, gamma;
+};
+/// Average acceleration [Newmark 1959]: conserves energy of undamped motion exactly.
+constexpr TimeScheme newmark{0, 0, 0.25, 0.5};
+/// Second order; `rho`, in [0, 1], is what is left per step of the highest frequencies.
+constexpr TimeScheme generalised_alpha(double rho) {
+  const double alpha_m = (2 * rho - 1) / (rho + 1), alpha_f = rho / (rho + 1), d = 1 - alpha_m + alpha_f;
+  return {alpha_m, alpha_f, d * d / 4, 0.5 - alpha_m + alpha_f};
+}
+
+/// M a + damping M v + stiffness_damping K v + f(u) = load.
+struct Dynamics {
+  Eigen::SparseMatrix<double> K, M;  ///< at rest (N/m); kg
+  double damping = 0;                ///< 1/s
+  double stiffness_damping = 0;      ///< s
+  Eigen::VectorXd load;              ///< N, constant in time
+  std::vector<int> held;             ///< unknowns whose motion is prescribed
+  /// Their displacement at a time (m), which gives velocity and acceleration by central differences over a
+  /// step; empty: they stay.
+  std::function<Eigen::VectorXd(double t)> held_motion;
+  /// f and its tangent (if asked for) at finite strain; empty: K u.
+  std::function<Linearisation(const Eigen::VectorXd& u, bool with_tangent)> linearise;
+};
+
+/// Steps of h from rest, each solved by sparse Cholesky: with one factor where f is linear, else by Newton's
+/// method, whose factor is renewed where it converges slowly.
+class TimeIntegrator {
+ public:
+  TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme);
+  ~TimeIntegrator();
+
+  /// Whether it converged; else nothing has moved.
+  bool step();
+  /// Starts again from a displacement and a velocity, with the acceleration that belongs to them.
+  void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v);
+  double t() const { return n_steps_ * h_; }                            ///< s
+  const Eigen::VectorXd& u() const { return u_; }                       ///< m
+  const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
+  double kinetic_energy() const { return v_.dot(system_.M * v_) / 2; }  ///< J
+  double elastic_energy() const;                                        ///< J
+  int n_newton_iterations() const { return n_newton_iterations_; }      ///< of all steps
+  int n_factorisations() const { return n_factorisations_; }
+
+ private:
+  struct HeldState {
+    Eigen::VectorXd u, v, a;
+  };
+  HeldState held_at(double t) const;
+  Linearisation respond(const Eigen::VectorXd& u, bool with_tangent) const;
+  bool factorise(const Eigen::SparseMatrix<double>& tangent);
+
+  Dynamics system_;
+  double h_;
+  TimeScheme scheme_;
+  Eigen::VectorXd u_, v_, a_, f_;  // f_: f(u_)
+  int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0;
+  std::vector<int> free_;
+  struct Factor;
+  std::unique_ptr<Factor> factor_;
+};
+
+}  // namespace testbed::fem

@@ -1,0 +1,115 @@
+// Elastostatics on straight tetrahedra with deal.II, at small or finite strain: the reference.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "meshing/base/mesh.h"
+#include "meshing/base/stage_timer.h"
+#include "meshing/scene/scene.h"
+
+namespace testbed::fem {
+
+/// Loads at full load factor, on the undeformed body; an empty function is no load.
+struct ElasticLoads {
+  std::function<Eigen::Vector3d(const Eigen::Vector3d& x)> body_force;  ///< N/m3
+  /// On boundary triangle `f` of the mesh, at x (Pa).
+  std::function<Eigen::Vector3d(const Eigen::Vector3d& x, int f)> traction;
+  /// Pressure (Pa) on boundary triangle `f` as it is deformed; whole components of the surface. At finite
+  /// strain.
+  std::function<double(int f)> follower_pressure;
+  /// Stress-free shrinkage s(x) at a load factor, eps* = -s I: the continuum form of collapsing rest lengths
+  /// [paper eq. 8].
+  std::function<double(const Eigen::Vector3d& x, double load_factor)> shrinkage;
+  /// Displacement (m) of the k-th held component at a load factor; absent: it grows with that.
+  std::function<double(int k, double load_factor)> motion;
+};
+
+/// A component of a node's displacement that is prescribed, at full load factor (m).
+struct HeldComponent {
+  int node, component;
+  double displacement;
+};
+
+struct ElasticReport {
+  std::string solver;
+  int newton_iterations = 0;
+  int linear_iterations = 0;  ///< of all linear solves
+  double residual = 0;        ///< relative to that at the start of the load step
+  double tolerance = 0;       ///< of the residual
+  bool is_converged = false;
+  double elastic_energy = 0;  ///< J
+  double max_strain = 0;      ///< largest |principal strain| (small strain) or |principal stretch - 1|
+};
+
+/// Internal forces of a displaced body and their gradient, of all components 3 node + c, nothing held.
+struct Linearisation {
+  Eigen::VectorXd force;                ///< N, gradient of the elastic energy and of the follower pressures'
+  Eigen::SparseMatrix<double> tangent;  ///< N/m
+  double energy = 0;                    ///< elastic (J); infinite where the law has none
+};
+
+/// Equilibrium of -div P(grad u) = f [method 7]. Nodes: the vertices of the mesh in their order, then
+/// (degree 2) the middles of its edges.
+class ElasticSolid {
+ public:
+  /// @throws std::runtime_error when a tetrahedron has no positive volume.
+  ElasticSolid(const TetMesh& mesh, int degree);
+  ~ElasticSolid();
+  ElasticSolid(ElasticSolid&&) noexcept;
+
+  const Eigen::Matrix3Xd& X() const;  ///< 3 x n_nodes (m)
+  const TetMesh& mesh() const;
+  const Eigen::MatrixXi& cells() const;  ///< 4 or 10 nodes per tetrahedron, in VTK's order
+  /// 3 or 6 nodes per boundary triangle: corners, middles of 01, 12, 20.
+  const Eigen::MatrixXi& faces() const;
+  int n_dofs() const { return static_cast<int>(3 * X().cols()); }
+
+  /// Takes the problem over and assembles its loads.
+  void assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
+                const std::vector<HeldComponent>& held);
+  /// Adds to the load the inertia of the free rigid motions that it drives: what deforms a body that moves
+  /// freely, seen from the body.
+  void relieve_inertia();
+  /// Residual, relative to the load, at which the linear solve of small strain stops; 1e-13 unless set.
+  void set_tolerance(double tolerance);
+  /// Number of rigid motions that the held components leave free; they are kept out of the solution.
+  int n_free_rigid_motions() const;
+
+  /// Equilibrium at a load factor, from the one found before (at first: from rest). Small strain: one linear
+  /// solve. Finite strain: Newton with line search on the potential energy, in up to 64 parts; where that
+  /// fails, displacement stays at the last equilibrium. Linear systems by conjugate gradients; degree 2
+  /// preconditioned by two levels, SOR sweeps and a correction of degree 1 by sparse Cholesky, degree 1 by
+  /// sparse Cholesky alone.
+  /// @param timer  told the stages "assemble" and "solve"
+  /// @throws std::runtime_error when rigid motions are left free and the loads drive them: names the motions,
+  /// force and torque.
+  ElasticReport solve(double load_factor = 1, StageTimer* timer = nullptr);
+  /// 3 x n_nodes (m); orthogonal in L2 to the rigid motions that are free.
+  const Eigen::Matrix3Xd& displacement() const;
+
+  /// Largest strain of a displacement (3 x n_nodes), as in ElasticReport.
+  double max_strain(const Eigen::Matrix3Xd& displacement) const;
+
+  /// Of a displacement (3 x n_nodes) at a load factor; without its tangent where that is not wanted.
+  Linearisation linearise(const Eigen::Matrix3Xd& displacement, double load_factor = 1,
+                          bool with_tangent = true) const;
+  /// Stiffness at rest (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing held.
+  Eigen::SparseMatrix<double> stiffness() const;
+  /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
+  Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;
+  Eigen::VectorXd load() const;
+  const std::vector<HeldComponent>& held() const;
+  /// Displacement (m) of the k-th held component at a load factor.
+  double held_displacement(int k, double load_factor) const;
+
+ private:
+  struct Implementation;
+  std::unique_ptr<Implementation> self_;
+};
+
+}  // namespace testbed::fem

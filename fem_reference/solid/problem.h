@@ -1,0 +1,20 @@
+// A scene on a mesh of tetrahedra, as the elastic solid takes it.
+#pragma once
+
+#include <vector>
+
+#include "fem_reference/solid/elasticity.h"
+#include "meshing/base/mesh.h"
+#include "meshing/scene/scene.h"
+
+namespace testbed::fem {
+
+/// The scene's solid on `mesh` refined `scene.reference.refine` times, loads and supports assembled. Supports
+/// hold the surface's vertices in their region, and middles of boundary edges whose both ends are held.
+/// @throws std::runtime_error when a region holds no node or triangle.
+ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh);
+
+/// True when the displacement is proportional to the load factor, so that one solution serves all.
+bool is_proportional(const Scene& scene);
+
+}  // namespace testbed::fem

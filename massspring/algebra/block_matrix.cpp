@@ -1,0 +1,74 @@
+#include "massspring/algebra/block_matrix.h"
+
+#include <algorithm>
+#include <cassert>
+
+#include "massspring/kernels/parts.h"
+
+namespace testbed::massspring {
+
+int BlockMatrix::find(int i, int j) const {
+  const int* at = column.data() + row_start[i];
+  for (int n = row_start[i + 1] - row_start[i]; n > 1;) {  // no branch depends on what is compared
+    const int half = n / 2;
+    at += at[half] <= j ? half : 0;
+    n -= half;
+  }
+  assert(*at == j);
+  return static_cast<int>(at - column.data());
+}
+
+void BlockMatrix::set_zero() {
+  std::fill(block.begin(), block.end(), Eigen::Matrix3d::Zero());
+}
+
+BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs) {
+  std::vector<std::vector<int>> rows(n);
+  for (int i = 0; i < n; ++i) rows[i].push_back(i);
+  for (const auto& pair : pairs.colwise()) {
+    rows[pair(0)].push_back(pair(1));
+    rows[pair(1)].push_back(pair(0));
+  }
+  BlockMatrix A;
+  A.row_start.push_back(0);
+  for (std::vector<int>& row : rows) {
+    std::sort(row.begin(), row.end());
+    row.erase(std::unique(row.begin(), row.end()), row.end());
+    A.column.insert(A.column.end(), row.begin(), row.end());
+    A.row_start.push_back(static_cast<int>(A.column.size()));
+  }
+  for (int i = 0; i < n; ++i) A.diagonal.push_back(A.find(i, i));
+  A.block.assign(A.column.size(), Eigen::Matrix3d::Zero());
+  return A;
+}
+
+void mirror(BlockMatrix& A) {
+  std::vector<int> next(A.row_start.begin(), A.row_start.end() - 1);  // in each row; they fill in order
+  for (int i = 0; i < A.rows(); ++i)
+    for (int k = A.diagonal[i] + 1; k < A.row_start[i + 1]; ++k)
+      A.block[next[A.column[k]]++] = A.block[k].transpose();
+}
+
+void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) {
+  y.resize(3, A.rows());
+  for_each_chunk(A.rows(), [&](Eigen::Index begin, Eigen::Index end) {
+    for (Eigen::Index i = begin; i < end; ++i) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) sum += A.block[k] * x.col(A.column[k]);
+      y.col(i) = sum;
+    }
+  });
+}
+
+std::vector<float> rounded(const BlockMatrix& A) {
+  std::vector<float> blocks(9 * A.block.size() + 3);
+  for (size_t k = 0; k < A.block.size(); ++k) Eigen::Matrix3f::Map(&blocks[9 * k]) = A.block[k].cast<float>();
+  return blocks;
+}
+
+double add_product(const BlockMatrix& pattern, const std::vector<float>& blocks, const PaddedField& p,
+                   PaddedField& y) {
+  return add_product(pattern.row_start, pattern.column, blocks, p, y);
+}
+
+}  // namespace testbed::massspring

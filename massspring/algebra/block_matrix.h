@@ -1,0 +1,46 @@
+// A sparse matrix of 3 x 3 blocks, one row and column per node.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "massspring/kernels/single_precision.h"
+
+namespace testbed::massspring {
+
+/// A second derivative as it is, or with its negative eigenvalues set to 0: exact converges quadratically,
+/// projected always descends.
+enum class Curvature { Exact, Projected };
+
+/// Block compressed rows; columns ascend in a row; the pattern is symmetric and holds the diagonal.
+struct BlockMatrix {
+  std::vector<int> row_start;          ///< n + 1
+  std::vector<int> column;             ///< n_blocks
+  std::vector<Eigen::Matrix3d> block;  ///< n_blocks
+  std::vector<int> diagonal;           ///< position of each diagonal block, n
+  std::vector<int> coupled;            ///< positions that coupled springs add to, once they have
+
+  int rows() const { return static_cast<int>(row_start.size()) - 1; }
+  /// Position of block (i, j), which must be in the pattern.
+  int find(int i, int j) const;
+  void set_zero();
+};
+
+/// Zero matrix of n rows whose pattern is the diagonal and the given node pairs (2 x m, any order, repeats
+/// allowed).
+BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs);
+
+/// Copies the blocks above the diagonal, transposed, to below it.
+void mirror(BlockMatrix& A);
+
+/// y = A x for 3 x n fields of node vectors.
+void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y);
+
+/// The blocks in single precision, by columns, and three floats at the end.
+std::vector<float> rounded(const BlockMatrix& A);
+
+/// y += A p of rounded blocks; then p . y.
+double add_product(const BlockMatrix& pattern, const std::vector<float>& blocks, const PaddedField& p,
+                   PaddedField& y);
+
+}  // namespace testbed::massspring

@@ -1,0 +1,29 @@
+// Sparse Cholesky factorisation of a block matrix.
+#pragma once
+
+#include <memory>
+
+#include "massspring/algebra/block_matrix.h"
+
+namespace testbed::massspring {
+
+/// Supernodal Cholesky factor (CHOLMOD) of a symmetric positive definite block matrix.
+class BlockCholesky {
+ public:
+  explicit BlockCholesky(const BlockMatrix& A);
+  ~BlockCholesky();
+
+  /// Factorises another matrix of the same pattern, whose analysis is kept.
+  void update(const BlockMatrix& A);
+
+  /// False when the matrix was not positive definite: then solve may not be called.
+  bool is_ok() const;
+  /// x = A^-1 b, 3 x n.
+  void solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const;
+
+ private:
+  struct Factor;
+  std::unique_ptr<Factor> factor_;
+};
+
+}  // namespace testbed::massspring

@@ -1,0 +1,27 @@
+// What a solver may ask of a linear system.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "massspring/algebra/block_matrix.h"
+#include "massspring/kernels/single_precision.h"
+
+namespace testbed::massspring {
+
+/// A symmetric positive definite system on the directions that constraints leave free.
+struct LinearSystem {
+  std::function<void(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y)> product;  ///< y = A p, 3 x n
+  /// The same without what couples all nodes: the rank-one part of an enclosed volume, say.
+  std::function<void(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y)> sparse_product;
+  /// Both in single precision; p . y.
+  std::function<double(const PaddedField&p, PaddedField&y)> rounded_product, rounded_sparse_product;
+  std::function<void(Eigen::Matrix3Xd& y)> filter;              ///< takes away constrained directions
+  std::function<void(PaddedField& y)> rounded_filter;           ///< the same in single precision
+  std::function<void(std::vector<Eigen::Matrix3d>&)> diagonal;  ///< diagonal blocks of A
+  /// A, or what is near it: only to make a preconditioner of.
+  std::function<const BlockMatrix&()> matrix;
+  const Eigen::Matrix3Xd* positions;  ///< of the nodes, 3 x n (m)
+};
+
+}  // namespace testbed::massspring

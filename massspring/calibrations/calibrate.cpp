@@ -1,0 +1,135 @@
+#include "massspring/calibrations/calibrate.h"
+
+#include <algorithm>
+#include <array>
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include "massspring/calibrations/calibrations.h"
+#include "massspring/kernels/parts.h"
+#include "meshing/base/names.h"
+#include "meshing/surface/surface.h"
+
+namespace testbed::massspring {
+namespace {
+
+/// Masses where there are no tetrahedra: internal nodes, spread evenly, weigh the same, surface nodes half as
+/// much on average, in proportion to their area. The total is exact.
+Eigen::VectorXd masses_without_tetrahedra(const SpringNetwork& network, double total) {
+  Eigen::VectorXd mass = Eigen::VectorXd::Ones(network.X.cols());
+  const Eigen::VectorXd areas = vertex_areas(network.X.leftCols(network.n_surface), network.F);
+  mass.head(network.n_surface) = areas / areas.mean() / 2;
+  return mass * (total / mass.sum());
+}
+
+/// Springs along the surface before those inside, both part by part [parts.h], and in a part by ascending
+/// nodes, which follow a curve through space: whoever goes through the springs finds most of their nodes in
+/// the cache.
+void sort_springs(MassSpringModel& model) {
+  const SpringNetwork& network = model.network;
+  const Eigen::Matrix2Xi E = network.E, edges = edges_of(network.F);
+  const auto n = static_cast<int>(E.cols());
+  const bool is_parted = network.X.cols() >= least_parted;
+  const std::vector<int> eighth = is_parted ? eighths(network.X) : std::vector<int>(network.X.cols(), 0);
+  std::set<std::pair<int, int>> surface;
+  for (const auto& e : edges.colwise()) surface.insert(std::minmax(e(0), e(1)));
+  std::vector<std::array<int, 4>> order(n);  // range, nodes, spring
+  for (int s = 0; s < n; ++s) {
+    const auto [a, b] = std::minmax(eighth[E(0, s)], eighth[E(1, s)]);
+    const bool is_inside = surface.count(std::minmax(E(0, s), E(1, s))) == 0;
+    order[s] = {part_of(a, b) + (is_inside ? n_parts : 0), E(0, s), E(1, s), s};
+  }
+  std::sort(order.begin(), order.end());
+  const Eigen::VectorXd stiffness = model.springs->stiffness;
+  for (int s = 0; s < n; ++s) {
+    model.network.E.col(s) = E.col(order[s][3]);
+    model.springs->stiffness(s) = stiffness(order[s][3]);
+  }
+  model.springs->E = model.network.E;
+  if (!is_parted) return;
+  for (int range = 0; range <= 2 * n_parts; ++range)
+    model.springs->first.push_back(static_cast<int>(
+        std::lower_bound(order.begin(), order.end(), std::array<int, 4>{range, 0, 0, 0}) - order.begin()));
+}
+
+template <const Blend& blend>
+void calibrate_coupled(MassSpringModel& model) {
+  model.tet_springs = couple_springs(model.network.X, model.network.T, lame_of(model.material), blend);
+}
+
+}  // namespace
+
+const std::vector<Calibration>& calibrations() {
+  static const std::vector<Calibration> all{{"uniform", false, calibrate_uniform},
+                                            {"affine", false, calibrate_affine},
+                                            {"van_gelder", true, calibrate_van_gelder},
+                                            {"lloyd", true, calibrate_lloyd},
+                                            {"moment", true, calibrate_moment},
+                                            {"edge_coupled", true, calibrate_coupled<edge_coupled>},
+                                            {"node_averaged", true, calibrate_coupled<node_averaged>}};
+  return all;
+}
+
+const Calibration& find_calibration(const std::string& name) {
+  std::vector<std::string> known;
+  for (const Calibration& c : calibrations()) {
+    if (c.name == name) return c;
+    known.push_back(c.name);
+  }
+  throw std::runtime_error("network.calibration = '" + name + "': no such spring model" +
+                           suggestion(name, known));
+}
+
+MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
+                          const Calibration& calibration) {
+  if (calibration.needs_tetrahedra && network.T.cols() == 0)
+    throw std::runtime_error("network.calibration = '" + calibration.name +
+                             "': the network has no tetrahedra, expected some");
+  MassSpringModel model;
+  model.network = network;
+  model.material = material;
+  model.mass = network.T.cols() > 0
+                   ? lumped_mass(network.X, network.T, material.rho)
+                   : masses_without_tetrahedra(network, material.rho * volume(network.X, network.F));
+  calibration.set_stiffness(model);
+  if (model.springs) sort_springs(model);
+  return model;
+}
+
+MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
+                                     const Calibration& calibration, double share) {
+  const auto [lambda, mu] = lame_of(material);
+  const std::string found = "network.link_share = " + std::to_string(share);
+  if (share * mu > lambda * (1 + 1e-12))
+    throw std::runtime_error(found + ", expected at most lambda/mu = " + std::to_string(lambda / mu) +
+                             ": links alone have nu = 1/4");
+  const double coupled_lambda = std::max(lambda - share * mu, 0.), coupled_mu = (1 - share) * mu;
+  Material coupled = material, linked = material;
+  coupled.nu = coupled_lambda / (2 * (coupled_lambda + coupled_mu));
+  coupled.E = 2 * coupled_mu * (1 + coupled.nu);
+  linked.nu = 0.25;
+  linked.E = 2.5 * share * mu;
+  MassSpringModel model = calibrate(network, coupled, calibration);
+  if (!model.tet_springs || model.springs)
+    throw std::runtime_error(found + ", expected 0 with " + calibration.name +
+                             " springs: they are not coupled");
+  const MassSpringModel links = calibrate(network, linked, find_calibration("uniform"));
+  model.springs = links.springs;
+  model.network.E = links.network.E;
+  model.material = material;
+  return model;
+}
+
+void set_springs(MassSpringModel& model, const Eigen::Matrix2Xi& E, const Eigen::VectorXd& stiffness) {
+  model.network.E = E;
+  model.springs = Springs{E, stiffness, 0};
+}
+
+Eigen::VectorXd squared_lengths(const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& E) {
+  Eigen::VectorXd squared(E.cols());
+  for (int s = 0; s < E.cols(); ++s) squared(s) = (X.col(E(0, s)) - X.col(E(1, s))).squaredNorm();
+  return squared;
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,37 @@
+// Spring models by name: from a network and a material to masses and stiffnesses.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "massspring/model/model.h"
+
+namespace testbed::massspring {
+
+struct Calibration {
+  std::string name;
+  bool needs_tetrahedra;
+  void (*set_stiffness)(
+      MassSpringModel& model);  ///< fills springs and tet_springs of a model with its network
+};
+
+/// Every spring model there is.
+const std::vector<Calibration>& calibrations();
+
+/// @throws std::runtime_error listing the known names.
+const Calibration& find_calibration(const std::string& name);
+
+/// The mass-spring solid that stands for `material` on `network` (with tetrahedra where the calibration needs
+/// them). The model's springs may differ from the network's, and follow another order.
+/// @throws std::runtime_error when tetrahedra are missing or the calibration refuses material or network.
+MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
+                          const Calibration& calibration);
+
+/// The same with coupled springs, whose network's links, all of one stiffness, stand beside them for a share
+/// of the shear modulus mu and, as springs do, as much of lambda.
+/// @throws std::runtime_error as calibrate, and for springs that are not coupled or a share that takes more
+/// than lambda
+MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
+                                     const Calibration& calibration, double share);
+
+}  // namespace testbed::massspring

@@ -1,0 +1,318 @@
+#include "massspring/contact/contact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "massspring/kernels/parts.h"
+#include "meshing/surface/surface.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+Vector3d velocity_of(const RigidBody& body, double t, double h) {
+  return (body.translation(t + h) - body.translation(t)) / h;
+}
+
+/// Sets a node that goes from x0 to x with velocity v onto the body, which moves by `shift`, if it would end
+/// within or beyond it. Returns whether it had to.
+bool push_out_of(const RigidBody& body, const Vector3d& shift, const Vector3d& x0, double t, double h,
+                 Vector3d& x, Vector3d& v) {
+  const double reach = (x - x0 - shift).norm();
+  RigidBody::Gap gap = body.gap(x, t + h);
+  if (gap.distance >= reach) return false;  // a node that came from outside cannot have gone through
+  const RigidBody::Gap first = body.gap(x0, t);
+  if (gap.distance >= 0 || gap.normal.dot(first.normal) < 0) {
+    constexpr double kNear = 1e-6;  // of the way
+    const auto touch = body.first_touch(x0, x, t, h, kNear * reach);
+    if (!touch && gap.distance >= 0) return false;
+    if (touch) {  // what is left of the way goes along the surface
+      const Vector3d n = body.gap(*touch, t + h).normal, rest = x - *touch;
+      x = *touch + rest - std::min(0.0, n.dot(rest)) * n;
+    }
+    gap = body.gap(x, t + h);
+  }
+  const Vector3d relative = v - shift / h;
+  const double into = -gap.normal.dot(relative);
+  Vector3d dv = Vector3d::Zero();
+  if (into > 0) {
+    const Vector3d along = relative + into * gap.normal;
+    const double speed = along.norm(), taken = std::min(speed, body.friction * into);
+    dv = into * gap.normal;
+    if (taken > 0) {
+      dv -= taken / speed * along;
+      x -= h * taken / speed * along;
+      gap = body.gap(x, t + h);
+    }
+  }
+  if (gap.distance < 0) x -= gap.distance * gap.normal;
+  v += dv;
+  return true;
+}
+
+}  // namespace
+
+Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface) {
+  Contacts contacts;
+  for (const Obstacle& obstacle : scene.obstacles) contacts.bodies.emplace_back(obstacle);
+  if (scene.self_contact.is_on) {
+    constexpr double kOfMeanEdge = 0.2;
+    const Eigen::Matrix2Xi edges = edges_of(surface.F);
+    double length = 0;
+    for (const auto& e : edges.colwise()) length += (surface.X.col(e(0)) - surface.X.col(e(1))).norm();
+    contacts.self_thickness = scene.self_contact.thickness.value_or(kOfMeanEdge * length / edges.cols());
+  }
+  return contacts;
+}
+
+void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd& v) {
+  for (size_t b = 0; b < bodies_.size(); ++b) {
+    const RigidBody& body = bodies_[b];
+    Eigen::VectorXd& clearance = clearance_[b];
+    if (clearance.size() == 0) clearance.setZero(x.cols());
+    const Vector3d shift = h * velocity_of(body, before.t, h);
+    for_each_chunk(x.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+      for (Eigen::Index i = begin; i < end; ++i) {
+        clearance(i) -= (x.col(i) - before.x.col(i) - shift).lpNorm<1>();  // no shorter than the way
+        if (clearance(i) > 0) continue;
+        Vector3d xi = x.col(i), vi = v.col(i);
+        if (push_out_of(body, shift, before.x.col(i), before.t, h, xi, vi)) {
+          x.col(i) = xi;
+          v.col(i) = vi;
+        }
+        clearance(i) = body.gap(xi, before.t + h).distance;
+      }
+    });
+  }
+}
+
+void Touches::hold(const std::vector<RigidBody>& bodies, const State& state, double h,
+                   std::vector<Constraint>& constraints, Matrix3Xd& friction) const {
+  friction.setZero(3, state.x.cols());
+  std::vector<Constraint*> of_node(state.x.cols(), nullptr);
+  constraints.reserve(constraints.size() + touches_.size());
+  for (Constraint& c : constraints) of_node[c.node] = &c;
+  for (const Touch& touch : touches_) {
+    const RigidBody& body = bodies[touch.body];
+    const RigidBody::Gap gap = body.gap(state.x.col(touch.node), state.t);
+    const Vector3d u = velocity_of(body, state.t, h) - gap.distance / h * gap.normal;
+    Constraint*& c = of_node[touch.node];
+    if (!c)
+      c = &constraints.emplace_back(
+          Constraint{touch.node, Eigen::Matrix3d::Identity(), Vector3d::Zero(), Vector3d::Zero()});
+    // Along the directions that are still free, so that a support keeps its own.
+    const Vector3d free_normal = c->S * gap.normal;
+    if (touch.is_stuck) {
+      c->velocity += c->S * u;
+      c->S.setZero();
+    } else if (const double size = free_normal.norm(); size > 1e-6) {
+      const Vector3d n = free_normal / size;
+      c->velocity += gap.normal.dot(u - c->velocity) / size * n;
+      c->S -= n * n.transpose();
+      friction.col(touch.node) += touch.friction;
+    }
+  }
+}
+
+void Touches::settle(const std::vector<RigidBody>& bodies, const State& before, double h, const Matrix3Xd& r,
+                     Matrix3Xd& x, Matrix3Xd& v) {
+  std::vector<Touch> kept;
+  std::vector<char> is_touching(x.cols(), false);
+  for (Touch touch : touches_) {
+    const RigidBody& body = bodies[touch.body];
+    const Vector3d n = body.gap(x.col(touch.node), before.t + h).normal;
+    const double pressing = n.dot(r.col(touch.node));
+    if (!(pressing > 0)) continue;
+    const double limit = body.friction * pressing;
+    Vector3d along = v.col(touch.node) - velocity_of(body, before.t, h);
+    along -= n.dot(along) * n;
+    if (touch.is_stuck) {
+      const Vector3d holding = r.col(touch.node) - pressing * n;
+      if (holding.norm() > limit) {
+        touch.is_stuck = false;
+        touch.friction = limit * holding.normalized();
+      }
+    } else if (limit > 0) {
+      if (along.dot(touch.friction) > 0 || along.isZero(0))
+        touch.is_stuck = true;  // friction would turn it back
+      else
+        touch.friction = -limit * along.normalized();
+    }
+    is_touching[touch.node] = true;
+    kept.push_back(touch);
+  }
+  for (size_t b = 0; b < bodies.size(); ++b) {
+    const Vector3d shift = h * velocity_of(bodies[b], before.t, h);
+    for (Eigen::Index i = 0; i < x.cols(); ++i) {
+      Vector3d xi = x.col(i), vi = v.col(i);
+      if (!push_out_of(bodies[b], shift, before.x.col(i), before.t, h, xi, vi)) continue;
+      x.col(i) = xi;
+      v.col(i) = vi;
+      if (is_touching[i]) continue;
+      is_touching[i] = true;
+      kept.push_back({static_cast<int>(i), static_cast<int>(b), false, Vector3d::Zero()});
+    }
+  }
+  std::sort(kept.begin(), kept.end(), [](const Touch& a, const Touch& b) { return a.node < b.node; });
+  touches_ = std::move(kept);
+}
+
+namespace {
+
+struct BarrierValue {
+  double b, db, ddb;
+};
+
+BarrierValue barrier_at(double d, double range) {
+  const double e = d - range, q = std::log(d / range);
+  return {-e * e * q, -2 * e * q - e * e / d, -2 * q - 4 * e / d + e * e / (d * d)};
+}
+
+/// The length s (m) that friction acts along, smoothed below `slip`: its value, s over its derivative by s,
+/// and the derivative of that.
+struct SmoothLength {
+  double value, norm, dnorm;
+};
+
+SmoothLength smooth_length(double s, double slip) {
+  const double q = s / slip;
+  if (q >= 1) return {s, s, 1};
+  return {slip * (q * q * (1 - q / 3) + 1. / 3), slip / (2 - q), 1 / ((2 - q) * (2 - q))};
+}
+
+Vector3d direction(const Vector3d& v) {
+  const double length = v.norm();
+  return length > 0 ? Vector3d(v / length) : Vector3d::Zero();
+}
+
+constexpr double kClosest = 1e-3;    // of the range: where ways end that would go in
+constexpr double kFirst = 0.5;       // of the range: the first guess of a new contact's gap
+constexpr double kStillSpeed = 0.1;  // ranges per second that are no motion
+
+}  // namespace
+
+Barrier::Barrier(const MassSpringModel& model, const Forces& forces, const std::vector<RigidBody>& bodies)
+    : bodies_(bodies) {
+  const auto& [X, F, E, T, n_surface] = model.network;
+  constexpr double kRange = 1e-3;
+  range_ = kRange * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
+  double length = 0;
+  for (const auto& edge : E.colwise()) length += (X.col(edge(0)) - X.col(edge(1))).norm() / E.cols();
+  kappa_ = model.material.E * length;
+  std::vector<char> is_held(X.cols(), false);
+  for (const Constraint& c : forces.constraints) is_held[c.node] = true;
+  for (int i = 0; i < X.cols(); ++i)
+    if (!is_held[i]) nodes_.push_back(i);
+}
+
+Vector3d Barrier::slid(const Held& held, const Matrix3Xd& x) const {
+  const Vector3d way = x.col(held.node) - held.start;
+  return way - held.normal.dot(way) * held.normal;
+}
+
+template <class Visit>
+void Barrier::for_each_near(const Matrix3Xd& x, const Visit& visit) const {
+  for (size_t b = 0; b < bodies_.size(); ++b)
+    for (const int i : nodes_)
+      if (const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t_); gap.distance < range_)
+        visit(static_cast<int>(b), i, gap);
+}
+
+void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
+  held_.clear();
+  slip_ = kStillSpeed * range_ * h;
+  for (size_t b = 0; b < bodies_.size(); ++b) {
+    if (bodies_[b].friction == 0) continue;
+    const Vector3d shift = bodies_[b].translation(t + h) - bodies_[b].translation(t);
+    for (const int i : nodes_) {
+      const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t);
+      if (gap.distance <= 0 || gap.distance >= range_) continue;
+      const double force = -kappa_ * barrier_at(gap.distance, range_).db;
+      held_.push_back({i, gap.normal, x.col(i) + shift, bodies_[b].friction * force, Vector3d::Zero()});
+    }
+  }
+  t_before_ = t;
+  t_ = t + h;
+}
+
+bool Barrier::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
+  bool is_moved = false;
+  for (const RigidBody& body : bodies_)
+    for (const int i : nodes_) {
+      Vector3d yi = y.col(i);
+      if (const auto touch = body.first_touch(x.col(i), yi, t_, 0, kClosest * range_)) yi = *touch;
+      // Newton's method doubles a gap that is far too small, so nodes in touch keep theirs.
+      if (const RigidBody::Gap gap = body.gap(yi, t_); gap.distance < kFirst * range_) {
+        const double before = body.gap(x.col(i), t_before_).distance;
+        const double kept = std::clamp(before, kClosest * range_, kFirst * range_);
+        if (gap.distance < kept) yi += (kept - gap.distance) * gap.normal;
+      }
+      is_moved |= yi != y.col(i);
+      y.col(i) = yi;
+    }
+  return is_moved;
+}
+
+double Barrier::largest_step(const Matrix3Xd& x, const Matrix3Xd& dx) const {
+  constexpr double kKept = 0.1;  // of the gap along the way
+  double part = 1;
+  for (const RigidBody& body : bodies_)
+    for (const int i : nodes_) {
+      const Vector3d xi = x.col(i);
+      const double gap = body.gap(xi, t_).distance, length = dx.col(i).norm();
+      if (gap > part * length) continue;
+      if (const auto touch = body.first_touch(xi, xi + part * dx.col(i), t_, 0, kKept * gap))
+        part = std::min(part, (*touch - xi).norm() / length);
+    }
+  return part;
+}
+
+double Barrier::energy(const Matrix3Xd& x) const {
+  double sum = 0;
+  for_each_near(x, [&](int, int, const RigidBody::Gap& gap) {
+    sum += gap.distance > 0 ? kappa_ * barrier_at(gap.distance, range_).b
+                            : std::numeric_limits<double>::infinity();
+  });
+  for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip_).value;
+  return sum;
+}
+
+void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
+  for_each_near(x, [&](int, int i, const RigidBody::Gap& gap) {
+    f.col(i) -= kappa_ * barrier_at(gap.distance, range_).db * gap.normal;
+  });
+  for (const Held& held : held_) {
+    const Vector3d way = slid(held, x);
+    f.col(held.node) -= held.limit / smooth_length(way.norm(), slip_).norm * way;
+  }
+}
+
+void Barrier::add_hessian(const Matrix3Xd& x, std::vector<Eigen::Matrix3d>& diagonal) const {
+  for_each_near(x, [&](int, int i, const RigidBody::Gap& gap) {
+    diagonal[i] += kappa_ * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
+  });
+  // Of norm * friction = limit * way by x, the symmetric part.
+  for (const Held& held : held_) {
+    const Vector3d way = slid(held, x);
+    const SmoothLength length = smooth_length(way.norm(), slip_);
+    const Eigen::Matrix3d turned = held.friction * direction(way).transpose();
+    diagonal[held.node] +=
+        held.limit / length.norm * (Eigen::Matrix3d::Identity() - held.normal * held.normal.transpose()) -
+        length.dnorm / (2 * length.norm) * (turned + turned.transpose());
+  }
+}
+
+void Barrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
+  for (Held& held : held_) {
+    const Vector3d before = slid(held, x), way = slid(held, y);
+    const SmoothLength length = smooth_length(before.norm(), slip_);
+    const double grown = length.dnorm * direction(before).dot(way - before);
+    held.friction = (held.limit * way - grown * held.friction) / length.norm;
+    if (const double size = held.friction.norm(); size > held.limit) held.friction *= held.limit / size;
+  }
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,39 @@
+// Obstacles as signed distances.
+#pragma once
+
+#include <functional>
+#include <optional>
+
+#include "meshing/scene/scene.h"
+
+namespace testbed::massspring {
+
+class RigidBody {
+ public:
+  /// @throws std::runtime_error when a mesh cannot be read or is not closed
+  explicit RigidBody(const Obstacle& obstacle);
+
+  struct Gap {
+    double distance;         ///< to the body's surface (m), negative inside
+    Eigen::Vector3d normal;  ///< out of the body, at the nearest point of its surface
+  };
+  /// Of a point x at time t. Exact outside; nowhere longer than the way to the surface.
+  Gap gap(const Eigen::Vector3d& x, double t) const { return gap_(motion_.empty() ? x : x - translation(t)); }
+
+  Eigen::Vector3d translation(double t) const;
+
+  /// Where the straight way from x at time t to y at time t + h, as seen from the body, first comes within
+  /// `least` of it: a point at time t + h. Found by steps as long as the gap [conservative advancement], so
+  /// that nothing is thin enough to be missed.
+  std::optional<Eigen::Vector3d> first_touch(const Eigen::Vector3d& x, const Eigen::Vector3d& y, double t,
+                                             double h, double least) const;
+
+  double friction;  ///< Coulomb's coefficient
+
+ private:
+  Path motion_;
+  bool is_flat_;                                    ///< a half-space, to which gaps are linear
+  std::function<Gap(const Eigen::Vector3d&)> gap_;  ///< of a point in the body's frame
+};
+
+}  // namespace testbed::massspring

@@ -1,0 +1,198 @@
+#include "massspring/contact/self_contact.h"
+
+#include <CGAL/box_intersection_d.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "meshing/surface/surface.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+using Weights = std::array<double, 4>;
+
+/// Barycentric coordinates of the point of triangle abc nearest to p [Ericson 2005, 5.1.5].
+Vector3d nearest_on_triangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+  const Vector3d ab = b - a, ac = c - a, ap = p - a, bp = p - b, cp = p - c;
+  const double d1 = ab.dot(ap), d2 = ac.dot(ap), d3 = ab.dot(bp), d4 = ac.dot(bp), d5 = ab.dot(cp),
+               d6 = ac.dot(cp);
+  if (d1 <= 0 && d2 <= 0) return {1, 0, 0};
+  if (d3 >= 0 && d4 <= d3) return {0, 1, 0};
+  const double vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return {1 - d1 / (d1 - d3), d1 / (d1 - d3), 0};
+  if (d6 >= 0 && d5 <= d6) return {0, 0, 1};
+  const double vb = d5 * d2 - d1 * d6;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return {1 - d2 / (d2 - d6), 0, d2 / (d2 - d6)};
+  const double va = d3 * d6 - d5 * d4;
+  if (va <= 0 && d4 >= d3 && d5 >= d6) {
+    const double w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+    return {0, 1 - w, w};
+  }
+  const double sum = va + vb + vc;
+  return {va / sum, vb / sum, vc / sum};
+}
+
+/// Parameters of the nearest points of segments ab and cd [Ericson 2005, 5.1.9].
+std::pair<double, double> nearest_of_segments(const Vector3d& a, const Vector3d& b, const Vector3d& c,
+                                              const Vector3d& d) {
+  const Vector3d u = b - a, v = d - c, r = a - c;
+  const double uu = u.squaredNorm(), vv = v.squaredNorm(), uv = u.dot(v), ur = u.dot(r), vr = v.dot(r);
+  const auto part = [](double x) { return std::clamp(x, 0.0, 1.0); };
+  if (!(uu > 0 && vv > 0)) return {0, vv > 0 ? part(vr / vv) : 0};
+  const double det = uu * vv - uv * uv;
+  double s = det > 0 ? part((uv * vr - ur * vv) / det) : 0;
+  double t = (uv * s + vr) / vv;
+  if (t < 0 || t > 1) {
+    t = part(t);
+    s = part((uv * t - ur) / uu);
+  }
+  return {s, t};
+}
+
+Weights nearest(const std::array<int, 4>& node, bool is_edges, const Matrix3Xd& x) {
+  const Vector3d a = x.col(node[0]), b = x.col(node[1]), c = x.col(node[2]), d = x.col(node[3]);
+  if (is_edges) {
+    const auto [s, t] = nearest_of_segments(a, b, c, d);
+    return {1 - s, s, t - 1, -t};
+  }
+  const Vector3d w = nearest_on_triangle(a, b, c, d);
+  return {1, -w[0], -w[1], -w[2]};
+}
+
+Vector3d between(const std::array<int, 4>& node, const Weights& w, const Matrix3Xd& x) {
+  return w[0] * x.col(node[0]) + w[1] * x.col(node[1]) + w[2] * x.col(node[2]) + w[3] * x.col(node[3]);
+}
+
+using BoundingBox = CGAL::Box_intersection_d::Box_with_info_d<double, 3, int>;
+
+template <class Nodes>
+std::vector<BoundingBox> boxes_of(const Nodes& parts, const Matrix3Xd& x, double reach) {
+  std::vector<BoundingBox> boxes;
+  for (Eigen::Index p = 0; p < parts.cols(); ++p) {
+    Vector3d low = x.col(parts(0, p)), high = low;
+    for (Eigen::Index k = 1; k < parts.rows(); ++k) {
+      low = low.cwiseMin(x.col(parts(k, p)));
+      high = high.cwiseMax(x.col(parts(k, p)));
+    }
+    low.array() -= reach;
+    high.array() += reach;
+    boxes.emplace_back(low.data(), high.data(), static_cast<int>(p));
+  }
+  return boxes;
+}
+
+}  // namespace
+
+SurfaceContact::SurfaceContact(const MassSpringModel& model, double thickness)
+    : X_(model.network.X), F_(model.network.F), E_(edges_of(F_)), thickness_(thickness) {
+  double length = 0;
+  for (const auto& e : E_.colwise()) length += (X_.col(e(0)) - X_.col(e(1))).norm() / E_.cols();
+  stiffness_ = model.material.E * length;
+  margin_ = length / 2;
+}
+
+void SurfaceContact::find_pairs(const Matrix3Xd& x) {
+  std::vector<Pair> before;
+  before.swap(pairs_);
+  const auto order = [](const Pair& a, const Pair& b) {
+    return std::pair(a.is_edges, a.node) < std::pair(b.is_edges, b.node);
+  };
+  const auto add = [&](const std::array<int, 4>& node, bool is_edges) {
+    for (int k = 0; k < 4; ++k)
+      for (int l = 0; l < k; ++l)
+        if (node[k] == node[l]) return;
+    if (between(node, nearest(node, is_edges, X_), X_).norm() < 2 * thickness_) return;
+    Pair pair{node, is_edges, Vector3d::Zero()};
+    const auto known = std::lower_bound(before.begin(), before.end(), pair, order);
+    if (known != before.end() && !order(pair, *known))
+      pair.side = known->side;
+    else
+      pair.side = between(node, nearest(node, is_edges, x), x).normalized();
+    pairs_.push_back(pair);
+  };
+  const double reach = (thickness_ + margin_) / 2;
+  const Eigen::RowVectorXi vertices = Eigen::RowVectorXi::LinSpaced(F_.maxCoeff() + 1, 0, F_.maxCoeff());
+  std::vector<BoundingBox> points = boxes_of(vertices, x, reach), triangles = boxes_of(F_, x, reach),
+                           edges = boxes_of(E_, x, reach);
+  CGAL::box_intersection_d(points.begin(), points.end(), triangles.begin(), triangles.end(),
+                           [&](const BoundingBox& v, const BoundingBox& t) {
+                             const auto f = F_.col(t.info());
+                             add({v.info(), f(0), f(1), f(2)}, false);
+                           });
+  CGAL::box_self_intersection_d(edges.begin(), edges.end(), [&](const BoundingBox& a, const BoundingBox& b) {
+    const auto [first, second] = std::minmax<int>({a.info(), b.info()});
+    add({E_(0, first), E_(1, first), E_(0, second), E_(1, second)}, true);
+  });
+  std::sort(pairs_.begin(), pairs_.end(), order);  // CGAL's order is not the same everywhere
+  listed_ = x;
+}
+
+void SurfaceContact::begin_step(const Matrix3Xd& x) {
+  if (listed_.cols() == 0 || (x - listed_).colwise().norm().maxCoeff() > margin_ / 4) find_pairs(x);
+  for (Pair& pair : pairs_) {
+    const Vector3d e = between(pair.node, nearest(pair.node, pair.is_edges, x), x);
+    if (e.dot(pair.side) > 0) pair.side = e.normalized();
+  }
+}
+
+/// Calls visit(pair, weights, normal, D - d) for every pair closer than the thickness.
+template <class Visit>
+void SurfaceContact::for_each_near(const Matrix3Xd& x, const Visit& visit) const {
+  for (const Pair& pair : pairs_) {
+    const Weights w = nearest(pair.node, pair.is_edges, x);
+    const Vector3d e = between(pair.node, w, x);
+    const double length = e.norm();
+    const bool has_passed = e.dot(pair.side) < 0;
+    if ((length >= thickness_ && !has_passed) || length >= thickness_ + margin_) continue;
+    const double d = has_passed ? -length : length;
+    visit(pair, w, length > 0 ? Vector3d(e / d) : pair.side, thickness_ - d);
+  }
+}
+
+double SurfaceContact::energy(const Matrix3Xd& x) const {
+  double sum = 0;
+  for_each_near(x, [&](const Pair& pair, const Weights&, const Vector3d&, double excess) {
+    sum += smoothing_of(pair, x).m * stiffness_ / 2 * excess * excess;
+  });
+  return sum;
+}
+
+void SurfaceContact::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
+  for_each_near(x, [&](const Pair& pair, const Weights& w, const Vector3d& n, double excess) {
+    const Smoothing smoothing = smoothing_of(pair, x);
+    for (int k = 0; k < 4; ++k) f.col(pair.node[k]) += smoothing.m * stiffness_ * excess * w[k] * n;
+    const double push = stiffness_ / 2 * excess * excess;
+    f.col(pair.node[0]) += push * smoothing.by_u;
+    f.col(pair.node[1]) -= push * smoothing.by_u;
+    f.col(pair.node[2]) += push * smoothing.by_v;
+    f.col(pair.node[3]) -= push * smoothing.by_v;
+  });
+}
+
+std::vector<NearPair> SurfaceContact::touching(const Matrix3Xd& x) const {
+  std::vector<NearPair> pairs;
+  for_each_near(x, [&](const Pair& pair, const Weights& w, const Vector3d& n, double) {
+    pairs.push_back({pair.node, w, n, smoothing_of(pair, x).m * stiffness_});
+  });
+  return pairs;
+}
+
+SurfaceContact::Smoothing SurfaceContact::smoothing_of(const Pair& pair, const Matrix3Xd& x) const {
+  constexpr double kParallel = 1e-2;  // squared sine, of the edges at rest
+  Smoothing smoothing{1, Vector3d::Zero(), Vector3d::Zero()};
+  if (!pair.is_edges) return smoothing;
+  const auto edge = [&](const Matrix3Xd& at, int first) -> Vector3d {
+    return at.col(pair.node[first + 1]) - at.col(pair.node[first]);
+  };
+  const Vector3d u = edge(x, 0), v = edge(x, 2), cross = u.cross(v);
+  const double least = kParallel * edge(X_, 0).squaredNorm() * edge(X_, 2).squaredNorm();
+  const double q = cross.squaredNorm() / least;
+  if (q >= 1) return smoothing;
+  const double dm = 2 * (1 - q) / least;  // by the squared cross product
+  return {(2 - q) * q, 2 * dm * v.cross(cross), 2 * dm * cross.cross(u)};
+}
+
+}  // namespace testbed::massspring

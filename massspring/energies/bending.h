@@ -1,0 +1,39 @@
+// The surface resists bending across its edges [Grinspun et al. 2003, paper 3.3].
+#pragma once
+
+#include "massspring/algebra/block_matrix.h"
+
+namespace testbed::massspring {
+
+/// Edge (x_0, x_1) between the triangles (x_0, x_1, x_2) and (x_1, x_0, x_3), oriented outward.
+struct Bending {
+  Eigen::Matrix4Xi hinges;     ///< x_0 ... x_3
+  Eigen::Matrix2Xd area;       ///< of both triangles of each hinge at rest (m2)
+  Eigen::VectorXd rest_angle;  ///< theta_0 between the triangles' normals, positive where convex
+  Eigen::VectorXd stiffness;   ///< k_b |e|^2 / (A_1 + A_2) of each hinge at rest (J)
+};
+
+/// Every edge of a closed surface F at rest positions X (m), with bending stiffness k_b (J).
+Bending make_bending(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b);
+
+/// Energy (J) 1/2 stiffness (theta - theta_0)^2 of all hinges at positions x (3 x n, m), the difference in
+/// (-pi, pi]. Where a triangle has shrunk to t < 1 times a tenth of its area at rest, the difference counts
+/// t (2 - t) times, down to nothing: at an angle alone, triangles that crumple would push their nodes the
+/// harder the thinner they are, without bound.
+double energy(const Bending& bending, const Eigen::Matrix3Xd& x);
+
+/// f -= gradient of the energy (N).
+void add_forces(const Bending& bending, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
+
+/// K += stiffness g g^T (N/m), g the gradient of what is squared in the energy: the Hessian at rest, positive
+/// semidefinite everywhere. K's pattern must hold pairs_of(bending).
+void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+
+/// Pairs of nodes that share a hinge, 2 x m.
+Eigen::Matrix2Xi pairs_of(const Bending& bending);
+
+/// Mean magnitude (N) of the bending forces of the edges at each of n nodes, 0 where there are none: f_bend
+/// of [paper eq. 9]. An edge's force is that on its end.
+Eigen::VectorXd mean_bending_forces(const Bending& bending, const Eigen::Matrix3Xd& x);
+
+}  // namespace testbed::massspring

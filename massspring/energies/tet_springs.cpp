@@ -1,0 +1,457 @@
+#include "massspring/energies/tet_springs.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/Jacobi>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "massspring/kernels/parts.h"
+
+namespace testbed::massspring {
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+using Eigen::Matrix4Xi;
+using Eigen::Vector3d;
+using TetGradients = Eigen::Matrix<double, 3, 4>;
+
+constexpr double least_jacobian = 0.1;  // J_0 of the law
+
+/// Gradients of the four barycentric coordinates (1/m).
+TetGradients barycentric_gradients(const Matrix3Xd& X, const Eigen::Vector4i& t) {
+  Matrix3d edges;
+  for (int k = 0; k < 3; ++k) edges.col(k) = X.col(t[k + 1]) - X.col(t[0]);
+  TetGradients g;
+  g.rightCols<3>() = edges.inverse().transpose();
+  g.col(0) = -g.rightCols<3>().rowwise().sum();
+  return g;
+}
+
+struct VolumeLaw {
+  double g, dg, ddg;
+};
+
+/// g(J) of the law and its derivatives.
+VolumeLaw volume_law(double J, double lambda, double mu) {
+  const double c = mu + lambda / 2, j = std::max(J, least_jacobian);
+  VolumeLaw law{lambda / 4 * (j * j - 1) - c * std::log(j), lambda / 2 * j - c / j, lambda / 2 + c / (j * j)};
+  const double d = J - j;
+  law.g += law.dg * d + law.ddg / 2 * d * d;
+  law.dg += law.ddg * d;
+  return law;
+}
+
+Matrix3d deformation_gradient(const TetSprings& springs, int patch, const Matrix3Xd& x) {
+  double F[9] = {};  // as far as a compiler sees, a matrix might alias x
+  for (int e = springs.first[patch]; e < springs.first[patch + 1]; ++e)
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) F[3 * j + i] += x(i, springs.node[e]) * springs.b(j, e);
+  return Eigen::Map<Matrix3d>(F);
+}
+
+double scale_of(const Eigen::VectorXd& scale, int patch) {
+  return scale.size() > 0 ? scale[patch] : 1;
+}
+
+Matrix3d cofactor(const Matrix3d& F) {
+  Matrix3d C;
+  C << F.col(1).cross(F.col(2)), F.col(2).cross(F.col(0)), F.col(0).cross(F.col(1));
+  return C;
+}
+
+/// F = U diag(s) V^T with rotations U and V, so that at most one s is negative.
+struct SingularValues {
+  Matrix3d U, V;
+  Vector3d s;
+};
+
+/// Columns are turned against each other until they are orthogonal [Hestenes 1958], which is exact to
+/// rounding however small one is beside the others.
+SingularValues singular_values(const Matrix3d& F) {
+  constexpr double kOrthogonal = 1e-14;
+  constexpr int kMaxSweeps = 20;
+  Matrix3d A = F, V = Matrix3d::Identity();
+  bool is_orthogonal = false;
+  for (int sweep = 0; sweep < kMaxSweeps && !is_orthogonal; ++sweep) {
+    is_orthogonal = true;
+    for (int k = 0; k < 3; ++k) {
+      const int i = (k + 1) % 3, j = (k + 2) % 3;
+      const double ij = A.col(i).dot(A.col(j)), ii = A.col(i).squaredNorm(), jj = A.col(j).squaredNorm();
+      if (!(std::abs(ij) > kOrthogonal * std::sqrt(ii * jj))) continue;
+      is_orthogonal = false;
+      Eigen::JacobiRotation<double> turn;
+      turn.makeJacobi(ii, ij, jj);
+      A.applyOnTheRight(i, j, turn);
+      V.applyOnTheRight(i, j, turn);
+    }
+  }
+  Vector3d s = A.colwise().norm();
+  int k;
+  s.minCoeff(&k);
+  const int i = (k + 1) % 3, j = (k + 2) % 3;
+  Matrix3d U;
+  U.col(i) = s[i] > 0 ? Vector3d(A.col(i) / s[i]) : A.col(j).unitOrthogonal();
+  U.col(j) = s[j] > 0 ? Vector3d(A.col(j) / s[j]) : U.col(i).unitOrthogonal();
+  U.col(k) = U.col(i).cross(U.col(j));
+  s[k] = U.col(k).dot(A.col(k));
+  return {U, V, s};
+}
+
+/// Parts k (E : dF)^2 of psi'': that of g'' and at most five negative eigenvalues' [Smith et al. 2019].
+struct Modes {
+  int n = 0;
+  std::array<double, 6> k;
+  std::array<Matrix3d, 6> E;
+
+  void add(double stiffness, const Matrix3d& direction) {
+    k[n] = stiffness;
+    E[n++] = direction;
+  }
+};
+
+/// Adds what lifts the negative eigenvalues of psi'' to 0. In the basis u_i v_j^T of F's singular vectors
+/// psi'' has a 3 x 3 block of stretches, and for each pair of axes i, j a twist and a flip with eigenvalues
+/// mu +- g' s_k.
+void add_projection(const Matrix3d& F, const VolumeLaw& law, double mu, Modes& modes) {
+  const auto [U, V, s] = singular_values(F);
+  const Vector3d c(s[1] * s[2], s[2] * s[0], s[0] * s[1]);
+  Matrix3d stretch = mu * Matrix3d::Identity() + law.ddg * c * c.transpose();
+  for (int k = 0; k < 3; ++k) {
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    const double turning = law.dg * s[k];
+    stretch(i, j) += turning;
+    stretch(j, i) += turning;
+    const double least = mu - std::abs(turning);
+    if (least < 0)
+      modes.add(-least / 2, U.col(i) * V.col(j).transpose() +
+                                std::copysign(1, turning) * U.col(j) * V.col(i).transpose());
+  }
+  if (stretch.llt().info() == Eigen::Success) return;
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(stretch);
+  for (int k = 0; k < 3; ++k)
+    if (eigen.eigenvalues()[k] < 0)
+      modes.add(-eigen.eigenvalues()[k], U * eigen.eigenvectors().col(k).asDiagonal() * V.transpose());
+}
+
+Matrix3d cross_product_by(const Vector3d& a) {
+  Matrix3d C;
+  C << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
+  return C;
+}
+
+/// psi'' in 3 x 3 blocks (a, b) of the columns a and b of F: column a holds (a, 0), (a, 1) and (a, 2).
+using Stiffness = Eigen::Matrix<double, 27, 3>;
+
+/// psi'' = mu |dF|^2 + g'' (C : dF)^2 + g' d2J, of which block (a, b) of d2J takes v to -F_c x v when a, b, c
+/// follow each other.
+Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curvature) {
+  const Matrix3d C = cofactor(F);
+  const VolumeLaw law = volume_law(F.col(0).dot(C.col(0)), lambda, mu);
+  Modes modes;
+  modes.add(law.ddg, C);
+  if (curvature == Curvature::Projected) add_projection(F, law, mu, modes);
+  Stiffness H;
+  const auto block = [&H](int a, int b) { return Eigen::Map<Matrix3d>(H.col(a).data() + 9 * b); };
+  for (int a = 0; a < 3; ++a) {
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    block(a, a) = mu * Matrix3d::Identity();
+    block(a, b) = -law.dg * cross_product_by(F.col(c));
+    block(b, a) = -block(a, b);
+  }
+  for (int m = 0; m < modes.n; ++m)
+    for (int a = 0; a < 3; ++a) {
+      const Vector3d kE = modes.k[m] * modes.E[m].col(a);
+      for (int b = 0; b < 3; ++b) block(a, b) += kE * modes.E[m].col(b).transpose();
+    }
+  return H;
+}
+
+typedef double Wide __attribute__((vector_size(32), aligned(8), may_alias));
+
+/// y += A b, A n x 3.
+template <int n>
+[[gnu::always_inline]] inline void add_product(const Eigen::Matrix<double, n, 3>& A, const double* b,
+                                               double* y) {
+  const double *A0 = A.data(), *A1 = A0 + n, *A2 = A1 + n;
+  int i = 0;
+  for (; i + 4 <= n; i += 4)
+    *reinterpret_cast<Wide*>(y + i) += b[0] * *reinterpret_cast<const Wide*>(A0 + i) +
+                                       b[1] * *reinterpret_cast<const Wide*>(A1 + i) +
+                                       b[2] * *reinterpret_cast<const Wide*>(A2 + i);
+  for (; i < n; ++i) y[i] += b[0] * A0[i] + b[1] * A1[i] + b[2] * A2[i];
+}
+
+/// Of blocks (r, e), r <= e, of every patch.
+std::vector<int> positions(const TetSprings& springs, const BlockMatrix& K) {
+  std::vector<int> result;
+  for (int p = 0; p < springs.n_patches(); ++p)
+    for (int r = springs.first[p]; r < springs.first[p + 1]; ++r)
+      for (int e = r; e < springs.first[p + 1]; ++e)
+        result.push_back(K.find(springs.node[r], springs.node[e]));
+  return result;
+}
+
+/// Where each of 0 ... n - 1 occurs in a list: v at the places at[first[v]] ... at[first[v + 1] - 1],
+/// ascending.
+struct Occurrences {
+  std::vector<int> first, at;
+};
+
+template <class List>
+Occurrences occurrences(const List& list, int n) {
+  Occurrences result{std::vector<int>(n + 1, 0), std::vector<int>(list.size())};
+  for (int v : list) ++result.first[v + 1];
+  std::partial_sum(result.first.begin(), result.first.end(), result.first.begin());
+  std::vector<int> next(result.first.begin(), result.first.end() - 1);
+  int place = 0;
+  for (int v : list) result.at[next[v]++] = place++;
+  return result;
+}
+
+/// Number of each of a tetrahedron's six edges among all edges, 6 x m.
+Eigen::MatrixXi edge_numbers(const Matrix4Xi& T) {
+  std::vector<std::array<int, 3>> edges;  // its ends, its place in the result
+  for (const auto& t : T.colwise())
+    for (int i = 0; i < 4; ++i)
+      for (int j = i + 1; j < 4; ++j)
+        edges.push_back({std::min(t[i], t[j]), std::max(t[i], t[j]), static_cast<int>(edges.size())});
+  std::sort(edges.begin(), edges.end());
+  Eigen::MatrixXi numbers(6, T.cols());
+  int number = 0;
+  for (std::size_t k = 0; k < edges.size(); ++k) {
+    if (k > 0 && (edges[k][0] != edges[k - 1][0] || edges[k][1] != edges[k - 1][1])) ++number;
+    numbers(edges[k][2]) = number;
+  }
+  return numbers;
+}
+
+/// Calls visit(part, begin, end) for all ranges of patches, those of parts of one size at once.
+template <class Visit>
+void for_each_range(const TetSprings& springs, const Visit& visit) {
+  const std::vector<int>& first = springs.part;
+  if (first.empty()) return visit(0, 0, springs.n_patches());
+  for_each_part([&](int part) {
+    for (std::size_t k = part; k + 1 < first.size(); k += n_parts) visit(part, first[k], first[k + 1]);
+  });
+}
+
+/// The patches of each part of the body; column t of `patches` names those that tetrahedron t belongs to.
+std::vector<std::vector<int>> patches_of_parts(const Matrix3Xd& X, const Matrix4Xi& T,
+                                               const Eigen::MatrixXi& patches) {
+  const std::vector<int> eighth = eighths(X);
+  Eigen::Matrix2Xi range = Eigen::Vector2i(7, 0).replicate(1, patches.maxCoeff() + 1);
+  for (Eigen::Index t = 0; t < T.cols(); ++t)
+    for (int p : patches.col(t))
+      for (int i : T.col(t)) {
+        range(0, p) = std::min(range(0, p), eighth[i]);
+        range(1, p) = std::max(range(1, p), eighth[i]);
+      }
+  std::vector<std::vector<int>> result(n_parts);
+  for (int p = 0; p < range.cols(); ++p) result[part_of(range(0, p), range(1, p))].push_back(p);
+  return result;
+}
+
+/// Adds patches that average over tetrahedra: column t of `patches` names those that tetrahedron t belongs
+/// to, each with an equal share of `part` of its volume.
+void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches, double part,
+                    double lambda, TetSprings& springs) {
+  std::vector<TetGradients> shares(T.cols());  // of volume times gradients
+  Eigen::VectorXd share(T.cols());
+  for (Eigen::Index t = 0; t < T.cols(); ++t) {
+    share[t] = part * rest_volume(X, T.col(t)) / static_cast<double>(patches.rows());
+    shares[t] = share[t] * barycentric_gradients(X, T.col(t));
+  }
+  const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
+  const auto resize = [&](Eigen::Index n) {
+    springs.b.conservativeResize(3, n);
+    springs.weight.conservativeResize(n);
+  };
+  const auto n_entries = static_cast<Eigen::Index>(springs.node.size()), n_most = 4 * patches.size();
+  resize(n_entries + n_most);
+  springs.b.rightCols(n_most).setZero();
+  springs.weight.tail(n_most).setZero();
+  springs.volume.conservativeResize(n_before + n_new);
+  springs.lambda.conservativeResize(n_before + n_new);
+  springs.lambda.tail(n_new).setConstant(lambda);
+
+  std::vector<int> order(n_new);
+  std::iota(order.begin(), order.end(), 0);
+  if (X.cols() >= least_parted) {
+    order.clear();
+    for (const std::vector<int>& own : patches_of_parts(X, T, patches)) {
+      springs.part.push_back(n_before + static_cast<int>(order.size()));
+      order.insert(order.end(), own.begin(), own.end());
+    }
+  }
+  const Occurrences in_patch = occurrences(patches.reshaped(), n_new);
+  std::vector<int> patch_of(X.cols(), -1), entry_of(X.cols());  // of nodes: the last that they were met in
+  for (const int p : order) {
+    const auto tets = [&](const auto& visit) {
+      for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
+        visit(in_patch.at[k] / static_cast<int>(patches.rows()));
+    };
+    const int begin = springs.first.back();
+    tets([&](int t) {
+      for (int i : T.col(t))
+        if (std::exchange(patch_of[i], p) != p) springs.node.push_back(i);
+    });
+    const int end = static_cast<int>(springs.node.size());
+    std::sort(springs.node.begin() + begin, springs.node.end());
+    for (int e = begin; e < end; ++e) entry_of[springs.node[e]] = e;
+    double volume = 0;
+    tets([&](int t) {
+      volume += share[t];
+      for (int k = 0; k < 4; ++k) {
+        springs.b.col(entry_of[T(k, t)]) += shares[t].col(k);
+        springs.weight[entry_of[T(k, t)]] += share[t] / 4;
+      }
+    });
+    springs.b.middleCols(begin, end - begin) /= volume;
+    springs.weight.segment(begin, end - begin) /= volume;
+    springs.volume[springs.first.size() - 1] = volume;
+    springs.first.push_back(end);
+  }
+  resize(springs.first.back());
+}
+
+}  // namespace
+
+Lame lame_of(const Material& material) {
+  const double E = material.E, nu = material.nu;
+  if (!(E > 0)) throw std::runtime_error("Young's modulus " + std::to_string(E) + " Pa, expected > 0");
+  if (!(nu >= 0 && nu <= 0.499))
+    throw std::runtime_error("Poisson's ratio " + std::to_string(nu) + ", expected 0 to 0.499");
+  return {E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))};
+}
+
+TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame, const Blend& blend) {
+  TetSprings springs;
+  springs.mu = lame.mu;
+  springs.first.push_back(0);
+  const double shared = blend.nodes > 0 ? std::min(lame.lambda, lame.mu) : lame.lambda;
+  if (blend.tetrahedra > 0) {
+    const Eigen::MatrixXi own = Eigen::RowVectorXi::LinSpaced(T.cols(), 0, static_cast<int>(T.cols()) - 1);
+    append_patches(X, T, own, blend.tetrahedra, shared, springs);
+  }
+  if (blend.edges > 0) append_patches(X, T, edge_numbers(T), blend.edges, shared, springs);
+  if (blend.nodes > 0)
+    append_patches(X, T, T, blend.nodes, shared + (lame.lambda - shared) / blend.nodes, springs);
+  if (!springs.part.empty()) springs.part.push_back(springs.n_patches());
+  return springs;
+}
+
+double energy(const TetSprings& springs, const Matrix3Xd& x, const Eigen::VectorXd& scale) {
+  std::array<double, n_parts> sums{};
+  for_each_range(springs, [&](int part, int begin, int end) {
+    double sum = 0;
+    for (int p = begin; p < end; ++p) {
+      const double s = scale_of(scale, p);
+      const Matrix3d F = deformation_gradient(springs, p, x) / s;
+      sum += s * s * s * springs.volume[p] *
+             (springs.mu / 2 * (F.squaredNorm() - 3) +
+              volume_law(F.determinant(), springs.lambda[p], springs.mu).g);
+    }
+    sums[part] += sum;
+  });
+  return std::accumulate(sums.begin(), sums.end(), 0.);
+}
+
+void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, const Eigen::VectorXd& scale) {
+  for_each_range(springs, [&](int, int begin, int end) {
+    for (int p = begin; p < end; ++p) {
+      const double s = scale_of(scale, p);
+      const Matrix3d F = deformation_gradient(springs, p, x) / s, C = cofactor(F);
+      const double J = F.col(0).dot(C.col(0));
+      const Matrix3d VP =
+          s * s * springs.volume[p] * (springs.mu * F + volume_law(J, springs.lambda[p], springs.mu).dg * C);
+      for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
+        f.col(springs.node[e]) -= VP * springs.b.col(e);
+    }
+  });
+}
+
+namespace {
+
+/// Adds the blocks of patches first to last - 1 on the diagonal and above it, at the given positions.
+// Registers of 512 bits take a quarter longer.
+__attribute__((flatten, target_clones("avx2", "default"))) void add_blocks(
+    const TetSprings& springs, int first, int last, const Matrix3Xd& x, Curvature curvature,
+    const Eigen::VectorXd& scale, const int* at, BlockMatrix& K) {
+  for (int p = first; p < last; ++p) {
+    const double s = scale_of(scale, p);
+    const Stiffness H =
+        stiffness(deformation_gradient(springs, p, x) / s, springs.lambda[p], springs.mu, curvature);
+    const int end = springs.first[p + 1];
+    for (int r = springs.first[p]; r < end; ++r) {
+      const Vector3d Vb = s * springs.volume[p] * springs.b.col(r);
+      Eigen::Matrix<double, 9, 3> row = Eigen::Matrix<double, 9, 3>::Zero();
+      add_product(H, Vb.data(), row.data());
+      for (int e = r; e < end; ++e) add_product(row, springs.b.col(e).data(), K.block[*at++].data());
+    }
+  }
+}
+
+}  // namespace
+
+void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
+                 const Eigen::VectorXd& scale) {
+  if (K.coupled.empty()) K.coupled = positions(springs, K);
+  std::vector<int> n_before{0};  // positions of the patches before each
+  for (int p = 0; p < springs.n_patches(); ++p) {
+    const int n = springs.first[p + 1] - springs.first[p];
+    n_before.push_back(n_before.back() + n * (n + 1) / 2);
+  }
+  for_each_range(springs, [&](int, int begin, int end) {
+    add_blocks(springs, begin, end, x, curvature, scale, K.coupled.data() + n_before[begin], K);
+  });
+  mirror(K);
+}
+
+Eigen::Matrix2Xi pairs_of(const TetSprings& springs) {
+  const int n = springs.node.empty() ? 0 : 1 + *std::max_element(springs.node.begin(), springs.node.end());
+  const Occurrences of_node = occurrences(springs.node, n);
+  std::vector<int> end;  // of each entry's patch
+  for (int p = 0; p < springs.n_patches(); ++p) end.resize(springs.first[p + 1], springs.first[p + 1]);
+  std::vector<int> partner_of(n, -1), partners, pairs;
+  for (int i = 0; i < n; ++i) {
+    partners.clear();
+    for (int k = of_node.first[i]; k < of_node.first[i + 1]; ++k)
+      for (int e = of_node.at[k] + 1; e < end[of_node.at[k]]; ++e)
+        if (std::exchange(partner_of[springs.node[e]], i) != i) partners.push_back(springs.node[e]);
+    std::sort(partners.begin(), partners.end());
+    for (int j : partners) pairs.insert(pairs.end(), {i, j});
+  }
+  return Eigen::Map<Eigen::Matrix2Xi>(pairs.data(), 2, static_cast<Eigen::Index>(pairs.size() / 2));
+}
+
+double smallest_jacobian(const TetSprings& springs, const Matrix3Xd& x) {
+  double smallest = std::numeric_limits<double>::infinity();
+  for (int p = 0; p < springs.n_patches(); ++p)
+    smallest = std::min(smallest, deformation_gradient(springs, p, x).determinant());
+  return smallest;
+}
+
+double rest_volume(const Matrix3Xd& X, const Eigen::Vector4i& t) {
+  const Vector3d a = X.col(t[0]);
+  return (X.col(t[1]) - a).cross(X.col(t[2]) - a).dot(X.col(t[3]) - a) / 6;
+}
+
+Eigen::VectorXd lumped_mass(const Matrix3Xd& X, const Matrix4Xi& T, double rho) {
+  Eigen::VectorXd mass = Eigen::VectorXd::Zero(X.cols());
+  for (Eigen::Index t = 0; t < T.cols(); ++t)
+    for (int p : T.col(t)) mass[p] += rho / 4 * rest_volume(X, T.col(t));
+  return mass;
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,53 @@
+// Volume forces: the body as a bag of a target volume [paper 3.3, Hirota et al. 1999], and every tetrahedron
+// as one [Bourguignon & Cani 2000].
+#pragma once
+
+#include "massspring/algebra/block_matrix.h"
+
+namespace testbed::massspring {
+
+/// Volume V (m3) enclosed by the triangles F at positions x, and dV/dx, 3 x m, m the nodes up to the
+/// last one of F: a third of the area vector A n of each triangle to each vertex.
+double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient);
+
+/// Energy (J) 1/2 P (V - V_1)^2 / V_1 of the volume V enclosed by the triangles F at positions x (m), with
+/// pressure coefficient P (Pa) and target volume V_1 (m3).
+double volume_energy(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x);
+
+/// f -= gradient of the energy (N): on each triangle P (V_1 - V)/V_1 A n, a third to each vertex.
+void add_volume_forces(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
+                       Eigen::Matrix3Xd& f);
+
+/// g (N^1/2 m^-1/2), 3 x m like dV/dx, of the Hessian's positive semidefinite part g g^T = P/V_1
+/// (dV/dx)(dV/dx)^T. What is left out, P (V - V_1)/V_1 d2V/dx2, has eigenvalues of both signs and vanishes at
+/// the target.
+Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Matrix3Xi& F,
+                                       const Eigen::Matrix3Xd& x);
+
+/// y += g g^T p, 3 x n.
+void add_rank_one(const Eigen::Matrix3Xd& g, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
+
+/// Penalty on the volume of tetrahedra that fill the body once.
+struct LocalVolume {
+  double kappa;  ///< Pa
+  Eigen::Matrix4Xi T;
+  Eigen::VectorXd rest_volume;  ///< V_T0 (m3)
+};
+
+/// Energy (J) sum_T 1/2 kappa (V_T - V_T0)^2 / V_T0.
+double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x);
+
+/// f -= gradient of the energy (N).
+void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
+
+/// K += sum_T kappa/V_T0 (dV_T/dx)(dV_T/dx)^T (N/m): the Hessian at rest, positive semidefinite everywhere.
+void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+
+/// Pairs of nodes that share a tetrahedron, 2 x m.
+Eigen::Matrix2Xi pairs_of(const LocalVolume& local);
+
+/// y += factor d2V/dx2 p, 3 x n; V the volume enclosed by F at positions x.
+void add_volume_curvature(double factor, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
+                          const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
+
+}  // namespace testbed::massspring

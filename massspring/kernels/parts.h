@@ -1,0 +1,53 @@
+// Sums over springs by several threads at once, whose results do not depend on the number of threads.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <numeric>
+#include <vector>
+
+namespace testbed::massspring {
+
+/// The body halved three times: part 0 ... 7 is an eighth, 8 ... 11 a quarter, 12 and 13 are halves, 14 is
+/// the whole. A spring, or a patch of coupled ones, belongs to the smallest part that holds all its nodes, so
+/// that those of different parts of one size share none.
+inline constexpr int n_parts = 15;
+
+/// Bodies of fewer nodes do not repay a second thread.
+inline constexpr int least_parted = 5000;
+
+/// The eighth that each node lies in; X 3 x n.
+std::vector<int> eighths(const Eigen::Matrix3Xd& X);
+
+/// The part that holds nodes of eighths a to b, a <= b.
+int part_of(int a, int b);
+
+/// Calls visit(part) for each part: those of one size at once, smaller ones first.
+template <class Visit>
+void for_each_part(const Visit& visit) {
+  for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
+#pragma omp parallel for schedule(static)
+    for (int part = first; part < first + size; ++part) visit(part);
+  }
+}
+
+/// Nodes, or rows of a matrix, that a thread takes at a time.
+inline constexpr Eigen::Index chunk_size = 512;
+
+/// Calls visit(begin, end) for chunks of 0 ... n - 1, many at once.
+template <class Visit>
+void for_each_chunk(Eigen::Index n, const Visit& visit) {
+#pragma omp parallel for schedule(static, 1) if (n >= least_parted)
+  for (Eigen::Index begin = 0; begin < n; begin += chunk_size) visit(begin, std::min(n, begin + chunk_size));
+}
+
+/// Sum of what visit(begin, end) returns for each chunk, added in their order.
+template <class Visit>
+double sum_over_chunks(Eigen::Index n, const Visit& visit) {
+  std::vector<double> sums((n + chunk_size - 1) / chunk_size);
+  for_each_chunk(n,
+                 [&](Eigen::Index begin, Eigen::Index end) { sums[begin / chunk_size] = visit(begin, end); });
+  return std::accumulate(sums.begin(), sums.end(), 0.);
+}
+
+}  // namespace testbed::massspring

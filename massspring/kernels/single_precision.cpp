@@ -1,0 +1,303 @@
+#include "massspring/kernels/single_precision.h"
+
+#include <algorithm>
+
+#include "massspring/kernels/every_width.h"
+#include "massspring/kernels/parts.h"
+
+/// Lanes x y z 0 of four nodes as y z x 0 and as z x y 0.
+#define TESTBED_TURNED_LEFT(u) \
+  __builtin_shufflevector(u, u, 1, 2, 0, 3, 5, 6, 4, 7, 9, 10, 8, 11, 13, 14, 12, 15)
+#define TESTBED_TURNED_RIGHT(u) \
+  __builtin_shufflevector(u, u, 2, 0, 1, 3, 6, 4, 5, 7, 10, 8, 9, 11, 14, 12, 13, 15)
+
+namespace testbed::massspring {
+namespace {
+
+typedef float Four __attribute__((vector_size(16), aligned(4)));   // a node
+typedef float Eight __attribute__((vector_size(32), aligned(4)));  // two
+typedef float Lanes __attribute__((vector_size(64), aligned(4)));  // four nodes
+constexpr int kNodes = 256;  // whose part of a sum is added in single precision
+constexpr Eigen::Index kChunk = kNodes / 4;
+
+const Lanes* lanes(const PaddedField& u) {
+  return reinterpret_cast<const Lanes*>(u.data());
+}
+Lanes* lanes(PaddedField& u) {
+  return reinterpret_cast<Lanes*>(u.data());
+}
+
+/// Sum over all lanes of what visit(k, sum) adds to a register for each k < n.
+template <class Visit>
+[[gnu::always_inline]] inline double sum_of(Eigen::Index n, const Visit& visit) {
+  double total = 0;
+  for (Eigen::Index first = 0; first < n; first += kChunk) {
+    Lanes sum{};
+    for (Eigen::Index k = first; k < std::min(n, first + kChunk); ++k) visit(k, sum);
+    for (int lane = 0; lane < 16; ++lane) total += static_cast<double>(sum[lane]);
+  }
+  return total;
+}
+
+TESTBED_EVERY_WIDTH double dot_of(const Lanes* u, const Lanes* w, Eigen::Index n) {
+  return sum_of(
+      n, [&](Eigen::Index k, Lanes & sum) __attribute__((always_inline)) { sum += u[k] * w[k]; });
+}
+
+TESTBED_EVERY_WIDTH double multiply_by(const Lanes* diagonal, const Lanes* off_diagonal, const Lanes* r,
+                                       Lanes* z, Eigen::Index n) {
+  return sum_of(
+      n, [&](Eigen::Index k, Lanes & sum) __attribute__((always_inline)) {
+        const Lanes q = r[k], o = off_diagonal[k];
+        const Lanes product =
+            diagonal[k] * q + o * TESTBED_TURNED_LEFT(q) + TESTBED_TURNED_RIGHT(o) * TESTBED_TURNED_RIGHT(q);
+        z[k] = product;
+        sum += q * product;
+      });
+}
+
+TESTBED_EVERY_WIDTH double correct_by(const Lanes* diagonal, const Lanes* off_diagonal, const Lanes* r,
+                                      const Lanes* Az, Lanes* z, Eigen::Index n) {
+  return sum_of(
+      n, [&](Eigen::Index k, Lanes & sum) __attribute__((always_inline)) {
+        const Lanes q = r[k] - Az[k], o = off_diagonal[k];
+        const Lanes corrected = z[k] + diagonal[k] * q + o * TESTBED_TURNED_LEFT(q) +
+                                TESTBED_TURNED_RIGHT(o) * TESTBED_TURNED_RIGHT(q);
+        z[k] = corrected;
+        sum += r[k] * corrected;
+      });
+}
+
+TESTBED_EVERY_WIDTH double advance_by(float alpha, const Lanes* p, const Lanes* Ap, Lanes* x, Lanes* r,
+                                      Eigen::Index n) {
+  return sum_of(
+      n, [&](Eigen::Index k, Lanes & sum) __attribute__((always_inline)) {
+        x[k] += alpha * p[k];
+        const Lanes rest = r[k] - alpha * Ap[k];
+        r[k] = rest;
+        sum += rest * rest;
+      });
+}
+
+TESTBED_EVERY_WIDTH void add_scaled_by(float alpha, const Lanes* u, Lanes* y, Eigen::Index n) {
+  for (Eigen::Index k = 0; k < n; ++k) y[k] += alpha * u[k];
+}
+
+/// @param B, p, y  4 floats per place in a row, per node, per node
+TESTBED_EVERY_WIDTH double add_product_of_rows(int n, const int* start, const int* other, const float* B,
+                                               const float* p, float* y) {
+  const Four* P = reinterpret_cast<const Four*>(p);
+  const Eight* block = reinterpret_cast<const Eight*>(B);
+  Four* Y = reinterpret_cast<Four*>(y);
+  double total = 0;
+  for (int first = 0; first < n; first += kNodes) {
+    Four dot{};
+    for (int a = first; a < std::min(n, first + kNodes); ++a) {
+      const Four one = P[a];
+      const Eight p_a = __builtin_shufflevector(one, one, 0, 1, 2, 3, 0, 1, 2, 3);
+      Eight sum{};
+      for (int k = start[a]; k < start[a + 1]; k += 2) {
+        const Four p_b = P[other[k]], p_c = P[other[k + 1]];
+        const Eight d = p_a - __builtin_shufflevector(p_b, p_c, 0, 1, 2, 3, 4, 5, 6, 7), u = block[k / 2];
+        Eight product = u * d;  // its fourth lanes are 0, as those of d
+        product += __builtin_shufflevector(product, product, 1, 0, 3, 2, 5, 4, 7, 6);
+        product += __builtin_shufflevector(product, product, 2, 3, 0, 1, 6, 7, 4, 5);
+        const Eight q = u * product + d * __builtin_shufflevector(u, u, 3, 3, 3, 3, 7, 7, 7, 7);
+        Y[other[k]] -= __builtin_shufflevector(q, q, 0, 1, 2, 3);
+        Y[other[k + 1]] -= __builtin_shufflevector(q, q, 4, 5, 6, 7);
+        sum += q;
+      }
+      Four y_a = Y[a] + __builtin_shufflevector(sum, sum, 0, 1, 2, 3) +
+                 __builtin_shufflevector(sum, sum, 4, 5, 6, 7);
+      y_a[3] = 0;
+      Y[a] = y_a;  // complete: all other springs of node a have been in rows before
+      dot += one * y_a;
+    }
+    for (int lane = 0; lane < 3; ++lane) total += static_cast<double>(dot[lane]);
+  }
+  return total;
+}
+
+/// Rows begin to end - 1.
+/// @param blocks  9 floats each, and three more at the end
+TESTBED_EVERY_WIDTH double multiply_blocks(int begin, int end, const int* start, const int* column,
+                                           const float* blocks, const float* p, float* y) {
+  const Four* P = reinterpret_cast<const Four*>(p);
+  Four* Y = reinterpret_cast<Four*>(y);
+  double total = 0;
+  for (int first = begin; first < end; first += kNodes) {
+    Four dot{};
+    for (int i = first; i < std::min(end, first + kNodes); ++i) {
+      Four sum{};
+      for (int k = start[i]; k < start[i + 1]; ++k) {
+        const Four q = P[column[k]];
+        const float* B = blocks + 9 * static_cast<std::ptrdiff_t>(k);
+        const auto column_of = [&](int c) { return *reinterpret_cast<const Four*>(B + 3 * c); };
+        sum += column_of(0) * q[0] + column_of(1) * q[1] + column_of(2) * q[2];
+      }
+      sum += Y[i];
+      sum[3] = 0;
+      Y[i] = sum;
+      dot += P[i] * sum;
+    }
+    for (int lane = 0; lane < 3; ++lane) total += static_cast<double>(dot[lane]);
+  }
+  return total;
+}
+
+TESTBED_EVERY_WIDTH void multiply_by(const float* factor, const Four* p, Four* y, Eigen::Index n) {
+  for (Eigen::Index i = 0; i < n; ++i) y[i] = factor[i] * p[i];
+}
+
+constexpr std::ptrdiff_t kBody = 8, kBlock = 36;
+
+/// B x of a 6 x 6 block; the last two lanes do not count.
+[[gnu::always_inline]] inline void add_block_product(const float* B, const float* x, Eight& sum) {
+  for (int c = 0; c < 6; ++c) sum += *reinterpret_cast<const Eight*>(B + 6 * c) * x[c];
+}
+
+struct BodyRows {
+  const int* column;
+  const float *block, *inverse, *b;
+
+  /// b_i less the blocks from begin to end times x.
+  [[gnu::always_inline]] inline void rest(int i, int begin, int end, const float* x, Eight& r) const {
+    Eight sum{};
+    for (int k = begin; k < end; ++k) add_block_product(block + kBlock * k, x + kBody * column[k], sum);
+    r = *reinterpret_cast<const Eight*>(b + kBody * i) - sum;
+  }
+  /// The same, and x_i += its inverse times it.
+  [[gnu::always_inline]] inline void solve(int i, int begin, int end, float* x) const {
+    Eight r;
+    rest(i, begin, end, x, r);
+    Eight& x_i = *reinterpret_cast<Eight*>(x + kBody * i);
+    add_block_product(inverse + kBlock * i, reinterpret_cast<const float*>(&r), x_i);
+  }
+};
+
+TESTBED_EVERY_WIDTH void sweep_down_by(const BodyRows& A, int n, const int* start, const int* diagonal,
+                                       float* x) {
+  for (int i = 0; i < n; ++i) A.solve(i, start[i], diagonal[i], x);
+}
+
+TESTBED_EVERY_WIDTH void sweep_up_by(const BodyRows& A, int n, const int* start, float* x) {
+  for (int i = n - 1; i >= 0; --i) A.solve(i, start[i], start[i + 1], x);
+}
+
+TESTBED_EVERY_WIDTH void residual_by(const BodyRows& A, int n, const int* start, const float* x, float* r) {
+  for (int i = 0; i < n; ++i) A.rest(i, start[i], start[i + 1], x, *reinterpret_cast<Eight*>(r + kBody * i));
+}
+
+BodyRows rows_of(const BodyMatrix& A, const BodyField& b) {
+  return {A.column.data(), A.block.data(), A.inverse.data(), b.data()};
+}
+
+TESTBED_EVERY_WIDTH void turn_by(float beta, const Lanes* z, Lanes* p, Eigen::Index n) {
+  for (Eigen::Index k = 0; k < n; ++k) p[k] = z[k] + beta * p[k];
+}
+
+}  // namespace
+
+void pad(const Eigen::Matrix3Xd& u, double factor, PaddedField& result) {
+  result.setZero(4, padded(u.cols()));
+  for (Eigen::Index i = 0; i < u.cols(); ++i) result.col(i).head<3>() = (factor * u.col(i)).cast<float>();
+}
+
+void add_unpadded(const PaddedField& w, double factor, Eigen::Matrix3Xd& u) {
+  for (Eigen::Index i = 0; i < u.cols(); ++i) u.col(i) += factor * w.col(i).head<3>().cast<double>();
+}
+
+SymmetricBlocks pad(const std::vector<Eigen::Matrix3d>& blocks) {
+  const auto n = static_cast<Eigen::Index>(blocks.size());
+  SymmetricBlocks D;
+  D.diagonal.setZero(4, padded(n));
+  D.off_diagonal.setZero(4, padded(n));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Matrix3d& B = blocks[i];
+    D.diagonal.col(i).head<3>() = B.diagonal().cast<float>();
+    D.off_diagonal.col(i).head<3>() = Eigen::Vector3d(B(0, 1), B(1, 2), B(2, 0)).cast<float>();
+  }
+  return D;
+}
+
+double dot(const PaddedField& u, const PaddedField& w) {
+  return dot_of(lanes(u), lanes(w), u.cols() / 4);
+}
+
+double multiply(const SymmetricBlocks& D, const PaddedField& r, PaddedField& z) {
+  z.resize(4, r.cols());
+  return multiply_by(lanes(D.diagonal), lanes(D.off_diagonal), lanes(r), lanes(z), r.cols() / 4);
+}
+
+double correct(const SymmetricBlocks& D, const PaddedField& r, const PaddedField& Az, PaddedField& z) {
+  return correct_by(lanes(D.diagonal), lanes(D.off_diagonal), lanes(r), lanes(Az), lanes(z), r.cols() / 4);
+}
+
+double advance(float alpha, const PaddedField& p, const PaddedField& Ap, PaddedField& x, PaddedField& r) {
+  return advance_by(alpha, lanes(p), lanes(Ap), lanes(x), lanes(r), r.cols() / 4);
+}
+
+void turn(float beta, const PaddedField& z, PaddedField& p) {
+  turn_by(beta, lanes(z), lanes(p), p.cols() / 4);
+}
+
+void multiply(const Eigen::VectorXf& factor, const PaddedField& p, PaddedField& y) {
+  y.resize(4, p.cols());
+  multiply_by(factor.data(), reinterpret_cast<const Four*>(p.data()), reinterpret_cast<Four*>(y.data()),
+              factor.size());
+  y.rightCols(y.cols() - factor.size()).setZero();
+}
+
+void add_scaled(float alpha, const PaddedField& u, PaddedField& y) {
+  add_scaled_by(alpha, lanes(u), lanes(y), u.cols() / 4);
+}
+
+SpringRows::SpringRows(const Eigen::Matrix2Xi& springs, int n_nodes)
+    : start_(n_nodes + 1, 0), at_(springs.cols()) {
+  const Eigen::RowVectorXi first = springs.colwise().minCoeff(), second = springs.colwise().maxCoeff();
+  for (const int a : first) ++start_[a + 1];
+  for (int a = 0; a < n_nodes; ++a) start_[a + 1] = start_[a] + (start_[a + 1] + 1) / 2 * 2;
+  other_.resize(start_.back());
+  for (int a = 0; a < n_nodes; ++a) std::fill(other_.begin() + start_[a], other_.begin() + start_[a + 1], a);
+  std::vector<int> end = start_;
+  for (size_t s = 0; s < at_.size(); ++s) {
+    at_[s] = end[first(s)]++;
+    other_[at_[s]] = second(s);
+  }
+}
+
+Eigen::Matrix4Xf SpringRows::in_rows(const Eigen::Matrix4Xd& B) const {
+  Eigen::Matrix4Xf rows = Eigen::Matrix4Xf::Zero(4, other_.size());
+  for (size_t s = 0; s < at_.size(); ++s) rows.col(at_[s]) = B.col(s).cast<float>();
+  return rows;
+}
+
+double SpringRows::add_product(const Eigen::Matrix4Xf& B, const PaddedField& p, PaddedField& y) const {
+  return add_product_of_rows(static_cast<int>(start_.size()) - 1, start_.data(), other_.data(), B.data(),
+                             p.data(), y.data());
+}
+
+double add_product(const std::vector<int>& row_start, const std::vector<int>& column,
+                   const std::vector<float>& blocks, const PaddedField& p, PaddedField& y) {
+  const auto n_rows = static_cast<Eigen::Index>(row_start.size()) - 1;
+  return sum_over_chunks(n_rows, [&](Eigen::Index begin, Eigen::Index end) {
+    return multiply_blocks(static_cast<int>(begin), static_cast<int>(end), row_start.data(), column.data(),
+                           blocks.data(), p.data(), y.data());
+  });
+}
+
+void sweep_down(const BodyMatrix& A, const BodyField& b, BodyField& x) {
+  x.setZero(8, b.cols());
+  sweep_down_by(rows_of(A, b), static_cast<int>(b.cols()), A.row_start.data(), A.diagonal.data(), x.data());
+}
+
+void sweep_up(const BodyMatrix& A, const BodyField& b, BodyField& x) {
+  sweep_up_by(rows_of(A, b), static_cast<int>(b.cols()), A.row_start.data(), x.data());
+}
+
+void residual(const BodyMatrix& A, const BodyField& b, const BodyField& x, BodyField& r) {
+  r.resize(8, b.cols());
+  residual_by(rows_of(A, b), static_cast<int>(b.cols()), A.row_start.data(), x.data(), r.data());
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,93 @@
+// Node vectors in single precision, for work that memory bounds: half the bytes, and registers full of lanes.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace testbed::massspring {
+
+/// 4 x n of node vectors and a row of zeros, with as many columns of zeros at the end as make n a multiple
+/// of four, so that the widest registers are full. Sums over nodes are added in double precision, in an
+/// order that no machine changes.
+using PaddedField = Eigen::Matrix4Xf;
+
+/// Symmetric blocks at nodes, as columns of their diagonal xx yy zz and of xy yz zx.
+struct SymmetricBlocks {
+  PaddedField diagonal, off_diagonal;
+};
+
+/// Number of columns of n nodes.
+inline Eigen::Index padded(Eigen::Index n) {
+  return (n + 3) / 4 * 4;
+}
+
+/// factor u, 3 x n, rounded.
+void pad(const Eigen::Matrix3Xd& u, double factor, PaddedField& result);
+
+/// u += factor w.
+void add_unpadded(const PaddedField& w, double factor, Eigen::Matrix3Xd& u);
+
+SymmetricBlocks pad(const std::vector<Eigen::Matrix3d>& blocks);
+
+/// Over the columns of u.
+double dot(const PaddedField& u, const PaddedField& w);
+
+/// z = D r; r . z.
+double multiply(const SymmetricBlocks& D, const PaddedField& r, PaddedField& z);
+
+/// z += D (r - Az); r . z.
+double correct(const SymmetricBlocks& D, const PaddedField& r, const PaddedField& Az, PaddedField& z);
+
+/// x += alpha p, r -= alpha Ap; r . r.
+double advance(float alpha, const PaddedField& p, const PaddedField& Ap, PaddedField& x, PaddedField& r);
+
+/// y = p, each node times its factor.
+void multiply(const Eigen::VectorXf& factor, const PaddedField& p, PaddedField& y);
+
+/// p = z + beta p.
+void turn(float beta, const PaddedField& z, PaddedField& p);
+
+/// y += alpha u on the columns of u.
+void add_scaled(float alpha, const PaddedField& u, PaddedField& y);
+
+/// Springs in rows, one for each node, of those that it is the first of.
+class SpringRows {
+ public:
+  SpringRows(const Eigen::Matrix2Xi& springs, int n_nodes);
+
+  /// Blocks in the order of the rows.
+  Eigen::Matrix4Xf in_rows(const Eigen::Matrix4Xd& B) const;
+
+  /// y += B p, B in rows; then p . y.
+  double add_product(const Eigen::Matrix4Xf& B, const PaddedField& p, PaddedField& y) const;
+
+ private:
+  std::vector<int> start_;  ///< of each row, n_nodes + 1; rows are even, for two springs fill a register
+  std::vector<int> other_;  ///< the second node; of what fills a row the first
+  std::vector<int> at_;     ///< of each spring
+};
+
+/// y += A p, A the 3 x 3 blocks of compressed rows by columns and three floats at the end; then p . y.
+double add_product(const std::vector<int>& row_start, const std::vector<int>& column,
+                   const std::vector<float>& blocks, const PaddedField& p, PaddedField& y);
+
+/// Motions of rigid bodies, or forces and torques on them, padded to eight rows that do not count.
+using BodyField = Eigen::Matrix<float, 8, Eigen::Dynamic>;
+
+/// Compressed rows of 6 x 6 blocks, 36 floats each by columns and two more at the end.
+struct BodyMatrix {
+  std::vector<int> row_start, column, diagonal;
+  std::vector<float> block, inverse;  ///< inverse: of the diagonal blocks
+};
+
+/// x = (L + D)^-1 b, L and D the part of A below its diagonal and on it: a sweep of block Gauss-Seidel from
+/// zero.
+void sweep_down(const BodyMatrix& A, const BodyField& b, BodyField& x);
+
+/// x += (D + U)^-1 (b - A x): a sweep backwards.
+void sweep_up(const BodyMatrix& A, const BodyField& b, BodyField& x);
+
+/// r = b - A x.
+void residual(const BodyMatrix& A, const BodyField& b, const BodyField& x, BodyField& r);
+
+}  // namespace testbed::massspring

@@ -1,0 +1,34 @@
+// Mass spread over tetrahedra instead of gathered at their nodes.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "massspring/algebra/block_matrix.h"
+
+namespace testbed::massspring {
+
+/// What tells the consistent mass matrix of linear tetrahedra from masses m at nodes:
+///   M = diag(m) - R,  R = sum over edges ij of r (d_i - d_j)(d_i - d_j)^T,
+/// r a twentieth of the mass of the tetrahedra around the edge. Total mass and momentum are the same; the
+/// inertia that nodes exaggerate, as they lie at the corners of what they stand for, is not.
+struct SpreadMass {
+  Eigen::Matrix2Xi E;  ///< edges of the tetrahedra, 2 x m
+  Eigen::VectorXd r;   ///< kg
+};
+
+/// X 3 x n (m), T 4 x m of positive volume, rho in kg/m3.
+SpreadMass spread_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho);
+
+/// Gathers at its nodes the mass of every edge that meets one of `nodes`, ascending. Implicit steps do not
+/// know the acceleration of nodes whose motion is prescribed, which mass between the nodes would pass on to
+/// their neighbours.
+void gather(const std::vector<int>& nodes, SpreadMass& spread);
+
+/// y += factor R p, 3 x n.
+void add_product(const SpreadMass& spread, double factor, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
+
+/// A += factor R; A's pattern must hold the edges.
+void add_blocks(const SpreadMass& spread, double factor, BlockMatrix& A);
+
+}  // namespace testbed::massspring

@@ -1,0 +1,153 @@
+// The mass-spring solid: what is constant in a run, what changes, and the forces that act on it.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "massspring/energies/bending.h"
+#include "massspring/energies/springs.h"
+#include "massspring/energies/tet_springs.h"
+#include "massspring/energies/volume_force.h"
+#include "massspring/model/mass.h"
+#include "meshing/base/mesh.h"
+#include "meshing/scene/scene.h"
+
+namespace testbed::massspring {
+
+struct MassSpringModel {
+  SpringNetwork network;
+  Material material;
+  Eigen::VectorXd mass;                     ///< kg per node
+  std::optional<SpreadMass> spread_mass;    ///< what of it lies between the nodes; coupled springs only
+  std::optional<Springs> springs;           ///< independent springs
+  std::optional<TetSprings> tet_springs;    ///< springs coupled within tetrahedra
+  std::optional<Bending> bending;           ///< of the skin
+  std::optional<LocalVolume> local_volume;  ///< of every tetrahedron
+};
+
+/// Gives the surface of a model at rest the skin of a scene: what its membrane adds to the springs along its
+/// edges, k = stiffness (A_1 + A_2)/|e|^2 [Van Gelder 1998], and bending.
+void add_skin(const Skin& skin, MassSpringModel& model);
+
+struct State {
+  double t = 0;                 ///< s; static scenes: load factor
+  Eigen::Matrix3Xd x;           ///< positions (m)
+  Eigen::Matrix3Xd v;           ///< velocities (m/s)
+  Eigen::VectorXd rest_length;  ///< m per spring
+  Eigen::VectorXd patch_scale;  ///< length of the rest shape of each patch of coupled springs; empty: ones
+  double target_volume = 0;     ///< of the global volume force (m3)
+};
+
+/// How a step ended. Divergence is data, not an exception.
+enum class Status { Ok, NotConverged, Diverged };
+const char* name_of(Status status);
+
+struct StepReport {
+  Status status = Status::Ok;
+  int newton_iterations = 0;
+  int linear_iterations = 0;
+  double residual = 0;  ///< of the last linear solve (dynamic) or of the balance of forces (static), relative
+  bool is_at_rest = false;  ///< nothing moved, so that nothing was solved
+  bool is_halved = false;   ///< shorter steps took its place, as Newton's method did not end
+  std::string reason;       ///< why a static load step found no equilibrium
+};
+
+/// The model at rest.
+State initial_state(const MassSpringModel& model);
+
+/// A node that may not move freely: S = I - sum p p^T over the directions p taken away [paper 3.2].
+struct Constraint {
+  int node;
+  Eigen::Matrix3d S;
+  Eigen::Vector3d displacement;                         ///< at full load, along the directions taken away (m)
+  Eigen::Vector3d velocity{0, 0, 0};                    ///< in a step, along the directions taken away (m/s)
+  std::array<std::shared_ptr<const Path>, 3> motion{};  ///< of a component over time, instead of displacement
+};
+
+/// What a constraint prescribes along the directions taken away (m) at a time t, its displacement being
+/// complete at `end`.
+Eigen::Vector3d prescribed(const Constraint& constraint, double t, double end);
+
+/// Pressure p (Pa) on the deformed triangles of whole components of the surface: -p A n, the gradient of -p
+/// V.
+struct FollowerPressure {
+  double pressure;
+  Eigen::Matrix3Xi F;
+};
+
+/// p += factor M v, 3 x n.
+void add_momenta(const MassSpringModel& model, double factor, const Eigen::Matrix3Xd& v, Eigen::Matrix3Xd& p);
+
+/// M v (kg m/s), 3 x n.
+Eigen::Matrix3Xd momenta(const MassSpringModel& model, const Eigen::Matrix3Xd& v);
+
+/// v^T M v / 2 (J).
+double kinetic_energy(const MassSpringModel& model, const Eigen::Matrix3Xd& v);
+
+/// Everything that acts on the model in a scene.
+struct Forces {
+  Eigen::Matrix3Xd load;                    ///< gravity and dead surface loads at full strength (N), 3 x n
+  std::vector<FollowerPressure> followers;  ///< at full strength
+  double mass_damping = 0;                  ///< 1/s: force -mass_damping m v
+  std::optional<double> volume_pressure;    ///< P of the global volume force (Pa)
+  std::vector<Constraint> constraints;      ///< at most one per node
+};
+
+/// Dead loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.
+/// @throws std::runtime_error when a support or load meets no node or triangle, or a follower pressure a part
+/// of a component of the surface.
+Forces forces_of(const Scene& scene, const MassSpringModel& model);
+
+/// Elastic energy (J).
+double elastic_energy(const MassSpringModel& model, const State& state);
+
+/// Elastic forces (N), 3 x n.
+Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state);
+
+/// Energy (J): elastic, of volume, and of the loads at `load_factor` times full strength.
+double potential(const MassSpringModel& model, const Forces& forces, const State& state,
+                 double load_factor = 1);
+
+/// f = negative gradient of the potential (N).
+void undamped_forces(const MassSpringModel& model, const Forces& forces, const State& state,
+                     Eigen::Matrix3Xd& f, double load_factor = 1);
+
+/// The global volume force's part g g^T of the potential's Hessian, if there is one.
+std::optional<Eigen::Matrix3Xd> volume_stiffness_root(const MassSpringModel& model, const Forces& forces,
+                                                      const State& state);
+
+/// What that leaves out of the Hessian, of the global volume force and of the followers: factor d2V/dx2, V
+/// the volume enclosed by the triangles F.
+struct VolumeCurvature {
+  double factor;  ///< Pa
+  const Eigen::Matrix3Xi* F;
+};
+std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, const Forces& forces,
+                                               const State& state, double load_factor = 1);
+
+/// Zero matrix with the pattern of the model's stiffness.
+BlockMatrix stiffness_pattern(const MassSpringModel& model);
+
+/// K += Hessian of the elastic energy (N/m).
+void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K,
+                   Curvature curvature = Curvature::Projected);
+
+/// Springs are all that add_stiffness adds, so that no step needs the matrix.
+bool is_springs_alone(const MassSpringModel& model);
+
+/// y_i <- S_i y_i at every constrained node.
+void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y);
+
+/// A <- S A S + (I - S) d, d the largest diagonal entry: the matrix on the constrained space, regular where A
+/// is on that space.
+void filter(const std::vector<Constraint>& constraints, BlockMatrix& A);
+
+/// Moves constrained nodes from rest to where they are prescribed at t, along the directions taken away only.
+void prescribe(const std::vector<Constraint>& constraints, const Eigen::Matrix3Xd& rest, double t, double end,
+               Eigen::Matrix3Xd& x);
+
+}  // namespace testbed::massspring

@@ -1,0 +1,24 @@
+// How far a model can be trusted on its mesh, from exact fields: no reference solver needed.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "massspring/model/model.h"
+
+namespace testbed::massspring {
+
+struct Diagnostics {
+  double
+      pressure_error;  ///< patch test under uniform pressure: relative L2 displacement error at the surface
+  double uniaxial_error;      ///< the same under uniaxial tension
+  double bending_compliance;  ///< work of the tractions over the exact work: 1 is exact, less is too stiff
+  double torsion_compliance;
+  Eigen::VectorXd
+      node_error;  ///< per node: larger error of bending and torsion over the field's largest displacement
+};
+
+/// Solves the four exact fields with the model as built.
+/// @throws std::runtime_error when the model is not positive definite.
+Diagnostics diagnose(const MassSpringModel& model);
+
+}  // namespace testbed::massspring

@@ -1,0 +1,71 @@
+#include "massspring/statics/linear_statics.h"
+
+#include <Eigen/Geometry>
+#include <stdexcept>
+
+namespace testbed::massspring {
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+Matrix3d without(const Vector3d& direction) {
+  return Matrix3d::Identity() - direction * direction.transpose();
+}
+
+BlockMatrix stiffness_at_rest(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
+  BlockMatrix K = stiffness_pattern(model);
+  add_stiffness(model, initial_state(model), K, Curvature::Exact);  // no negative eigenvalues at rest
+  filter(constraints, K);
+  return K;
+}
+
+/// Factor of K, the model's stiffness, or where coupled springs are not P1 already of that of P1.
+BlockCholesky preconditioner_of(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                                const BlockMatrix& K) {
+  const auto& [X, F, E, T, n_surface] = model.network;
+  if (model.springs || !model.tet_springs || model.tet_springs->n_patches() == T.cols())
+    return BlockCholesky(K);
+  MassSpringModel p1;
+  p1.network = model.network;
+  p1.tet_springs = couple_springs(X, T, lame_of(model.material), edge_coupled);
+  return BlockCholesky(stiffness_at_rest(p1, constraints));
+}
+
+}  // namespace
+
+std::vector<Constraint> hold_rigid_motion(const Matrix3Xd& X) {
+  Eigen::Index a, b, c;  // far from the centre; farthest from a; farthest from the line ab
+  (X.colwise() - X.rowwise().mean().eval()).colwise().squaredNorm().maxCoeff(&a);
+  const Matrix3Xd from_a = X.colwise() - X.col(a);
+  from_a.colwise().squaredNorm().maxCoeff(&b);
+  const Vector3d along = from_a.col(b).normalized();
+  (without(along) * from_a).colwise().squaredNorm().maxCoeff(&c);
+  const Vector3d normal = along.cross(from_a.col(c)).normalized(), none = Vector3d::Zero();
+  return {{static_cast<int>(a), Matrix3d::Zero(), none},
+          {static_cast<int>(b), along * along.transpose(), none},
+          {static_cast<int>(c), without(normal), none}};
+}
+
+LinearStatics::LinearStatics(const MassSpringModel& model, const std::vector<Constraint>& constraints)
+    : constraints_(constraints),
+      K_(stiffness_at_rest(model, constraints)),
+      preconditioner_(preconditioner_of(model, constraints, K_)) {
+  if (!preconditioner_.is_ok())
+    throw std::runtime_error(
+        "the stiffness is not positive definite: too few directions are held, or the network is floppy");
+}
+
+SolveReport LinearStatics::solve(const Matrix3Xd& f, Matrix3Xd& u, double tolerance) const {
+  constexpr int kMaxIterations = 2000;
+  Matrix3Xd load = f;
+  filter(constraints_, load);
+  u = Matrix3Xd::Zero(3, f.cols());
+  return conjugate_gradients([&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(K_, p, y); },
+                             [&](const Matrix3Xd& r, Matrix3Xd& z) { preconditioner_.solve(r, z); }, load, u,
+                             tolerance, kMaxIterations);
+}
+
+}  // namespace testbed::massspring

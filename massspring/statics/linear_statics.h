@@ -1,0 +1,36 @@
+// Small displacements from rest under small loads.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "massspring/algebra/cholesky.h"
+#include "massspring/algebra/conjugate_gradients.h"
+#include "massspring/model/model.h"
+
+namespace testbed::massspring {
+
+/// Six components of three nodes far apart: just enough to hold a free body under balanced loads, without
+/// force.
+std::vector<Constraint> hold_rigid_motion(const Eigen::Matrix3Xd& X);
+
+/// K u = f for the model's stiffness K at rest, by conjugate gradients. The preconditioner is a Cholesky
+/// factor of P1 elasticity where coupled springs alone make up the model (K has four times as many entries),
+/// of K itself where there are independent springs.
+class LinearStatics {
+ public:
+  /// Constrained directions stay at rest.
+  /// @throws std::runtime_error when K is not positive definite: too few directions are held, or the network
+  /// is floppy.
+  LinearStatics(const MassSpringModel& model, const std::vector<Constraint>& constraints);
+
+  /// Displacement u (m) under the loads f (N), both 3 x n.
+  SolveReport solve(const Eigen::Matrix3Xd& f, Eigen::Matrix3Xd& u, double tolerance = 1e-8) const;
+
+ private:
+  std::vector<Constraint> constraints_;
+  BlockMatrix K_;
+  BlockCholesky preconditioner_;
+};
+
+}  // namespace testbed::massspring

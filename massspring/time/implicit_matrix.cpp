@@ -1,0 +1,196 @@
+#include "massspring/time/implicit_matrix.h"
+
+#include <cmath>
+
+#include "meshing/surface/surface.h"
+
+namespace testbed::massspring {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+
+namespace {
+
+std::unique_ptr<MassSpringModel> without(const MassSpringModel& model, const Gradients& gradients) {
+  if ((gradients.volume || !model.local_volume) && (gradients.bending || !model.bending)) return {};
+  auto reduced = std::make_unique<MassSpringModel>(model);
+  if (!gradients.volume) reduced->local_volume.reset();
+  if (!gradients.bending) reduced->bending.reset();
+  return reduced;
+}
+
+}  // namespace
+
+ImplicitMatrix::ImplicitMatrix(const Motion& motion, const Gradients& gradients)
+    : motion_(motion),
+      has_volume_(gradients.volume),
+      reduced_(without(motion.model, gradients)),
+      model_(reduced_ ? *reduced_ : motion.model) {
+  if (is_springs_alone(model_))
+    rows_.emplace(model_.springs->E, static_cast<int>(model_.mass.size()));
+  else
+    K_ = stiffness_pattern(model_);
+}
+
+void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
+                         Curvature curvature) {
+  rounded_.reset();
+  mass_ = factors.mass * model_.mass;
+  if (model_.springs && model_.springs->damping > 0)
+    damping_ = damping_matrix(*model_.springs, damped_at, factors.damping);
+  if (has_volume_) g_ = volume_stiffness_root(model_, motion_.forces, at);
+  if (g_) *g_ *= std::sqrt(factors.stiffness);
+  volume_curvature_.clear();
+  if (curvature == Curvature::Exact) {
+    volume_curvature_ = volume_curvatures(model_, motion_.forces, at);
+    for (VolumeCurvature& c : volume_curvature_) c.factor *= factors.stiffness;
+  }
+  x_ = at.x;
+  if (motion_.barrier) {
+    contact_.assign(mass_.size(), Matrix3d::Zero());
+    motion_.barrier->add_hessian(at.x, contact_);
+    for (Matrix3d& block : contact_) block *= factors.stiffness;
+  }
+  if (motion_.self_contact) {
+    pairs_ = motion_.self_contact->touching(at.x);
+    for (NearPair& pair : pairs_) pair.stiffness *= factors.stiffness;
+  }
+  if (!K_) {
+    springs_ = hessian(*model_.springs, at.rest_length, at.x, factors.stiffness, curvature);
+    return;
+  }
+  K_->set_zero();
+  add_stiffness(model_, at, *K_, curvature);
+  for (Matrix3d& block : K_->block) block *= factors.stiffness;
+  if (damping_) add_blocks(*model_.springs, *damping_, *K_);
+  for (int i = 0; i < K_->rows(); ++i) K_->block[K_->diagonal[i]].diagonal().array() += mass_(i);
+  if (model_.spread_mass) add_blocks(*model_.spread_mass, -factors.mass, *K_);
+}
+
+void ImplicitMatrix::multiply_sparse(const Matrix3Xd& p, Matrix3Xd& y) const {
+  if (K_) {
+    massspring::multiply(*K_, p, y);
+  } else {
+    y = p * mass_.asDiagonal();
+    add_product(*model_.springs, *springs_, p, y);
+    if (damping_) add_product(*model_.springs, *damping_, p, y);
+  }
+  add_contacts(p, y);
+}
+
+template <class Field>
+void ImplicitMatrix::add_contacts(const Field& p, Field& y) const {
+  using Scalar = typename Field::Scalar;
+  for (size_t i = 0; i < contact_.size(); ++i)
+    y.col(i).template head<3>() += contact_[i].template cast<Scalar>() * p.col(i).template head<3>();
+  for (const NearPair& pair : pairs_) {
+    double closing = 0;
+    for (int a = 0; a < 4; ++a)
+      closing +=
+          pair.weight[a] * pair.normal.dot(p.col(pair.node[a]).template head<3>().template cast<double>());
+    for (int a = 0; a < 4; ++a)
+      y.col(pair.node[a]).template head<3>() +=
+          (pair.stiffness * closing * pair.weight[a] * pair.normal).template cast<Scalar>();
+  }
+}
+
+void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
+  multiply_sparse(p, y);
+  if (g_) add_rank_one(*g_, p, y);
+  for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, p, y);
+  filter(motion_.constraints, y);
+}
+
+void ImplicitMatrix::round() {
+  rounded_.emplace();
+  rounded_->mass = mass_.cast<float>();
+  if (springs_) rounded_->springs = rows_->in_rows(*springs_);
+  if (springs_ && damping_) rounded_->damping = rows_->in_rows(*damping_);
+  if (K_) rounded_->K = rounded(*K_);
+  if (g_) pad(g_->leftCols(model_.network.n_surface), 1, rounded_->g);
+}
+
+double ImplicitMatrix::multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y) {
+  if (!rounded_) round();
+  const Rounded& A = *rounded_;
+  if (K_)
+    y.setZero(4, p.cols());
+  else
+    massspring::multiply(A.mass, p, y);
+  if (!contact_.empty() || !pairs_.empty()) add_contacts(p, y);
+  if (!is_sparse && g_) add_scaled(static_cast<float>(dot(A.g, p)), A.g, y);
+  if (!is_sparse && !volume_curvature_.empty()) {
+    const Eigen::Index n = model_.network.n_surface;
+    const Matrix3Xd q = p.topLeftCorner(3, n).cast<double>();
+    Matrix3Xd z = Matrix3Xd::Zero(3, n);
+    for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, q, z);
+    y.topLeftCorner(3, n) += z.cast<float>();
+  }
+  double p_Ap;
+  if (K_) {
+    p_Ap = add_product(*K_, A.K, p, y);
+  } else {
+    if (damping_) rows_->add_product(A.damping, p, y);
+    p_Ap = rows_->add_product(A.springs, p, y);
+  }
+  filter_rounded(y);
+  return p_Ap;
+}
+
+void ImplicitMatrix::filter_rounded(PaddedField& y) const {
+  for (const Constraint& c : motion_.constraints)
+    y.col(c.node).head<3>() = c.S.cast<float>() * y.col(c.node).head<3>().eval();
+}
+
+void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
+  const int n = static_cast<int>(mass_.size());
+  blocks.resize(n);
+  if (K_) {
+    for (int i = 0; i < n; ++i) blocks[i] = K_->block[K_->diagonal[i]];
+  } else {
+    for (int i = 0; i < n; ++i) blocks[i] = mass_(i) * Matrix3d::Identity();
+    add_diagonal(*model_.springs, *springs_, blocks);
+    if (damping_) add_diagonal(*model_.springs, *damping_, blocks);
+  }
+  for (size_t i = 0; i < contact_.size(); ++i) blocks[i] += contact_[i];
+  for (const NearPair& pair : pairs_)
+    for (int a = 0; a < 4; ++a)
+      blocks[pair.node[a]] +=
+          pair.stiffness * pair.weight[a] * pair.weight[a] * pair.normal * pair.normal.transpose();
+  for (const Constraint& c : motion_.constraints) {
+    Matrix3d& block = blocks[c.node];
+    block = c.S * block * c.S + block.trace() * (Matrix3d::Identity() - c.S);
+  }
+}
+
+const BlockMatrix& ImplicitMatrix::matrix() {
+  if (K_) {
+    A_ = *K_;
+  } else {
+    if (!A_) A_ = stiffness_pattern(model_);
+    A_->set_zero();
+    for (int i = 0; i < A_->rows(); ++i) A_->block[A_->diagonal[i]].diagonal().setConstant(mass_(i));
+    add_blocks(*model_.springs, *springs_, *A_);
+    if (damping_) add_blocks(*model_.springs, *damping_, *A_);
+  }
+  for (size_t i = 0; i < contact_.size(); ++i) A_->block[A_->diagonal[i]] += contact_[i];
+  filter(motion_.constraints, *A_);
+  return *A_;
+}
+
+LinearSystem ImplicitMatrix::system() {
+  return {[this](const Matrix3Xd& p, Matrix3Xd& y) { multiply(p, y); },
+          [this](const Matrix3Xd& p, Matrix3Xd& y) {
+            multiply_sparse(p, y);
+            filter(motion_.constraints, y);
+          },
+          [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(false, p, y); },
+          [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(true, p, y); },
+          [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
+          [this](PaddedField& y) { filter_rounded(y); },
+          [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
+          [this]() -> const BlockMatrix& { return matrix(); },
+          &x_};
+}
+
+}  // namespace testbed::massspring

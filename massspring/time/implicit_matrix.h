@@ -1,0 +1,72 @@
+// The matrix of an implicit step, of which no more is formed than is used.
+#pragma once
+
+#include "massspring/algebra/linear_solver.h"
+#include "massspring/time/motion.h"
+
+namespace testbed::massspring {
+
+/// Which of the forces that the paper calls gradients are kept in the matrix: its bi-conjugate gradients need
+/// none, its conjugate gradients go without [paper 3.4].
+struct Gradients {
+  bool volume = true;   ///< of the global volume force and of tetrahedra
+  bool bending = true;  ///< of the skin
+};
+
+/// A = mass M + stiffness K + damping D on the free directions: M the masses, K the Hessian of the potential
+/// with the rank-one part of the global volume force, D the damping matrix of the springs. Where springs are
+/// all there is, A is applied spring by spring and only a factorisation forms it.
+class ImplicitMatrix {
+ public:
+  struct Factors {
+    double mass, stiffness, damping;
+  };
+
+  explicit ImplicitMatrix(const Motion& motion, const Gradients& gradients = {});
+
+  /// @param at         K is taken at its positions and rest lengths
+  /// @param damped_at  positions (3 x n) that give the springs' directions in D
+  void set(const State& at, const Eigen::Matrix3Xd& damped_at, const Factors& factors, Curvature curvature);
+
+  /// y = A p, 3 x n; of p also the constrained directions count.
+  void multiply(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
+
+  /// For LinearSolver; valid until the next set.
+  LinearSystem system();
+
+ private:
+  void multiply_sparse(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
+  template <class Field>
+  void add_contacts(const Field& p, Field& y) const;
+  void round();
+  void filter_rounded(PaddedField& y) const;
+  double multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y);
+  void diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
+  const BlockMatrix& matrix();
+
+  const Motion& motion_;
+  bool has_volume_;
+  std::unique_ptr<MassSpringModel> reduced_;  ///< without the parts whose gradients are dropped
+  const MassSpringModel& model_;              ///< what the matrix knows of
+  Eigen::VectorXd mass_;                      ///< at nodes, times its factor
+  std::optional<SpringBlocks> springs_, damping_;
+  std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
+  std::vector<Eigen::Matrix3d> contact_;  ///< diagonal blocks of the barrier; empty: none
+  std::vector<NearPair> pairs_;           ///< of the surface in contact with itself, times their factor
+  std::optional<Eigen::Matrix3Xd> g_;     ///< of the rank-one part g g^T
+  std::vector<VolumeCurvature> volume_curvature_;  ///< times their factor; only exact curvature has it
+  Eigen::Matrix3Xd x_;                             ///< positions that it is taken at
+  std::optional<BlockMatrix> A_;
+
+  /// In single precision, where that is asked for.
+  struct Rounded {
+    Eigen::VectorXf mass;
+    Eigen::Matrix4Xf springs, damping;  ///< in rows
+    std::vector<float> K;
+    PaddedField g;  ///< of the nodes of the surface
+  };
+  std::optional<SpringRows> rows_;
+  std::optional<Rounded> rounded_;
+};
+
+}  // namespace testbed::massspring

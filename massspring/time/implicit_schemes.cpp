@@ -1,0 +1,121 @@
+// Implicit schemes as sequences of stages v = w + a M^-1 f(x, v), x = y + a v.
+#include <cmath>
+
+#include "massspring/time/implicit_stage.h"
+#include "massspring/time/integrators.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+class StagedScheme : public Scheme {
+ public:
+  explicit StagedScheme(Motion& motion) : motion_(motion), stage_(motion) {}
+  std::string solver_choice() const override { return stage_.solver_choice(); }
+
+ protected:
+  Motion& motion_;
+  ImplicitStage stage_;
+};
+
+StepReport sum(StepReport first, const StepReport& second) {
+  first.status = std::max(first.status, second.status);
+  first.newton_iterations += second.newton_iterations;
+  first.linear_iterations += second.linear_iterations;
+  first.residual = std::max(first.residual, second.residual);
+  return first;
+}
+
+/// x_1 = x_0 + h v_1, v_1 = v_0 + h M^-1 f_1. First order, never gains energy.
+class MinimisingEuler : public StagedScheme {
+ public:
+  using StagedScheme::StagedScheme;
+  StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
+    return stage_.solve(state, h, state.x, state.v, x, v);
+  }
+};
+
+/// Half a step of implicit Euler, then the same once more without solving. Second order, keeps quadratic
+/// invariants.
+class Midpoint : public StagedScheme {
+ public:
+  using StagedScheme::StagedScheme;
+  StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
+    const StepReport report = stage_.solve(state, h / 2, state.x, state.v, x, v);
+    x = 2 * x - state.x;
+    v = 2 * v - state.v;
+    return report;
+  }
+};
+
+/// x_1 = 4/3 x_0 - 1/3 x_-1 + 2/3 h v_1, v_1 likewise; its first step, and one of another length, by implicit
+/// Euler. Second order [Gear 1971].
+class Bdf2 : public StagedScheme {
+ public:
+  using StagedScheme::StagedScheme;
+  StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
+    const bool has_history =
+        before_.x.cols() == state.x.cols() && std::abs(state.t - before_.t - h) < 1e-9 * h;
+    const StepReport report = has_history ? stage_.solve(state, 2 * h / 3, (4 * state.x - before_.x) / 3,
+                                                         (4 * state.v - before_.v) / 3, x, v)
+                                          : stage_.solve(state, h, state.x, state.v, x, v);
+    before_ = state;
+    return report;
+  }
+
+ private:
+  State before_;
+};
+
+/// Trapezoidal rule to t + gamma h, then BDF2 over both parts; gamma = 2 - sqrt(2) gives both the same
+/// matrix. Second order, L-stable [Bank et al. 1985].
+class TrBdf2 : public StagedScheme {
+ public:
+  using StagedScheme::StagedScheme;
+  StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
+    const double gamma = 2 - std::sqrt(2.0), a = gamma * h / 2, old = 1 / (gamma * (2 - gamma));
+    State middle = state;
+    const StepReport first =
+        stage_.solve(state, a, state.x + a * state.v, state.v + a * acceleration(state), middle.x, middle.v);
+    return sum(first, stage_.solve(middle, a, old * middle.x + (1 - old) * state.x,
+                                   old * middle.v + (1 - old) * state.v, x, v));
+  }
+
+ private:
+  /// M^-1 f on the free directions.
+  Matrix3Xd acceleration(const State& state) const {
+    constexpr double kTolerance = 1e-13;
+    constexpr int kMaxIterations = 200;
+    const Eigen::VectorXd inverse_mass = motion_.model.mass.cwiseInverse();
+    Matrix3Xd f;
+    motion_.forces_at(state, f);
+    filter(motion_.constraints, f);
+    Matrix3Xd a = f * inverse_mass.asDiagonal();
+    if (!motion_.model.spread_mass) return a;
+    const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
+      y = momenta(motion_.model, p);
+      filter(motion_.constraints, y);
+    };
+    const auto precondition = [&](const Matrix3Xd& r, Matrix3Xd& z) { z = r * inverse_mass.asDiagonal(); };
+    conjugate_gradients(product, precondition, f, a, kTolerance, kMaxIterations);
+    return a;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Scheme> make_minimising_euler(Motion& motion) {
+  return std::make_unique<MinimisingEuler>(motion);
+}
+std::unique_ptr<Scheme> make_midpoint(Motion& motion) {
+  return std::make_unique<Midpoint>(motion);
+}
+std::unique_ptr<Scheme> make_bdf2(Motion& motion) {
+  return std::make_unique<Bdf2>(motion);
+}
+std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion) {
+  return std::make_unique<TrBdf2>(motion);
+}
+
+}  // namespace testbed::massspring

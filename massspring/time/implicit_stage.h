@@ -1,0 +1,39 @@
+// The nonlinear equation that every implicit scheme solves once or twice a step.
+#pragma once
+
+#include "massspring/time/implicit_matrix.h"
+
+namespace testbed::massspring {
+
+/// Solves v = w + a M^-1 f(x, v), x = y + a v on the free directions as the minimum over x of
+///   1/(2 a^2) |x - y - a w|_M^2 + potential(x) + a R((x - y)/a),
+/// R the power that damping takes, springs damped along their directions at the start [Martin et al. 2011].
+/// Newton's method with a positive semidefinite Hessian, inexact linear solves and backtracking, so that
+/// every iterate lowers the sum.
+class ImplicitStage {
+ public:
+  /// Of Newton's last step, over the body's size: its error is far less.
+  static constexpr double kStepTolerance = 1e-9;
+
+  explicit ImplicitStage(Motion& motion);
+
+  /// @param start  where damping directions, rest lengths and the first guess of v come from
+  StepReport solve(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
+                   Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
+
+  const std::string& solver_choice() const { return solver_.choice(); }
+
+ private:
+  double objective(const State& trial, const Eigen::Matrix3Xd& start_x, double a,
+                   const Eigen::Matrix3Xd& w) const;
+  void negative_gradient(const State& trial, const Eigen::Matrix3Xd& start_x, double a,
+                         const Eigen::Matrix3Xd& w, Eigen::Matrix3Xd& r) const;
+
+  Motion& motion_;
+  ImplicitMatrix A_;
+  LinearSolver solver_;
+  double size_;          ///< diagonal of the body's box at rest (m)
+  double energy_scale_;  ///< E times volume (J)
+};
+
+}  // namespace testbed::massspring

@@ -1,0 +1,256 @@
+#include "massspring/time/integrators.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "massspring/algebra/block_matrix.h"
+#include "meshing/base/random.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+std::unique_ptr<Scheme> make_scheme(Integrator integrator, Motion& motion, const IntegratorOptions& options) {
+  switch (integrator) {
+    case Integrator::ExplicitEuler:
+      return make_explicit_euler(motion);
+    case Integrator::SymplecticEuler:
+      return make_symplectic_euler(motion);
+    case Integrator::Rk4:
+      return make_rk4(motion);
+    case Integrator::ImplicitEuler:
+      return make_implicit_euler(motion, options);
+    case Integrator::MinimisingEuler:
+      return make_minimising_euler(motion);
+    case Integrator::Midpoint:
+      return make_midpoint(motion);
+    case Integrator::Bdf2:
+      return make_bdf2(motion);
+    case Integrator::TrBdf2:
+      return make_tr_bdf2(motion);
+  }
+  throw std::logic_error("unknown integrator");
+}
+
+int order_of(Integrator integrator) {
+  switch (integrator) {
+    case Integrator::Rk4:
+      return 4;
+    case Integrator::Midpoint:
+    case Integrator::Bdf2:
+    case Integrator::TrBdf2:
+      return 2;
+    default:
+      return 1;
+  }
+}
+
+}  // namespace
+
+bool is_explicit(Integrator integrator) {
+  return integrator == Integrator::ExplicitEuler || integrator == Integrator::SymplecticEuler ||
+         integrator == Integrator::Rk4;
+}
+
+TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator,
+                         double end, const IntegratorOptions& options, const Contacts& contacts)
+    : motion_(model, forces, contacts),
+      integrator_(integrator),
+      options_(options),
+      end_(end),
+      supports_(motion_.constraints),
+      push_out_(contacts.bodies),
+      size_((model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
+      rest_norm_(model.network.X.norm()),
+      scheme_(make_scheme(integrator, motion_, options)) {
+  if (size_ == 0)
+    throw std::runtime_error("all nodes lie in one point, expected a body: its size tells far from near");
+  if (options.tolerance > 0 &&
+      (!contacts.bodies.empty() || contacts.self_thickness || integrator == Integrator::Bdf2))
+    throw std::runtime_error("time.tolerance = " + std::to_string(options.tolerance) +
+                             ", expected 0 with obstacles, self_contact or bdf2");
+  if (model.spread_mass && is_explicit(integrator))
+    throw std::runtime_error("an explicit scheme, expected mass at nodes: spread mass has no simple inverse");
+  if (contacts.bodies.empty() || is_explicit(integrator) || integrator == Integrator::ImplicitEuler) return;
+  if (integrator == Integrator::Midpoint)
+    throw std::runtime_error("time.integrator = midpoint with obstacles, expected another one");
+  motion_.barrier.emplace(model, forces, contacts.bodies);
+}
+
+StepReport TimeStepper::step(State& state, double h) {
+  if (options_.sleep_below > 0 && stays_at_rest(state, h)) {
+    state.v.setZero();
+    state.t += h;
+    StepReport report;
+    report.is_at_rest = true;
+    return report;
+  }
+  constexpr int kMaxHalvings = 6;
+  return options_.tolerance > 0 ? step_in_parts(state, h) : step_or_halves(state, h, kMaxHalvings);
+}
+
+/// Slow, and no force would make any node fast within a second. Damping does not count: it holds back only
+/// what moves.
+bool TimeStepper::stays_at_rest(const State& state, double h) const {
+  constexpr double kWhile = 1;  // s
+  const double slow = options_.sleep_below;
+  if (state.v.colwise().norm().maxCoeff() >= slow) return false;
+  for (const Constraint& c : supports_)
+    if (prescribed(c, state.t, end_) != prescribed(c, state.t + h, end_)) return false;
+  for (const RigidBody& body : motion_.contacts.bodies)
+    if (body.translation(state.t) != body.translation(state.t + h)) return false;
+  Matrix3Xd f;
+  motion_.undamped_forces_at(state, f);
+  filter(motion_.constraints, f);
+  return (f.colwise().norm().transpose().array() * kWhile < slow * motion_.model.mass.array()).all();
+}
+
+StepReport TimeStepper::step_or_halves(State& state, double h, int n_halvings) {
+  if (is_explicit(integrator_) || integrator_ == Integrator::ImplicitEuler || n_halvings == 0)
+    return step_whole(state, h);
+  const State before = state;
+  StepReport report = step_whole(state, h);
+  if (report.status != Status::NotConverged) return report;
+  state = before;
+  report.status = Status::Ok;
+  report.is_halved = true;
+  for (int half = 0; half < 2 && report.status != Status::Diverged; ++half) {
+    const StepReport part = step_or_halves(state, h / 2, n_halvings - 1);
+    report.status = std::max(report.status, part.status);
+    report.newton_iterations += part.newton_iterations;
+    report.linear_iterations += part.linear_iterations;
+    report.residual = part.residual;
+  }
+  if (report.status == Status::Diverged)
+    state = before;
+  else
+    state.t = before.t + h;
+  return report;
+}
+
+StepReport TimeStepper::step_in_parts(State& state, double h) {
+  constexpr double kSafety = 0.9, kShrink = 0.2, kGrow = 2;
+  constexpr double kShortest = 1e-9;  // of the step
+  const double end = state.t + h, order = order_of(integrator_);
+  StepReport total;
+  if (part_ == 0) part_ = h;
+  while (end - state.t > kShortest * h) {
+    const double part = std::min(part_, end - state.t);
+    State whole = state, halves = state;
+    Status status = Status::Ok;
+    for (const auto& [end_state, length] :
+         {std::pair(&whole, part), std::pair(&halves, part / 2), std::pair(&halves, part / 2)}) {
+      const StepReport report = step_whole(*end_state, length);
+      status = std::max(status, report.status);
+      total.newton_iterations += report.newton_iterations;
+      total.linear_iterations += report.linear_iterations;
+      total.residual = report.residual;
+      if (status != Status::Ok) break;
+    }
+    const double error = status == Status::Ok ? (whole.x - halves.x).colwise().norm().maxCoeff() /
+                                                    (std::pow(2, order) - 1) / size_
+                                              : std::numeric_limits<double>::infinity();
+    const double factor =
+        std::clamp(kSafety * std::pow(options_.tolerance / error, 1 / (order + 1)), kShrink, kGrow);
+    const bool is_accepted = error <= options_.tolerance;
+    if (is_accepted) state = halves;
+    if (!is_accepted || part == part_)
+      part_ = factor * part;  // one cut by the end does not tell what more does
+    if (part_ < kShortest * h) {
+      total.status = std::max(status, Status::NotConverged);
+      return total;
+    }
+  }
+  state.t = end;
+  return total;
+}
+
+StepReport TimeStepper::step_whole(State& state, double h) {
+  const std::vector<RigidBody>& bodies = motion_.contacts.bodies;
+  const bool is_linearised = integrator_ == Integrator::ImplicitEuler;
+  if (motion_.self_contact) motion_.self_contact->begin_step(state.x);
+  if (motion_.barrier) motion_.barrier->begin_step(state.t, h, state.x);
+  for (size_t i = 0; i < supports_.size(); ++i) {
+    Constraint& c = supports_[i];
+    c.velocity = (prescribed(c, state.t + h, end_) - prescribed(c, state.t, end_)) / h;
+    motion_.constraints[i].velocity = c.velocity;
+  }
+  if (is_linearised && !bodies.empty()) {
+    motion_.constraints = supports_;
+    touches_.hold(bodies, state, h, motion_.constraints, motion_.friction);
+    v_before_ = state.v;
+  }
+  motion_.constrain(state.v);
+  StepReport report = scheme_->advance(state, h, x_, v_);
+  if (is_linearised && !bodies.empty()) {
+    State after = state;
+    after.x = x_;
+    after.v = v_;
+    Matrix3Xd f;
+    motion_.forces_at(after, f);
+    f = momenta(motion_.model, (v_ - v_before_) / h) - f;
+    touches_.settle(bodies, state, h, f, x_, v_);
+  } else if (is_explicit(integrator_)) {
+    push_out_(state, h, x_, v_);
+  }
+  prescribe(supports_, motion_.model.network.X, state.t + h, end_, x_);
+  constexpr double kFarOff = 1e6;
+  if (!(x_.norm() < rest_norm_ + kFarOff * size_) || !std::isfinite(v_.squaredNorm()))
+    report.status = Status::Diverged;
+  if (report.status == Status::Diverged) return report;
+  state.x.swap(x_);
+  state.v.swap(v_);
+  state.t += h;
+  return report;
+}
+
+double stable_step(const MassSpringModel& model, const Forces& forces, const State& state) {
+  BlockMatrix K = stiffness_pattern(model);
+  add_stiffness(model, state, K);
+  const std::optional<Matrix3Xd> g = volume_stiffness_root(model, forces, state);
+  const Eigen::VectorXd scale = model.mass.cwiseSqrt().cwiseInverse();
+  Matrix3Xd scaled, Kq;
+  const auto product = [&](const Matrix3Xd& q) -> Matrix3Xd {  // M^-1/2 K M^-1/2 q
+    scaled = q * scale.asDiagonal();
+    multiply(K, scaled, Kq);
+    if (g) add_rank_one(*g, scaled, Kq);
+    filter(forces.constraints, Kq);
+    return Kq * scale.asDiagonal();
+  };
+
+  Random random(1);
+  Matrix3Xd q(3, state.x.cols()), q_before = Matrix3Xd::Zero(3, state.x.cols());
+  for (double& c : q.reshaped()) c = random.uniform() - 0.5;
+  filter(forces.constraints, q);
+  q.normalize();
+  constexpr int kMaxIterations = 60;
+  constexpr double kTolerance = 1e-3;
+  std::vector<double> alpha, beta;
+  double largest = 0;
+  for (int j = 0; j < kMaxIterations; ++j) {
+    Matrix3Xd r = product(q) - (j > 0 ? beta.back() : 0.) * q_before;
+    alpha.push_back(r.cwiseProduct(q).sum());
+    r -= alpha.back() * q;
+    beta.push_back(r.norm());
+    const int m = static_cast<int>(alpha.size());
+    Eigen::MatrixXd T = Eigen::MatrixXd::Zero(m, m);
+    for (int i = 0; i < m; ++i) {
+      T(i, i) = alpha[i];
+      if (i > 0) T(i, i - 1) = T(i - 1, i) = beta[i - 1];
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> ritz(T);
+    const double residual = beta.back() * std::abs(ritz.eigenvectors()(m - 1, m - 1));
+    largest = ritz.eigenvalues()(m - 1) + residual;  // the Ritz value alone errs on the unstable side
+    if (residual <= kTolerance * largest) break;
+    q_before = q;
+    q = r / beta.back();
+  }
+  const double c = forces.mass_damping;
+  return 4 / (c + std::sqrt(c * c + 4 * largest));
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,59 @@
+#include <cmath>
+
+#include "massspring/time/integrators.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+/// (M - h df/dv - h^2 df/dx) dv = h (f + h df/dx v) on the free directions, dx = h (v + dv) [paper eq. 7,
+/// method 5]. With A the matrix on the left and f_0 the forces without damping, the right-hand side is
+/// h f_0 + M v - A v.
+class LinearisedEuler : public Scheme {
+ public:
+  LinearisedEuler(const Motion& motion, const IntegratorOptions& options)
+      : motion_(motion),
+        tolerance_(options.linear_tolerance),
+        A_(motion, options.gradients),
+        solver_(options.linear_solver) {}
+
+  StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
+    A_.set(state, state.x, {1 + h * motion_.forces.mass_damping, h * h, h}, Curvature::Projected);
+    motion_.undamped_forces_at(state, b_);
+    A_.multiply(state.v, Av_);
+    b_ = h * b_ + momenta(motion_.model, state.v);
+    filter(motion_.constraints, b_);
+    b_ -= Av_;
+
+    if (dv_.cols() != b_.cols()) dv_ = Matrix3Xd::Zero(3, b_.cols());
+    filter(motion_.constraints, dv_);
+    const SolveReport linear = solver_.solve(A_.system(), b_, dv_, tolerance_);  // from the last step's dv
+    v = state.v + dv_;
+    x = state.x + h * v;
+    StepReport report;
+    if (!linear.is_converged)
+      report.status = std::isfinite(linear.residual) ? Status::NotConverged : Status::Diverged;
+    report.newton_iterations = 1;
+    report.linear_iterations = linear.iterations;
+    report.residual = linear.residual;
+    return report;
+  }
+
+  std::string solver_choice() const override { return solver_.choice(); }
+
+ private:
+  const Motion& motion_;
+  double tolerance_;
+  ImplicitMatrix A_;
+  LinearSolver solver_;
+  Matrix3Xd b_, Av_, dv_;
+};
+
+}  // namespace
+
+std::unique_ptr<Scheme> make_implicit_euler(const Motion& motion, const IntegratorOptions& options) {
+  return std::make_unique<LinearisedEuler>(motion, options);
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,36 @@
+// The equation of motion that every integrator steps: M dv/dt = f(x, v), dx/dt = v.
+#pragma once
+
+#include "massspring/contact/contact.h"
+#include "massspring/contact/self_contact.h"
+
+namespace testbed::massspring {
+
+struct Motion {
+  Motion(const MassSpringModel& model, const Forces& forces, const Contacts& contacts = no_contacts);
+
+  /// f(x, v) (N), the list of all that acts on the model.
+  void forces_at(const State& state, Eigen::Matrix3Xd& f) const;
+
+  /// The same without damping; but for the friction of `friction` the negative gradient of potential.
+  void undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const;
+
+  /// Adds the damping of independent springs (N).
+  void add_spring_damping(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v, Eigen::Matrix3Xd& f) const;
+
+  /// Energy (J): elastic, of volume, loads and contacts.
+  double potential(const State& state) const;
+
+  /// v_i <- S_i v_i + what is prescribed along the directions taken away [paper 3.2].
+  void constrain(Eigen::Matrix3Xd& v) const;
+
+  const MassSpringModel& model;
+  const Forces& forces;
+  const Contacts& contacts;
+  std::vector<Constraint> constraints;  ///< in this step: supports, and contacts that hold nodes
+  Eigen::Matrix3Xd friction;            ///< of contacts that nodes slide along in this step (N); empty: none
+  std::optional<Barrier> barrier;       ///< around obstacles, for schemes that minimise
+  std::optional<SurfaceContact> self_contact;
+};
+
+}  // namespace testbed::massspring

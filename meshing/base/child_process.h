@@ -1,0 +1,39 @@
+// A program run beside ours, which may crash or never end.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "meshing/base/namespace.h"
+
+namespace testbed::meshing {
+
+struct ChildResult {
+  bool is_success;     ///< ended by itself with status 0
+  std::string ending;  ///< "status 1", "signal 6 (Aborted)", "stopped after 300 s"
+  std::string output;  ///< what it wrote to stdout and stderr
+};
+
+/// Runs a program with arguments and waits for it at most `time_limit` seconds, then kills it.
+/// @throws std::runtime_error when it cannot be started.
+ChildResult run_child(const std::filesystem::path& program, const std::vector<std::string>& arguments,
+                      double time_limit);
+
+/// A new folder for temporary files, removed with everything in it at the end of its life.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// The running program's own folder, where its helpers lie.
+std::filesystem::path program_folder();
+
+}  // namespace testbed::meshing

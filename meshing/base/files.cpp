@@ -1,0 +1,27 @@
+#include "meshing/base/files.h"
+
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+namespace testbed::meshing {
+
+std::string read_file(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in || std::filesystem::is_directory(file))
+    throw std::runtime_error(file.string() + ": cannot be read, expected a file");
+  std::ostringstream text;
+  text << in.rdbuf();
+  return std::move(text).str();
+}
+
+void write_file(const std::filesystem::path& file, const std::string& text) {
+  const std::filesystem::path temporary = file.string() + ".tmp";
+  std::ofstream out(temporary, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw std::runtime_error(temporary.string() + ": cannot be written");
+  std::filesystem::rename(temporary, file);
+}
+
+}  // namespace testbed::meshing

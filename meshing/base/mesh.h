@@ -1,0 +1,33 @@
+// The plain data every part of the testbed passes on: surfaces, spring networks and tetrahedra.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "meshing/base/namespace.h"
+
+namespace testbed::meshing {
+
+/// Closed triangle surface, oriented outward. Lengths in metres.
+struct SurfaceMesh {
+  Eigen::Matrix3Xd X;  ///< 3 x n vertex positions (m)
+  Eigen::Matrix3Xi F;  ///< 3 x m vertex indices, counter-clockwise seen from outside
+};
+
+/// Nodes joined by springs. Node i < n_surface is surface vertex i.
+struct SpringNetwork {
+  Eigen::Matrix3Xd X;  ///< 3 x n node positions at rest (m), surface vertices first
+  Eigen::Matrix3Xi F;  ///< 3 x m surface triangles
+  Eigen::Matrix2Xi E;  ///< 2 x n_springs node pairs (i < j), surface edges first
+  Eigen::Matrix4Xi T;  ///< 4 x n_tets, positively oriented; empty unless asked for
+  int n_surface = 0;
+};
+
+/// Straight-sided tetrahedra filling a surface. Node i < n_surface is surface vertex i, bit for bit.
+struct TetMesh {
+  Eigen::Matrix3Xd X;  ///< 3 x n node positions (m), surface vertices first
+  Eigen::Matrix4Xi T;  ///< 4 x n_tets node indices, positive volume
+  Eigen::Matrix3Xi F;  ///< 3 x m boundary triangles: exactly those of the surface
+  int n_surface = 0;
+};
+
+}  // namespace testbed::meshing

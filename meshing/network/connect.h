@@ -1,0 +1,50 @@
+// Ways to join surface and internal nodes by springs, PCP among them, and whether the result can hold its
+// shape.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "meshing/base/mesh.h"
+#include "meshing/network/network.h"
+#include "meshing/surface/surface_tree.h"
+
+namespace testbed::meshing {
+
+enum class Connectivity {
+  Surface,      ///< the surface's edges alone; internal nodes are left out
+  Central,      ///< one node at the vertices' mean, linked to every vertex [paper fig. 3c]
+  Complete,     ///< every pair [paper fig. 3b]
+  Delaunay,     ///< edges of the nodes' Delaunay tetrahedra
+  Pcp,          ///< the paper's
+  CompletedPcp  ///< PCP and symmetric nearest neighbours, and further links until it is rigid
+};
+
+/// surface, central, complete, delaunay, pcp, completed_pcp
+const std::vector<std::string>& connectivity_names();
+/// @throws std::runtime_error for a name not among them.
+Connectivity connectivity_of(const std::string& name);
+
+struct ConnectOptions {
+  Connectivity connectivity = Connectivity::Pcp;
+  PcpOptions pcp;
+  int neighbours = 8;  ///< completed PCP: nearest neighbours of every node, >= 1
+};
+
+/// Springs, the surface's edges first. Delaunay and completed PCP have none that leaves the solid.
+/// @throws std::runtime_error for options out of range, or more pairs than memory holds.
+SpringNetwork connect(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
+                      const ConnectOptions& options, PcpReport* report = nullptr);
+
+/// Whether the segment between two nodes stays inside the surface of `tree`; nodes below n_surface are its
+/// vertices.
+bool is_inside(const SurfaceTree& tree, const Eigen::Matrix3Xd& X, int n_surface, int i, int j);
+
+/// Adds links to `springs` (pairs i < j) until the rank of the springs' directions is 3 n - 6 for each
+/// connected part. The proof is constructive: from a triangle on, a node that three and more springs in
+/// independent directions tie to a rigid part belongs to it, so the rigidity matrix is block triangular with
+/// regular 3 x 3 blocks. Linear in n. Returns the nodes that no link inside the solid could tie.
+std::vector<int> make_rigid(const SurfaceMesh& surface, const SurfaceTree& tree, const Eigen::Matrix3Xd& X,
+                            std::vector<std::pair<int, int>>& springs);
+
+}  // namespace testbed::meshing

@@ -1,0 +1,67 @@
+// From a surface to a spring network: internal nodes, then springs by projective cascading propagation.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "meshing/base/mesh.h"
+
+namespace testbed::meshing {
+
+enum class Sampling {
+  Darts,    ///< the paper's: random points that pass the three tests of figure 4
+  Relaxed,  ///< then moved towards the centres of their cells: more even, the distance phi no longer
+            ///< guaranteed
+  Graded    ///< moved likewise, to be as dense as the surface nearby
+};
+
+/// Lengths are in the normalised box, whose smallest side is 1 [paper 4.2].
+struct SampleOptions {
+  std::optional<double> phi;  ///< least distance between internal nodes; from the surface if absent
+  std::optional<double> psi;  ///< least distance to the surface; from the surface if absent
+  std::optional<int> k;       ///< nodes wanted; as many as fit if absent
+  std::uint64_t seed = 1;
+  Sampling sampling = Sampling::Darts;
+};
+
+/// Random internal nodes, 3 x k' with k' <= k (m) [paper 4.2, fig. 4]. Always ends; the same seed gives the
+/// same nodes everywhere.
+/// @throws std::runtime_error for options out of range or a grid too fine to store.
+Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& options);
+
+/// The options with phi and psi filled in: the mean surface edge (less in a body thinner than that) and half
+/// of that.
+SampleOptions fill_spacing(const SurfaceMesh& surface, SampleOptions options);
+
+/// Moves internal nodes (3 x k) by Lloyd steps towards a centroidal Voronoi distribution in the body, the
+/// surface's vertices being sites that stay; no node rises above least_depth (m) [Lloyd 1982].
+/// @param is_graded  as dense as the surface nearby, else evenly
+Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
+                                double least_depth, std::uint64_t seed, bool is_graded);
+
+/// How to read the pseudocode of figure 8.
+enum class PcpReading {
+  StageWise,  ///< gray nodes turn white when all white ones of the stage are done; ends with the last black
+              ///< node
+  WholeLastStage,  ///< the same, but every white node of the last stage projects its springs
+  Literal          ///< gray nodes turn white after each white node: a tree
+};
+
+struct PcpOptions {
+  int multiplicity = 5;  ///< springs projected by each white node, >= 3
+  PcpReading reading = PcpReading::StageWise;
+};
+
+struct PcpReport {
+  std::vector<int> white_per_stage;  ///< white nodes dequeued in each stage
+};
+
+/// Links surface and internal nodes by projective cascading propagation [paper 4.2, fig. 8]: every white node
+/// projects springs to the nearest nodes that are not white, at equal distance to the one of least degree,
+/// then of least index.
+/// @throws std::runtime_error for a multiplicity below 3.
+SpringNetwork link_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
+                       const PcpOptions& options, PcpReport* report = nullptr);
+
+}  // namespace testbed::meshing

@@ -1,0 +1,78 @@
+#include "meshing/run/hash.h"
+
+#define TOML_HEADER_ONLY 1
+#include <toml++/toml.h>
+
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <vector>
+
+#include "meshing/base/files.h"
+
+namespace testbed::meshing {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// FNV-1a [Fowler, Noll & Vo], continued over more bytes.
+struct Fnv1a {
+  std::uint64_t hash = 0xcbf29ce484222325u;
+  void add(const char* bytes, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i) hash = (hash ^ static_cast<unsigned char>(bytes[i])) * 0x100000001b3u;
+  }
+  std::string digits() const {
+    char text[17];
+    std::snprintf(text, sizeof text, "%016lx", hash);
+    return text;
+  }
+};
+
+/// Piece by piece: a program of 80 MB read whole would be most of what a small run takes of memory. A missing
+/// file counts as empty.
+std::string hash_of_file(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::vector<char> piece(1 << 16);
+  Fnv1a fnv;
+  while (in.read(piece.data(), static_cast<std::streamsize>(piece.size())) || in.gcount() > 0)
+    fnv.add(piece.data(), static_cast<std::size_t>(in.gcount()));
+  return fnv.digits();
+}
+
+}  // namespace
+
+std::string hash_of(const std::string& bytes) {
+  Fnv1a fnv;
+  fnv.add(bytes.data(), bytes.size());
+  return fnv.digits();
+}
+
+std::string program_hash() {
+  static const std::string hash = [] {
+    const fs::path program = "/proc/self/exe", folder = fs::read_symlink(program).parent_path();
+    std::string hashes = hash_of_file(program);
+    for (const char* worker : {"gmsh_worker", "tetgen_worker"}) hashes += hash_of_file(folder / worker);
+    return hash_of(hashes);
+  }();
+  return hash;
+}
+
+std::string input_hash(const Scene& scene, const SurfaceMesh& surface,
+                       const std::vector<std::string>& ignored) {
+  toml::table table = toml::parse(to_toml(scene));
+  for (const char* key : {"name", "comparison", "playback"}) table.erase(key);
+  for (const std::string& key : ignored) table.erase(key);
+  std::ostringstream bytes;
+  bytes << table;
+  bytes.write(reinterpret_cast<const char*>(surface.X.data()), surface.X.size() * sizeof(double));
+  bytes.write(reinterpret_cast<const char*>(surface.F.data()), surface.F.size() * sizeof(int));
+  for (const Obstacle& obstacle : scene.obstacles)
+    if (const auto* mesh = std::get_if<ClosedMesh>(&obstacle.shape)) bytes << read_file(mesh->file);
+  bytes << program_hash();
+  return hash_of(bytes.str());
+}
+
+}  // namespace testbed::meshing

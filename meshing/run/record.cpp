@@ -1,0 +1,142 @@
+#include "meshing/run/record.h"
+
+#include <cassert>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <regex>
+#include <sstream>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include "meshing/base/files.h"
+#include "meshing/run/hash.h"
+
+namespace testbed::meshing {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// run.json goes first: what is left of an interrupted removal is no result.
+void remove_older_run(const fs::path& folder) {
+  for (const char* name : {"run.json", "frames.pvd", "curves.csv"}) fs::remove(folder / name);
+  static const std::regex kFrame("frame_[0-9]{6,}\\.vtu(\\.tmp)?");
+  std::vector<fs::path> frames;
+  for (const auto& entry : fs::directory_iterator(folder / "frames"))
+    if (std::regex_match(entry.path().filename().string(), kFrame)) frames.push_back(entry.path());
+  for (const fs::path& frame : frames) fs::remove(frame);
+}
+
+}  // namespace
+
+Recorder::Recorder(fs::path folder, std::vector<CellBlock> cells, int n_surface)
+    : folder_(std::move(folder)), cells_(std::move(cells)), n_surface_(n_surface) {
+  fs::create_directories(folder_ / "frames");
+  remove_older_run(folder_);
+}
+
+void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
+                         const std::vector<Field>& fields) {
+  char name[32];
+  std::snprintf(name, sizeof name, "frames/frame_%06zu.vtu", frames_.size());
+  std::vector<Field> all{{"displacement", u}};
+  all.insert(all.end(), fields.begin(), fields.end());
+  write_vtu(folder_ / name, X + u, cells_, all, {{"TimeValue", time}, {"n_surface", n_surface_}});
+  frames_.emplace_back(time, name);
+
+  std::ostringstream pvd;
+  pvd.precision(17);
+  pvd << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n";
+  for (const auto& [t, file] : frames_)
+    pvd << "    <DataSet timestep=\"" << t << "\" group=\"\" part=\"0\" file=\"" << file << "\"/>\n";
+  pvd << "  </Collection>\n</VTKFile>\n";
+  write_file(folder_ / "frames.pvd", pvd.str());
+}
+
+void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
+  std::vector<std::string> columns;
+  std::string line;
+  for (const auto& [name, value] : row) {
+    if (!std::isfinite(value))
+      throw std::runtime_error((folder_ / "curves.csv").string() + ": " + name +
+                               " is not finite, expected a number");
+    char text[32];
+    line +=
+        (columns.empty() ? "" : ",") + std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+    columns.push_back(name);
+  }
+  assert(columns_.empty() || columns_ == columns);
+  columns_ = std::move(columns);
+  rows_ += line + "\n";
+}
+
+namespace {
+
+/// Largest resident memory of this process so far (byte); unlike getrusage's, not that of who started it.
+double peak_memory() {
+  std::istringstream status(fs::exists("/proc/self/status") ? read_file("/proc/self/status") : "");
+  for (std::string line; std::getline(status, line);)
+    if (line.rfind("VmHWM:", 0) == 0) return 1024 * std::stod(line.substr(6));
+  return 0;
+}
+
+}  // namespace
+
+void Recorder::finish(nlohmann::ordered_json record) {
+  if (!columns_.empty()) {
+    std::string header;
+    for (const std::string& column : columns_) header += (header.empty() ? "" : ",") + column;
+    write_file(folder_ / "curves.csv", header + "\n" + rows_);
+  }
+  record["peak_memory"] = peak_memory();
+  write_file(folder_ / "run.json", record.dump(2) + "\n");
+}
+
+nlohmann::ordered_json environment_record(const std::string& program, std::optional<int> n_threads) {
+  std::istringstream cpuinfo(fs::exists("/proc/cpuinfo") ? read_file("/proc/cpuinfo") : "");
+  std::string processor = "unknown";
+  for (std::string line; std::getline(cpuinfo, line);)
+    if (line.rfind("model name", 0) == 0) {
+      processor = line.substr(line.find(':') + 2);
+      break;
+    }
+  char date[32];
+  const std::time_t now = std::time(nullptr);
+  std::strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
+  nlohmann::ordered_json record{
+      {"program", program},
+      {"date", date},
+      {"program_hash", program_hash()},
+      {"compiler", TESTBED_COMPILER},
+      {"build", TESTBED_BUILD},
+      {"eigen", std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
+                    std::to_string(EIGEN_MINOR_VERSION)},
+      {"vtk", TESTBED_VTK},
+      {"processor", processor},
+      {"cores", std::thread::hardware_concurrency()}};
+  if (n_threads) record["threads"] = *n_threads;
+  return record;
+}
+
+nlohmann::ordered_json to_json(const TetQuality& quality) {
+  return {{"min_dihedral", quality.min_dihedral},
+          {"min_radius_ratio", quality.min_radius_ratio},
+          {"mean_radius_ratio", quality.mean_radius_ratio},
+          {"n_slivers", quality.n_slivers}};
+}
+
+std::optional<nlohmann::ordered_json> stored_record(const fs::path& folder, const std::string& input_hash) {
+  if (!fs::exists(folder / "run.json")) return {};
+  auto record = nlohmann::ordered_json::parse(read_file(folder / "run.json"), nullptr, false);
+  if (!record.is_object() || !record.contains("status") || !record["status"].is_string() ||
+      record.value("input_hash", nlohmann::ordered_json()) != input_hash)
+    return {};
+  return record;
+}
+
+}  // namespace testbed::meshing

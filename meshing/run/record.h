@@ -1,0 +1,84 @@
+// What a run leaves on disk, the same for both solvers: frames, curves and a record of how it was made.
+//
+//   frames.pvd                  the frames and their times
+//   frames/frame_000000.vtu ... deformed points; field data TimeValue (s) and n_surface; point data
+//   displacement
+//                               (m), velocity (m/s), node_id; cells: the surface triangles first, then
+//                               springs or tetrahedra
+//   curves.csv                  one row per step, named columns, SI units
+//   run.json                    written last: a folder without it is not a result
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "meshing/tetrahedra/tet_mesh.h"
+
+namespace testbed::meshing {
+
+/// Cells of one VTK type (VTK_LINE 3, VTK_TRIANGLE 5, VTK_TETRA 10, VTK_QUADRATIC_TETRA 24).
+struct CellBlock {
+  int vtk_type;
+  Eigen::MatrixXi nodes;  ///< nodes per cell x n_cells
+};
+
+/// A value per node: components x n_nodes.
+struct Field {
+  std::string name;
+  Eigen::MatrixXd values;
+};
+
+/// Writes an unstructured grid (.vtu, raw appended, LZ4) to a temporary name and renames it. Point data
+/// node_id (integers) is added to the given fields.
+/// @throws std::runtime_error when a value is not finite or the file cannot be written.
+void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
+               const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
+               const std::map<std::string, double>& field_data);
+
+/// Writes frames and curves of one run into a folder, and run.json when it is finished.
+class Recorder {
+ public:
+  /// Removes the files of an older run from the folder, and no others. `cells` are those of every frame,
+  /// surface triangles first.
+  Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface);
+
+  /// Adds a frame: time (s), rest points X and displacement u (3 x n, m), further fields as given.
+  /// @throws std::runtime_error when a value is not finite; the frame is not written.
+  void add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
+                 const std::vector<Field>& fields = {});
+
+  /// Adds a row to curves.csv; every row must have the columns of the first, in its order.
+  /// @throws std::runtime_error when a value is not finite.
+  void add_row(const std::vector<std::pair<std::string, double>>& row);
+
+  /// Writes curves.csv if it has rows and, last of all, run.json, with the largest memory of the run (byte).
+  void finish(nlohmann::ordered_json record);
+
+ private:
+  std::filesystem::path folder_;
+  std::vector<CellBlock> cells_;
+  int n_surface_;
+  std::vector<std::pair<double, std::string>> frames_;
+  std::vector<std::string> columns_;
+  std::string rows_;
+};
+
+/// What is the same in every run.json: program, versions, compiler and flags, machine, date.
+/// @param n_threads  that the solve may use; only the program knows, as libraries keep idle ones (VTK one of
+/// its
+///                   own); not recorded if absent
+nlohmann::ordered_json environment_record(const std::string& program, std::optional<int> n_threads = {});
+
+/// The measures by their names.
+nlohmann::ordered_json to_json(const TetQuality& quality);
+
+/// The record of the finished run in `folder`, however it ended, if it has this input hash.
+std::optional<nlohmann::ordered_json> stored_record(const std::filesystem::path& folder,
+                                                    const std::string& input_hash);
+
+}  // namespace testbed::meshing

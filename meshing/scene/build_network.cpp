@@ -1,0 +1,62 @@
+#include "meshing/scene/build_network.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "meshing/base/names.h"
+#include "meshing/network/connect.h"
+#include "meshing/tetrahedra/interior_size.h"
+
+namespace testbed::meshing {
+
+TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
+                    TetReport* report) {
+  const std::vector<std::string> known{"darts", "relaxed", "graded", "mesher"};
+  if (std::find(known.begin(), known.end(), options.sampling) == known.end())
+    throw std::runtime_error("network.sampling = '" + options.sampling + "'" +
+                             suggestion(options.sampling, known));
+  TetOptions tets;
+  if (options.sampling == "mesher") {
+    tets.size = interior_size(surface, options.spacing);
+    return tetrahedralize(surface, tets, report);
+  }
+  tets.interior = sample_interior(surface, {options.phi, options.psi, options.k, options.seed,
+                                            options.sampling == "relaxed"  ? Sampling::Relaxed
+                                            : options.sampling == "graded" ? Sampling::Graded
+                                                                           : Sampling::Darts});
+  if (needs_tetrahedra) {
+    const double body = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm();
+    tets.size = Eigen::VectorXd::Constant(surface.X.cols(), body);  // no more nodes than the mesher needs
+    try {
+      return tetrahedralize(surface, tets, report);
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(
+          std::string(error.what()) +
+          "\nThe inner nodes were sampled; network.sampling = 'mesher' lets the mesher choose them.");
+    }
+  }
+  const Eigen::Index n_surface = surface.X.cols();
+  TetMesh nodes{
+      Eigen::Matrix3Xd(3, n_surface + tets.interior.cols()), {}, surface.F, static_cast<int>(n_surface)};
+  nodes.X << surface.X, tets.interior;
+  return nodes;
+}
+
+SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
+                            TetReport* report) {
+  ConnectOptions how;
+  how.connectivity = connectivity_of(options.connectivity);
+  how.pcp.multiplicity = options.multiplicity;
+  how.neighbours = options.neighbours;
+  const TetMesh nodes = place_nodes(surface, options, needs_tetrahedra, report);
+  SpringNetwork network = connect(surface, nodes.X.rightCols(nodes.X.cols() - nodes.n_surface), how);
+  if (needs_tetrahedra) {
+    if (network.X.cols() != nodes.X.cols())
+      throw std::runtime_error("network.connectivity = '" + options.connectivity +
+                               "' leaves out internal nodes that are corners of tetrahedra");
+    network.T = nodes.T;
+  }
+  return network;
+}
+
+}  // namespace testbed::meshing

@@ -1,0 +1,24 @@
+// The spring network that a scene asks for.
+#pragma once
+
+#include "meshing/base/mesh.h"
+#include "meshing/scene/scene.h"
+#include "meshing/tetrahedra/tetrahedralize.h"
+
+namespace testbed::meshing {
+
+/// Internal nodes sampled or made by the mesher, as the scene's network table says, with tetrahedra where
+/// wanted (or where the mesher made the nodes). Sampled nodes stay as they are; those that the mesher must
+/// add to them follow.
+/// @throws std::runtime_error for a sampling that is not known or options out of range, or when no mesher
+/// fills the surface.
+TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
+                    TetReport* report = nullptr);
+
+/// These nodes joined by springs as the table says; with their tetrahedra where wanted.
+/// @throws std::runtime_error as place_nodes, or for a connectivity that is not known or leaves out corners
+/// of tetrahedra.
+SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
+                            TetReport* report = nullptr);
+
+}  // namespace testbed::meshing

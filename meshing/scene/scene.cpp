@@ -1,0 +1,352 @@
+#include "meshing/scene/scene.h"
+
+#define TOML_HEADER_ONLY 1
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+
+#include "meshing/base/files.h"
+#include "meshing/base/names.h"
+#include "meshing/scene/scene_keys.h"
+
+namespace testbed::meshing {
+namespace {
+
+namespace fs = std::filesystem;
+
+template <class T>
+struct is_vector : std::false_type {};
+template <class T>
+struct is_vector<std::vector<T>> : std::true_type {};
+
+/// Fills the scene's structs from a TOML table and refuses every key it was not asked for.
+class Reader {
+ public:
+  /// @param path  of the table: "" or "material" or "loads.0"
+  Reader(const toml::table& table, std::string path) : table_(table), path_(std::move(path)) {}
+
+  template <class T>
+  void operator()(const char* key, T& value, const Range& range, const char* meaning) {
+    if (const toml::node* node = find(key)) read(*node, full(key), value, range, meaning);
+  }
+  template <class T>
+  void operator()(const char* key, T& value, const char* meaning) {
+    (*this)(key, value, kAny, meaning);
+  }
+  template <class T>
+  void required(const char* key, T& value, const Range& range, const char* meaning) {
+    (*this)(key, value, range, meaning);
+    if (!table_.contains(key)) fail(table_, full(key) + " is missing, expected " + meaning);
+  }
+  void path(const char* key, std::string& value, const char* meaning) {
+    (*this)(key, value, meaning);
+    if (value.empty()) return;
+    const toml::node& node = *table_.get(key);
+    const fs::path base =
+        is_override(source_of(node)) ? fs::current_path() : fs::path(source_of(node)).parent_path();
+    const fs::path file = fs::absolute(base / value).lexically_normal();
+    if (!fs::is_regular_file(file)) wrong(node, full(key), "a file; there is no " + file.string());
+    value = file.string();
+  }
+  template <class T>
+  void choice(const char* key, T& value, const std::vector<std::string>& names, const char* meaning) {
+    const toml::node* node = find(key);
+    if (!node) return;
+    const auto index_of = [&](const toml::node& word, const std::string& name) {
+      const auto at = std::find(names.begin(), names.end(), name);
+      if (at == names.end())
+        fail(word, full(key) + " = " + toml_text(name) + ": unknown name" + suggestion(name, names));
+      return at - names.begin();
+    };
+    if constexpr (std::is_enum_v<T>) {
+      std::string name;
+      read(*node, full(key), name, kAny, meaning);
+      value = static_cast<T>(index_of(*node, name));
+    } else if constexpr (std::is_same_v<T, std::string>) {
+      read(*node, full(key), value, kAny, meaning);
+      if (!value.empty()) index_of(*node, value);
+    } else {
+      read(*node, full(key), value, kAny, meaning);
+      for (size_t i = 0; i < value.size(); ++i) index_of((*node->as_array())[i], value[i]);
+    }
+  }
+  void components(const char* key, std::array<bool, 3>& fixed, const char* meaning) {
+    const toml::node* node = find(key);
+    if (!node) return;
+    std::string letters;
+    read(*node, full(key), letters, kAny, meaning);
+    if (letters.empty() || letters.find_first_not_of("xyz") != std::string::npos)
+      wrong(*node, full(key), "letters of \"xyz\"");
+    for (int c = 0; c < 3; ++c) fixed[c] = letters.find("xyz"[c]) != std::string::npos;
+  }
+  template <class T>
+  void table(const char* key, T& value) {
+    if (const toml::node* node = find(key)) read_table(*node, full(key), value);
+  }
+  template <class T>
+  void table(const char* key, std::optional<T>& value) {
+    if (const toml::node* node = find(key)) read_table(*node, full(key), value.emplace());
+  }
+  template <class T>
+  void inline_table(const char* key, T& value, const char*) {
+    table(key, value);
+  }
+  template <class T>
+  void list(const char* key, std::vector<T>& values) {
+    const toml::node* node = find(key);
+    if (!node) return;
+    const toml::array* array = node->as_array();
+    if (!array) wrong(*node, full(key), "tables [[" + full(key) + "]]");
+    for (size_t i = 0; i < array->size(); ++i)
+      read_table((*array)[i], full(key) + "." + std::to_string(i), values.emplace_back());
+  }
+  template <class T, class Variant>
+  void alternative(const char* key, Variant& shape) {
+    const toml::node* node = find(key);
+    if (!node) return;
+    if (!chosen_.empty())
+      fail(*node, path_ + " has both " + chosen_ + " and " + key + ", expected one of them");
+    chosen_ = key;
+    T value;
+    read_table(*node, full(key), value);
+    shape = value;
+  }
+  void needs_alternative(const char* expected) const {
+    if (chosen_.empty()) fail(table_, path_ + " has no shape, expected " + expected);
+  }
+  void check(const char* key, bool is_right, const char* expected) const {
+    if (!is_right) wrong(*table_.get(key), full(key), expected);
+  }
+
+  void refuse_unknown_keys() const {
+    for (const auto& [key, node] : table_) {
+      const std::string name(key.str());
+      if (std::find(known_.begin(), known_.end(), name) != known_.end()) continue;
+      fail(node, full(name) + " = " + value_of(node) + ": unknown key" + suggestion(name, known_));
+    }
+  }
+
+ private:
+  static bool is_override(const std::string& source) { return source.rfind("--set", 0) == 0; }
+  static std::string source_of(const toml::node& node) { return *node.source().path; }
+
+  [[noreturn]] static void fail(const toml::node& node, const std::string& what) {
+    const std::string source = source_of(node);
+    const std::string line = is_override(source) ? "" : ":" + std::to_string(node.source().begin.line);
+    throw std::runtime_error(source + line + ": " + what);
+  }
+
+  static std::string value_of(const toml::node& node) {
+    std::ostringstream found;
+    if (const auto* number = node.as_floating_point())
+      found << toml_text(number->get());
+    else if (const auto* text = node.as_string())
+      found << toml_text(text->get());
+    else if (node.is_table() || node.is_array_of_tables())
+      found << node.type();
+    else
+      node.visit([&](const auto& value) { found << value; });
+    std::string text = found.str();
+    std::replace(text.begin(), text.end(), '\n', ' ');  // long lists
+    return text;
+  }
+
+  [[noreturn]] static void wrong(const toml::node& node, const std::string& key,
+                                 const std::string& expected) {
+    fail(node, key + " = " + value_of(node) + ", expected " + expected);
+  }
+
+  std::string full(const std::string& key) const { return path_.empty() ? key : path_ + "." + key; }
+
+  const toml::node* find(const char* key) {
+    known_.emplace_back(key);
+    return table_.get(key);
+  }
+
+  template <class T>
+  static void read_table(const toml::node& node, const std::string& path, T& value) {
+    const toml::table* table = node.as_table();
+    if (!table) wrong(node, path, "a table");
+    Reader reader(*table, path);
+    describe(reader, value);
+    reader.refuse_unknown_keys();
+  }
+
+  template <class T>
+  static void read(const toml::node& node, const std::string& key, T& value, const Range& range,
+                   const char* meaning) {
+    const auto refuse = [&](const std::string& expected) { wrong(node, key, expected + ": " + meaning); };
+    if constexpr (std::is_same_v<T, double>) {
+      if (!node.is_number() || !std::isfinite(*node.value<double>())) refuse("a number");
+      value = *node.value<double>();
+      if (!range.holds(value)) refuse(range.expected);
+    } else if constexpr (std::is_same_v<T, bool>) {
+      if (!node.is_boolean()) refuse("true or false");
+      value = *node.value<bool>();
+    } else if constexpr (std::is_integral_v<T>) {
+      if (!node.is_integer()) refuse("an integer");
+      const std::int64_t number = *node.value<std::int64_t>();
+      if (!range.holds(static_cast<double>(number))) refuse(range.expected);
+      value = static_cast<T>(number);
+      if (static_cast<std::int64_t>(value) != number) refuse("below 2^31");
+    } else if constexpr (std::is_same_v<T, std::string>) {
+      if (!node.is_string()) refuse("a string in quotes");
+      value = *node.value<std::string>();
+    } else if constexpr (std::is_base_of_v<Eigen::MatrixBase<T>, T>) {
+      const toml::array* array = node.as_array();
+      if (!array || array->size() != T::SizeAtCompileTime)
+        refuse(T::SizeAtCompileTime == 3 ? "three numbers [x, y, z]"
+                                         : std::to_string(T::SizeAtCompileTime) + " numbers");
+      // A range is that of values, not of the time in front of them.
+      constexpr bool has_time = T::SizeAtCompileTime != 3;
+      for (int c = 0; c < T::SizeAtCompileTime; ++c)
+        read((*array)[c], key + "." + std::to_string(c), value(c), has_time && c == 0 ? kAny : range,
+             meaning);
+    } else if constexpr (is_vector<T>::value) {
+      const toml::array* array = node.as_array();
+      if (!array) refuse("a list");
+      value.resize(array->size());
+      for (size_t i = 0; i < array->size(); ++i)
+        read((*array)[i], key + "." + std::to_string(i), value[i], range, meaning);
+    } else {  // std::optional
+      read(node, key, value.emplace(), range, meaning);
+    }
+  }
+
+  const toml::table& table_;
+  std::string path_;
+  std::vector<std::string> known_;
+  std::string chosen_;
+};
+
+toml::table parse(const std::string& text, const std::string& source) {
+  try {
+    return toml::parse(text, source);
+  } catch (const toml::parse_error& error) {
+    throw std::runtime_error(source + ":" + std::to_string(error.source().begin.line) + ": " +
+                             std::string(error.description()));
+  }
+}
+
+/// `{ value = ... }` of the text in TOML, or of the text itself where it is none.
+toml::table parse_override(const std::string& text, const std::string& source) {
+  try {
+    toml::table table = toml::parse("value = " + text, source);
+    if (table.size() == 1) return table;
+  } catch (const toml::parse_error&) {
+  }
+  return toml::parse("value = " + toml_text(text), source);
+}
+
+/// Puts the value of "a.b.0.c=value" at its place, making tables on the way.
+void apply_override(toml::table& root, const std::string& text) {
+  const std::string source = "--set " + text;
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0)
+    throw std::runtime_error(source + ": expected key=value, e.g. material.nu=0.3");
+  toml::table parsed = parse_override(text.substr(equals + 1), source);
+
+  std::vector<std::string> keys;
+  std::istringstream stream(text.substr(0, equals));
+  for (std::string key; std::getline(stream, key, '.');) keys.push_back(key);
+  const auto is_index = [](const std::string& key) {
+    return !key.empty() && key.find_first_not_of("0123456789") == std::string::npos;
+  };
+  // Nodes are moved, not copied: a copy would lose the place named in error messages.
+  toml::node* at = &root;
+  std::string path;
+  for (size_t i = 0; i < keys.size(); ++i) {
+    const bool is_last = i + 1 == keys.size();
+    path += (i ? "." : "") + keys[i];
+    if (toml::array* array = at->as_array()) {
+      size_t index = array->size();
+      if (is_index(keys[i])) std::from_chars(keys[i].data(), keys[i].data() + keys[i].size(), index);
+      if (index >= array->size())
+        throw std::runtime_error(source + ": there is no " + path + ", the list has " +
+                                 std::to_string(array->size()) + " elements");
+      if (is_last)
+        parsed.get("value")->visit(
+            [&](auto& node) { array->replace(array->cbegin() + index, std::move(node)); });
+      else
+        at = array->get(index);
+    } else if (toml::table* table = at->as_table()) {
+      if (is_last)
+        parsed.get("value")->visit([&](auto& node) { table->insert_or_assign(keys[i], std::move(node)); });
+      else {
+        toml::table made = parse(is_index(keys[i + 1]) ? "value = []" : "value = {}", source);
+        made.get("value")->visit(
+            [&](auto& node) { at = &table->insert(keys[i], std::move(node)).first->second; });
+      }
+    } else {
+      throw std::runtime_error(source + ": there is no " + path + ", expected a key of the scene");
+    }
+  }
+}
+
+template <class Rows>
+typename Rows::value_type interpolated(const Rows& rows, double t) {
+  const auto after = std::upper_bound(rows.begin(), rows.end(), t,
+                                      [](double time, const auto& row) { return time < row(0); });
+  if (after == rows.begin()) return rows.front();
+  if (after == rows.end()) return rows.back();
+  const auto before = after - 1;
+  return *before + (t - (*before)(0)) / ((*after)(0) - (*before)(0)) * (*after - *before);
+}
+
+}  // namespace
+
+double value_at(const Curve& curve, double t) {
+  return interpolated(curve, t)(1);
+}
+
+Eigen::Vector3d position_at(const Path& path, double t) {
+  return interpolated(path, t).tail<3>();
+}
+
+Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vector3d& x) {
+  Eigen::Matrix3d stress = Eigen::Matrix3d::Zero();
+  for (const StressTerm& term : terms) {
+    const auto s = term.tail<6>();
+    const Eigen::Matrix3d tensor =
+        (Eigen::Matrix3d() << s(0), s(5), s(4), s(5), s(1), s(3), s(4), s(3), s(2)).finished();
+    stress += std::pow(x(0), term(0)) * std::pow(x(1), term(1)) * std::pow(x(2), term(2)) * tensor;
+  }
+  return stress;
+}
+
+int n_steps(const TimeOptions& time, double step) {
+  const double n = std::max(1.0, std::ceil(time.end / step - 1e-9));  // the quotient may be rounded up
+  constexpr int kMost = std::numeric_limits<int>::max();
+  if (n <= kMost) return static_cast<int>(n);
+  std::ostringstream what;
+  what << "time.end = " << time.end << " s in steps of " << step << " s: " << n << " steps, expected at most "
+       << kMost;
+  throw std::runtime_error(what.str());
+}
+
+Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides) {
+  toml::table table = parse(read_file(file), file.string());
+  for (const std::string& text : overrides) apply_override(table, text);
+  Scene scene;
+  scene.name = file.stem().string();
+  Reader reader(table, "");
+  describe(reader, scene);
+  reader.refuse_unknown_keys();
+  const bool has_file = !scene.surface.file.empty(), has_shape = !scene.surface.shape.empty();
+  if (has_file == has_shape)
+    throw std::runtime_error(file.string() + ": surface.file and surface.shape are both " +
+                             (has_file ? "given" : "missing") + ", expected one of them");
+  try {
+    if (scene.time.mode == TimeMode::Dynamic && scene.time.step > 0) n_steps(scene.time, scene.time.step);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(file.string() + ": " + error.what());
+  }
+  return scene;
+}
+
+}  // namespace testbed::meshing

@@ -1,0 +1,240 @@
+// The scene: one physical problem, read from one TOML file by both solvers.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "meshing/base/choices.h"
+#include "meshing/base/material.h"
+#include "meshing/base/mesh.h"
+
+namespace testbed::meshing {
+
+struct Everywhere {};
+struct Box {
+  Eigen::Vector3d low, high;
+};
+/// Points x with (x - point) . normal <= 0.
+struct HalfSpace {
+  Eigen::Vector3d point, normal;
+};
+struct Ball {
+  Eigen::Vector3d centre;
+  double radius;
+};
+/// Points within a radius of a segment.
+struct Capsule {
+  Eigen::Vector3d a, b;
+  double radius;
+};
+/// The inside of a closed surface.
+struct ClosedMesh {
+  std::string file;
+};
+
+/// A part of the surface, by vertex position at rest. Boundaries are included (to 1e-9 of the bounding box).
+struct Region {
+  std::variant<Everywhere, Box, HalfSpace, Ball> shape;
+  /// Coordinates are fractions of the surface's bounding box, a radius of its smallest side; normals stay.
+  bool relative = false;
+};
+
+struct SurfaceSource {
+  std::string file;      ///< path, relative to the scene file; empty when `shape` is given
+  std::string shape;     ///< of shape_names()
+  int n_vertices = 642;  ///< wanted number of vertices of a generated shape; the nearest possible is made
+  Eigen::Vector3d size{0, 0, 0};  ///< bounding box of a generated shape (m); 0: the shape's own
+  double scale = 1;               ///< factor on all coordinates, before normalise
+  bool normalise = false;         ///< smallest side of the bounding box 1 m, centre at the origin
+};
+
+/// A value at each time, linear in between and constant outside: (s, value), times ascending. Static scenes
+/// take the load factor for time.
+using Curve = std::vector<Eigen::Vector2d>;
+/// A point or a translation at each time, linear in between: (s, m, m, m).
+using Path = std::vector<Eigen::Vector4d>;
+double value_at(const Curve& curve, double t);            ///< curve not empty
+Eigen::Vector3d position_at(const Path& path, double t);  ///< path not empty
+
+struct Support {
+  Region region;
+  std::array<bool, 3> fixed{{true, true, true}};  ///< which components are prescribed ("xyz" in the file)
+  Eigen::Vector3d displacement{0, 0, 0};          ///< theirs at full load or at the end, grown evenly (m)
+  Path motion;                                    ///< theirs over time, instead
+};
+
+/// A term of a polynomial stress field: exponents i, j, k and the stress xx, yy, zz, yz, xz, xy (Pa) that
+/// x^i y^j z^k multiplies.
+using StressTerm = Eigen::Matrix<double, 9, 1>;
+
+/// Surface load on triangles whose three vertices lie in the region; on the undeformed area unless stated.
+struct Load {
+  Region region;
+  double pressure = 0;                ///< Pa, acts against the outward normal
+  Eigen::Vector3d traction{0, 0, 0};  ///< Pa
+  bool is_follower =
+      false;  ///< pressure acts on the deformed surface; the region holds whole components of it
+  std::vector<StressTerm> stress;  ///< traction = sum of its terms times the outward normal
+};
+
+/// Energies of volume [paper 3.3].
+struct VolumeForces {
+  double coefficient = 0;  ///< P of 1/2 P (V - V_1)^2 / V_1, V the volume that the surface encloses (Pa)
+  double local = 0;        ///< the same for every tetrahedron of the network (Pa)
+  Curve target;  ///< V_1 over the volume at rest; absent: 1, and the volume as it is while rest lengths
+                 ///< collapse
+};
+
+/// The surface as a shell of its own around the body [paper 4.2, 4.4].
+struct Skin {
+  double stiffness = 0;   ///< of the membrane (N/m): thickness times Young's modulus
+  double bending = 0;     ///< k_b of 1/2 k_b (theta - theta_0)^2 |e|^2 / (A_1 + A_2) (J)
+  double relaxation = 0;  ///< R' of eq. 9, the part lost in a second where the skin is bent most
+};
+
+/// Rest lengths collapse around a pivot [paper eq. 8].
+struct Pivot {
+  Eigen::Vector3d point;      ///< m
+  Path motion;                ///< its translation from there
+  double start = 0;           ///< s (static scenes: load factor at which it begins)
+  std::optional<double> end;  ///< s; no effect from here on
+};
+struct Collapse {
+  double coefficient = 0.1;  ///< depletion R in [0, 1), per second, per step or, static, at full load
+  bool is_per_step = false;  ///< as the paper has it: the result depends on the step
+  bool surface = true;  ///< springs along the surface collapse too; else it wrinkles, or relaxes by eq. 9
+  double least = 0.05;  ///< fraction of its first rest length below which no spring collapses
+  std::vector<Pivot> pivots;
+};
+
+/// A rigid body that the surface cannot enter.
+struct Obstacle {
+  std::variant<HalfSpace, Ball, Box, Capsule, ClosedMesh> shape;  ///< what it fills
+  Path motion;                                                    ///< its translation from there
+  double friction = 0;                                            ///< Coulomb's coefficient
+};
+
+/// The surface against itself.
+struct SelfContact {
+  bool is_on = false;
+  std::optional<double> thickness;  ///< m, that it keeps; from its edges if absent
+};
+
+struct TimeOptions {
+  TimeMode mode = TimeMode::Static;
+  int load_steps = 10;  ///< static: loads grow linearly to full in this many steps
+  double step = 0;      ///< dynamic: s; 0 chooses one
+  double end = 1;       ///< dynamic: s
+  Integrator integrator = Integrator::ImplicitEuler;
+  double tolerance =
+      0;  ///< dynamic: error of a part of a step over the body's size; 0: steps are taken whole
+  double sleep_below = 0;       ///< dynamic: a body slower than this, and staying so, is not stepped (m/s)
+  bool volume_gradient = true;  ///< linearised: in the matrix, else volume forces are taken as they were
+  bool bend_gradient = true;    ///< the same of bending
+  Krylov linear_solver = Krylov::Cg;  ///< linearised
+};
+
+/// Distances that are absent are chosen from the surface.
+struct NetworkOptions {
+  std::optional<double> phi;  ///< least distance between internal nodes (normalised box)
+  std::optional<double> psi;  ///< least distance of an internal node to the surface (normalised box)
+  std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
+  int multiplicity = 5;       ///< springs projected by each white node, >= 3
+  std::uint64_t seed = 1;
+  std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed, graded or mesher
+  double spacing = 0.7;              ///< mesher: edges inside over the surface's nearby
+  std::string connectivity = "pcp";  ///< name among connectivity_names() of meshing/connect.h
+  int neighbours = 8;                ///< completed_pcp: nearest neighbours of every node
+  SpringLaw spring_law = SpringLaw::Hooke;
+  double spring_damping = 0;  ///< k_d of every independent spring (N s/m)
+  double link_share = 0;      ///< of the material that the network's links stand for beside coupled springs
+  std::string calibration = "node_averaged";  ///< name of the spring model
+  MassMatrix mass =
+      MassMatrix::Consistent;  ///< of coupled springs in all but explicit steps; all else is lumped
+};
+
+struct ReferenceOptions {
+  ElasticLaw law = ElasticLaw::SmallStrain;
+  int degree = 2;                       ///< polynomial degree of the displacement, 1 or 2
+  std::optional<double> interior_size;  ///< m; from the surface's edges if absent
+  int refine = 0;                       ///< uniform refinements of the tetrahedra
+  MassMatrix mass = MassMatrix::Consistent;
+  /// Of the generalised-alpha method: what is left per step of the highest frequencies, in [0, 1]; absent:
+  /// Newmark's average acceleration, which damps none.
+  std::optional<double> spectral_radius;
+  bool inertia_relief = false;  ///< static: inertia balances loads that drive free rigid motions
+  double tolerance = 1e-13;     ///< static, small strain: of the residual, relative to the load
+};
+
+struct ComparisonOptions {
+  std::vector<std::string> calibrations;  ///< spring models to run beside network.calibration
+};
+
+struct OutputOptions {
+  int frames_every = 1;  ///< load or time steps between frames; 0: none but the last
+  bool curves = true;
+  std::vector<std::string> fields{"displacement", "velocity"};
+};
+
+/// The film of the deflation played backwards is an inflation [paper 4].
+struct PlaybackOptions {
+  std::string warp;         ///< of time; "": no film
+  bool is_reversed = true;  ///< the end comes first
+  double seconds = 4;       ///< of the film
+  double fps = 25;          ///< 1/s
+  Curve points;             ///< of a custom warp: [[share of the film, share of the simulation], ...]
+  std::string expression;   ///< or the same in t
+};
+
+struct Scene {
+  std::string name;
+  SurfaceSource surface;
+  Material material;
+  std::optional<Eigen::Vector3d> gravity;  ///< m/s2
+  std::vector<Support> supports;
+  std::vector<Load> loads;
+  std::optional<Collapse> collapse;
+  std::optional<VolumeForces> volume;
+  std::optional<Skin> skin;
+  std::vector<Obstacle> obstacles;
+  SelfContact self_contact;
+  TimeOptions time;
+  NetworkOptions network;
+  ReferenceOptions reference;
+  ComparisonOptions comparison;
+  PlaybackOptions playback;
+  OutputOptions output;
+};
+
+/// The sum of a polynomial stress field's terms at x (Pa).
+Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vector3d& x);
+
+/// Reads a scene with `overrides` in place: "material.nu=0.3", "loads.0.pressure=5", the value in TOML or
+/// else a string. Paths are relative to the scene file, in overrides to the current folder, and absolute in
+/// the result.
+/// @throws std::runtime_error naming file, line, key, value found, what is allowed and the nearest known key.
+Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
+
+/// Steps of a length (s) to time.end: at least one, and the last may end beyond it.
+/// @throws std::runtime_error with their number when an int does not hold it.
+int n_steps(const TimeOptions& time, double step);
+
+/// The scene with every default filled in and every key explained, as TOML that read_scene accepts.
+std::string to_toml(const Scene& scene);
+
+/// The scene's surface: file or generated shape, scaled, checked to be closed and oriented outward.
+/// @throws std::runtime_error when it cannot be read or is not closed.
+SurfaceMesh load_surface(const SurfaceSource& source);
+
+/// Indices (ascending) of the surface vertices in the region.
+std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface);
+/// Indices (ascending) of the triangles with all three vertices in the region.
+std::vector<int> triangles_in(const Region& region, const SurfaceMesh& surface);
+
+}  // namespace testbed::meshing

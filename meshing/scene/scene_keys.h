@@ -1,0 +1,302 @@
+// The scene file's one table: key, place, what is allowed, meaning. The reader and the writer of scenes both
+// walk it.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "meshing/scene/scene.h"
+#include "meshing/surface/shapes.h"
+
+namespace testbed::meshing {
+
+/// What a number may be, in words and as a test.
+struct Range {
+  const char* expected;
+  bool (*holds)(double);
+};
+inline const Range kAny{"a number", [](double) { return true; }};
+inline const Range kPositive{"> 0", [](double x) { return x > 0; }};
+inline const Range kNotNegative{">= 0", [](double x) { return x >= 0; }};
+inline const Range kPoisson{"in (-1, 0.5)", [](double x) { return x > -1 && x < 0.5; }};
+inline const Range kFraction{"in [0, 1)", [](double x) { return x >= 0 && x < 1; }};
+inline const Range kAtLeastOne{">= 1", [](double x) { return x >= 1; }};
+inline const Range kAtLeastThree{">= 3", [](double x) { return x >= 3; }};
+inline const Range kUpToOne{"in [0, 1]", [](double x) { return x >= 0 && x <= 1; }};
+inline const Range kDegree{"1 or 2", [](double x) { return x == 1 || x == 2; }};
+
+inline const std::vector<std::string> kTimeModes{"static", "dynamic"};
+inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic_euler", "rk4",
+                                                   "implicit_euler", "minimising_euler", "midpoint",
+                                                   "bdf2",           "tr_bdf2"};
+inline const std::vector<std::string> kKrylov{"cg", "bicgstab"};
+inline const std::vector<std::string> kSamplings{"darts", "relaxed", "graded", "mesher"};
+inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
+                                                      "delaunay", "pcp",     "completed_pcp"};
+inline const std::vector<std::string> kSpringLaws{"hooke", "definite"};
+inline const std::vector<std::string> kLaws{"small_strain", "st_venant_kirchhoff", "neo_hookean"};
+inline const std::vector<std::string> kMasses{"consistent", "lumped"};
+inline const std::vector<std::string> kWarps{"constant", "elastic", "explode", "custom"};
+inline const std::vector<std::string> kFields{"displacement", "velocity"};
+
+/// The times in front ascend.
+template <class Rows>
+bool is_ascending(const Rows& rows) {
+  for (size_t i = 1; i < rows.size(); ++i)
+    if (!(rows[i - 1](0) < rows[i](0))) return false;
+  return true;
+}
+
+/// Of a degree that both solvers integrate exactly.
+inline bool is_polynomial(const std::vector<StressTerm>& terms) {
+  return std::all_of(terms.begin(), terms.end(), [](const StressTerm& term) {
+    const Eigen::Array3d exponents = term.head<3>();
+    return (exponents >= 0).all() && (exponents == exponents.floor()).all() && exponents.sum() <= 3;
+  });
+}
+
+template <class V>
+void describe(V& v, Everywhere&) {}
+
+template <class V>
+void describe(V& v, Box& box) {
+  v.required("low", box.low, kAny, "corner (m)");
+  v.required("high", box.high, kAny, "opposite corner (m)");
+  v.check("high", (box.low.array() <= box.high.array()).all(), "no component below low");
+}
+
+template <class V>
+void describe(V& v, HalfSpace& half) {
+  v.required("point", half.point, kAny, "on the plane (m)");
+  v.required("normal", half.normal, kAny, "out of the half space");
+  v.check("normal", half.normal.norm() > 0, "a vector other than zero");
+}
+
+template <class V>
+void describe(V& v, Ball& ball) {
+  v.required("center", ball.centre, kAny, "m");
+  v.required("radius", ball.radius, kPositive, "m");
+}
+
+template <class V>
+void describe(V& v, Capsule& capsule) {
+  v.required("a", capsule.a, kAny, "end of its axis (m)");
+  v.required("b", capsule.b, kAny, "other end (m)");
+  v.required("radius", capsule.radius, kPositive, "m");
+}
+
+template <class V>
+void describe(V& v, ClosedMesh& mesh) {
+  v.path("file", mesh.file, "closed surface, as in [surface]");
+}
+
+template <class V>
+void describe(V& v, Region& region) {
+  v.template alternative<Box>("box", region.shape);
+  v.template alternative<HalfSpace>("plane", region.shape);
+  v.template alternative<Ball>("sphere", region.shape);
+  v("relative", region.relative, "in fractions of the bounding box");
+}
+
+template <class V>
+void describe(V& v, SurfaceSource& s) {
+  v.path("file", s.file, "closed surface: .obj .off .ply .stl .vtp .vtu, relative to this file");
+  v.choice("shape", s.shape, shape_names(),
+           "or a generated one: ball, hollow_ball, torus, bar, handle, head");
+  v("n_vertices", s.n_vertices, kAtLeastOne, "of a generated shape, about");
+  v("size", s.size, kNotNegative, "bounding box of a generated shape (m), 0: its own");
+  v("scale", s.scale, kPositive, "factor on all coordinates");
+  v("normalise", s.normalise, "scale so that the bounding box's smallest side is 1 m, centre at the origin");
+}
+
+template <class V>
+void describe(V& v, Material& m) {
+  v("E", m.E, kPositive, "Young's modulus (Pa)");
+  v("nu", m.nu, kPoisson, "Poisson's ratio");
+  v("rho", m.rho, kPositive, "density (kg/m3)");
+  v("damping", m.damping, kNotNegative, "mass-proportional damping (1/s)");
+  v("damping_ratio", m.damping_ratio, kNotNegative,
+    "of the lowest vibration, over critical, by mass-proportional damping as well");
+  v("stiffness_damping", m.stiffness_damping, kNotNegative,
+    "stiffness-proportional damping (s), elements only");
+}
+
+template <class V>
+void describe(V& v, Support& s) {
+  v.inline_table("region", s.region, "which surface nodes");
+  v.components("components", s.fixed, "prescribed components");
+  v("displacement", s.displacement, kAny, "theirs at full load, or at the end (m)");
+  v("motion", s.motion, kAny, "theirs over time instead [[s, m, m, m], ...]; static scenes: load factor");
+  v.check("motion", is_ascending(s.motion), "ascending times");
+  v.check("motion", s.motion.empty() || s.displacement.isZero(0), "no displacement besides");
+}
+
+template <class V>
+void describe(V& v, Load& l) {
+  v.inline_table("region", l.region, "triangles with three nodes inside");
+  v("pressure", l.pressure, kAny, "against the outward normal (Pa)");
+  v("traction", l.traction, kAny, "Pa");
+  v("stress", l.stress, kAny,
+    "traction = stress times outward normal, the sum of terms x^i y^j z^k: [[i, j, k, xx, yy, zz, yz, xz, "
+    "xy], "
+    "...] (Pa)");
+  v.check("stress", is_polynomial(l.stress), "whole exponents i, j, k from 0, their sum at most 3");
+  v("follower", l.is_follower, "pressure acts on the deformed surface");
+}
+
+template <class V>
+void describe(V& v, Pivot& p) {
+  v.required("point", p.point, kAny, "m");
+  v("motion", p.motion, kAny, "translation from there [[s, m, m, m], ...]");
+  v.check("motion", is_ascending(p.motion), "ascending times");
+  v("start", p.start, kNotNegative, "s; static scenes: load factor");
+  v("end", p.end, kPositive, "s");
+}
+
+template <class V>
+void describe(V& v, Collapse& c) {
+  v("coefficient", c.coefficient, kFraction, "depletion R of rest lengths in a second; static: at full load");
+  v("per_step", c.is_per_step, "deplete by R in a step, whatever its length");
+  v("surface", c.surface, "springs along the surface collapse too; else it wrinkles or relaxes");
+  v("least", c.least, kUpToOne, "fraction of its rest length to which a spring collapses at most");
+  v.list("pivots", c.pivots);
+}
+
+template <class V>
+void describe(V& v, VolumeForces& f) {
+  v("coefficient", f.coefficient, kNotNegative, "P, of the enclosed volume (Pa)");
+  v("local", f.local, kNotNegative, "of every tetrahedron (Pa)");
+  v("target", f.target, kPositive,
+    "[[s, volume over that at rest], ...]; absent: 1, or what a collapse leaves");
+  v.check("target", is_ascending(f.target), "ascending times");
+}
+
+template <class V>
+void describe(V& v, Skin& s) {
+  v("stiffness", s.stiffness, kNotNegative, "of the membrane: thickness times Young's modulus (N/m)");
+  v("bending", s.bending, kNotNegative, "k_b (J)");
+  v("relaxation", s.relaxation, kFraction, "R': part of a rest length lost in a second where bent most");
+}
+
+template <class V>
+void describe(V& v, Obstacle& o) {
+  v.template alternative<HalfSpace>("plane", o.shape);
+  v.template alternative<Ball>("sphere", o.shape);
+  v.template alternative<Box>("box", o.shape);
+  v.template alternative<Capsule>("capsule", o.shape);
+  v.template alternative<ClosedMesh>("mesh", o.shape);
+  v.needs_alternative("plane, sphere, box, capsule or mesh");
+  v("motion", o.motion, kAny, "translation [[s, m, m, m], ...]");
+  v.check("motion", is_ascending(o.motion), "ascending times");
+  v("friction", o.friction, kNotNegative, "Coulomb's coefficient");
+}
+
+template <class V>
+void describe(V& v, SelfContact& c) {
+  v("on", c.is_on, "the surface does not pass through itself");
+  v("thickness", c.thickness, kPositive, "distance that it keeps (m); absent: from its edges");
+}
+
+template <class V>
+void describe(V& v, TimeOptions& t) {
+  v.choice("mode", t.mode, kTimeModes, "static (loads grow in load_steps) or dynamic");
+  v("load_steps", t.load_steps, kAtLeastOne, "steps to full load of a static scene");
+  v("step", t.step, kNotNegative, "s, of a dynamic scene; 0 chooses one");
+  v("end", t.end, kPositive, "s, of a dynamic scene");
+  v.choice("integrator", t.integrator, kIntegrators,
+           "dynamic: explicit_euler, symplectic_euler, rk4; implicit_euler (linearised), minimising_euler, "
+           "midpoint, bdf2, tr_bdf2");
+  v("tolerance", t.tolerance, kNotNegative,
+    "divide steps so that each part errs by this fraction of the body's size; 0: never");
+  v("sleep_below", t.sleep_below, kNotNegative, "m/s: a body that stays slower is not stepped; 0: never");
+  v("volume_gradient", t.volume_gradient, "implicit_euler: volume forces change within a step");
+  v("bend_gradient", t.bend_gradient, "implicit_euler: bending forces change within a step");
+  v.choice("linear_solver", t.linear_solver, kKrylov, "implicit_euler: cg or bicgstab");
+}
+
+template <class V>
+void describe(V& v, NetworkOptions& n) {
+  v("phi", n.phi, kPositive, "least distance of internal nodes (normalised box); absent: from the surface");
+  v("psi", n.psi, kPositive, "least distance to the surface (normalised box); absent: from the surface");
+  v("k", n.k, kNotNegative, "internal nodes wanted; absent: as many as fit");
+  v("multiplicity", n.multiplicity, kAtLeastThree, "springs projected by each white node");
+  v("seed", n.seed, kNotNegative, "of the random nodes");
+  v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed, graded, mesher");
+  v("spacing", n.spacing, kPositive, "mesher: edges inside over the surface's nearby, less in thin bodies");
+  v.choice("connectivity", n.connectivity, kConnectivities,
+           "surface, central, complete, delaunay, pcp, completed_pcp");
+  v("neighbours", n.neighbours, kAtLeastOne, "completed_pcp: nearest neighbours of every node");
+  v("calibration", n.calibration, "name of the spring model");
+  v.choice("mass", n.mass, kMasses,
+           "of coupled springs: consistent, spread over the tetrahedra (but in explicit steps), or lumped");
+  v.choice("spring_law", n.spring_law, kSpringLaws,
+           "of independent springs in compression: hooke, or definite, which no force flattens");
+  v("link_share", n.link_share, kFraction,
+    "of the material's shear stiffness that the network's links have beside coupled springs");
+  v("spring_damping", n.spring_damping, kNotNegative, "k_d of independent springs (N s/m)");
+}
+
+template <class V>
+void describe(V& v, ReferenceOptions& r) {
+  v.choice("law", r.law, kLaws, "small_strain, or at finite strain st_venant_kirchhoff or neo_hookean");
+  v("degree", r.degree, kDegree, "of the displacement's polynomials");
+  v("interior_size", r.interior_size, kPositive, "edge length inside (m); absent: from the surface");
+  v("refine", r.refine, kNotNegative, "times every tetrahedron is split in eight");
+  v.choice("mass", r.mass, kMasses, "consistent or lumped mass matrix");
+  v("spectral_radius", r.spectral_radius, kUpToOne,
+    "of generalised-alpha at the highest frequencies; absent: Newmark, which damps none");
+  v("inertia_relief", r.inertia_relief, "static: inertia balances loads that drive free rigid motions");
+  v("tolerance", r.tolerance, kPositive, "static, small strain: of the residual, relative to the load");
+}
+
+template <class V>
+void describe(V& v, ComparisonOptions& c) {
+  v("calibrations", c.calibrations, "spring models run beside network.calibration");
+}
+
+template <class V>
+void describe(V& v, OutputOptions& o) {
+  v("frames_every", o.frames_every, kNotNegative, "steps between frames; 0: only the last");
+  v("curves", o.curves, "write curves.csv");
+  v.choice("fields", o.fields, kFields, "in the frames: displacement, velocity");
+}
+
+template <class V>
+void describe(V& v, PlaybackOptions& p) {
+  v.choice("warp", p.warp, kWarps, "of time: constant, elastic, explode, custom; \"\": no film");
+  v("reversed", p.is_reversed, "the end first: deflation becomes inflation");
+  v("seconds", p.seconds, kPositive, "s, length of the film");
+  v("fps", p.fps, kPositive, "1/s, frames");
+  v("points", p.points, kUpToOne, "of custom: [[share of film, share of simulation], ...]");
+  v.check("points", is_ascending(p.points), "ascending times");
+  v("expression", p.expression, "of custom: share of simulation as a function of t");
+}
+
+template <class V>
+void describe(V& v, Scene& s) {
+  v("name", s.name, "of the output folder");
+  v("gravity", s.gravity, kAny, "m/s2");
+  v.table("surface", s.surface);
+  v.table("material", s.material);
+  v.list("supports", s.supports);
+  v.list("loads", s.loads);
+  v.table("collapse", s.collapse);
+  v.table("volume", s.volume);
+  v.table("skin", s.skin);
+  v.list("obstacles", s.obstacles);
+  v.table("self_contact", s.self_contact);
+  v.table("time", s.time);
+  v.table("network", s.network);
+  v.table("reference", s.reference);
+  v.table("comparison", s.comparison);
+  v.table("playback", s.playback);
+  v.table("output", s.output);
+}
+
+/// Shortest decimal digits that give x again, as a TOML float.
+std::string toml_text(double x);
+/// A TOML string in quotes.
+std::string toml_text(const std::string& text);
+
+}  // namespace testbed::meshing

@@ -1,0 +1,85 @@
+// Where a scene meets its surface: loading it, and picking parts of it.
+#include "meshing/scene/scene.h"
+#include "meshing/surface/shapes.h"
+#include "meshing/surface/surface.h"
+#include "meshing/surface/surface_io.h"
+
+namespace testbed::meshing {
+namespace {
+
+bool is_inside(const Everywhere&, const Eigen::Vector3d&, double) {
+  return true;
+}
+bool is_inside(const Box& box, const Eigen::Vector3d& x, double slack) {
+  return ((x - box.low).array() >= -slack).all() && ((box.high - x).array() >= -slack).all();
+}
+bool is_inside(const HalfSpace& half, const Eigen::Vector3d& x, double slack) {
+  return (x - half.point).dot(half.normal.normalized()) <= slack;
+}
+bool is_inside(const Ball& ball, const Eigen::Vector3d& x, double slack) {
+  return (x - ball.centre).norm() <= ball.radius + slack;
+}
+
+using Shape = decltype(Region::shape);
+
+Shape absolute(const Everywhere& everywhere, const Eigen::Vector3d&, const Eigen::Vector3d&) {
+  return everywhere;
+}
+Shape absolute(const Box& box, const Eigen::Vector3d& low, const Eigen::Vector3d& extent) {
+  return Box{low + extent.cwiseProduct(box.low), low + extent.cwiseProduct(box.high)};
+}
+Shape absolute(const HalfSpace& half, const Eigen::Vector3d& low, const Eigen::Vector3d& extent) {
+  return HalfSpace{low + extent.cwiseProduct(half.point), half.normal};
+}
+Shape absolute(const Ball& ball, const Eigen::Vector3d& low, const Eigen::Vector3d& extent) {
+  return Ball{low + extent.cwiseProduct(ball.centre), ball.radius * extent.minCoeff()};
+}
+
+std::vector<bool> membership(const Region& region, const SurfaceMesh& surface) {
+  const Eigen::Vector3d low = surface.X.rowwise().minCoeff();
+  const Eigen::Vector3d extent = surface.X.rowwise().maxCoeff() - low;
+  const auto shape =
+      region.relative
+          ? std::visit([&](const auto& s) -> Shape { return absolute(s, low, extent); }, region.shape)
+          : region.shape;
+  constexpr double kSlack = 1e-9;  // of the bounding box: a vertex placed on the region's boundary is inside
+  std::vector<bool> is_member(surface.X.cols());
+  for (int i = 0; i < surface.X.cols(); ++i)
+    is_member[i] = std::visit(
+        [&](const auto& s) { return is_inside(s, surface.X.col(i), kSlack * extent.norm()); }, shape);
+  return is_member;
+}
+
+}  // namespace
+
+SurfaceMesh load_surface(const SurfaceSource& source) {
+  SurfaceMesh surface = source.file.empty() ? make_shape(source.shape, source.n_vertices, source.size)
+                                            : read_surface(source.file);
+  check_closed(surface, source.file.empty() ? source.shape : source.file);
+  surface.X *= source.scale;
+  if (source.normalise) {
+    const Eigen::Vector3d low = surface.X.rowwise().minCoeff(), high = surface.X.rowwise().maxCoeff();
+    surface.X.colwise() -= (low + high) / 2;
+    surface.X /= (high - low).minCoeff();
+  }
+  return surface;
+}
+
+std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface) {
+  const std::vector<bool> is_member = membership(region, surface);
+  std::vector<int> vertices;
+  for (int i = 0; i < surface.X.cols(); ++i)
+    if (is_member[i]) vertices.push_back(i);
+  return vertices;
+}
+
+std::vector<int> triangles_in(const Region& region, const SurfaceMesh& surface) {
+  const std::vector<bool> is_member = membership(region, surface);
+  std::vector<int> triangles;
+  for (int f = 0; f < surface.F.cols(); ++f)
+    if (is_member[surface.F(0, f)] && is_member[surface.F(1, f)] && is_member[surface.F(2, f)])
+      triangles.push_back(f);
+  return triangles;
+}
+
+}  // namespace testbed::meshing

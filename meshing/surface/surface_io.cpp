@@ -1,0 +1,157 @@
+// Readers of our own but for VTK's files: VTK's return float32, split vertices at OBJ normals and know no
+// OFF.
+#include "meshing/surface/surface_io.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <sstream>
+#include <stdexcept>
+
+#include "meshing/base/files.h"
+#include "meshing/surface/surface_readers.h"
+
+namespace testbed::meshing {
+
+namespace {
+
+std::string lower_extension(const std::filesystem::path& file) {
+  std::string extension = file.extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return extension;
+}
+
+/// First point with the same position, for each point.
+std::vector<int> first_equals(const std::vector<Eigen::Vector3d>& points) {
+  std::vector<int> order(points.size()), first(points.size());
+  std::iota(order.begin(), order.end(), 0);
+  auto key = [&](int i) { return std::tuple(points[i][0], points[i][1], points[i][2]); };
+  std::sort(order.begin(), order.end(),
+            [&](int i, int j) { return std::pair(key(i), i) < std::pair(key(j), j); });
+  for (size_t o = 0; o < order.size(); ++o)
+    first[order[o]] = o > 0 && key(order[o - 1]) == key(order[o]) ? first[order[o - 1]] : order[o];
+  return first;
+}
+
+SurfaceMesh merge_equal_points(const PolygonSoup& soup, int& n_merged) {
+  const std::vector<int> first = first_equals(soup.points);
+  std::vector<int> new_index(first.size());
+  SurfaceMesh mesh{Eigen::Matrix3Xd(3, soup.points.size()), Eigen::Matrix3Xi(3, soup.triangles.size())};
+  int n = 0;
+  for (size_t i = 0; i < first.size(); ++i)
+    if (first[i] == static_cast<int>(i)) {
+      new_index[i] = n;
+      mesh.X.col(n++) = soup.points[i];
+    } else {
+      new_index[i] = new_index[first[i]];
+    }
+  mesh.X.conservativeResize(3, n);
+  n_merged = static_cast<int>(first.size()) - n;
+  for (size_t f = 0; f < soup.triangles.size(); ++f)
+    mesh.F.col(f) = soup.triangles[f].unaryExpr([&](int v) { return new_index[v]; });
+  return mesh;
+}
+
+}  // namespace
+
+template <class Number>
+static std::optional<Number> parse(std::string_view token) {
+  if (!token.empty() && token.front() == '+') token.remove_prefix(1);
+  Number value{};
+  const auto [end, error] = std::from_chars(token.data(), token.data() + token.size(), value);
+  if (error != std::errc{} || end != token.data() + token.size()) return {};
+  return value;
+}
+
+std::optional<double> parse_double(std::string_view token) {
+  return parse<double>(token);
+}
+std::optional<long> parse_integer(std::string_view token) {
+  return parse<long>(token);
+}
+
+TextLines::TextLines(std::string_view text, std::string name) : text_(text), name_(std::move(name)) {
+  constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+  if (text_.substr(0, 3) == byte_order_mark) text_.remove_prefix(3);
+}
+
+bool TextLines::next() {
+  while (!text_.empty()) {
+    const size_t end = text_.find_first_of("\r\n");
+    line_ = text_.substr(0, end);
+    ++number_;
+    if (end == std::string_view::npos)
+      text_ = {};
+    else
+      text_.remove_prefix(end + (text_.substr(end, 2) == "\r\n" ? 2 : 1));
+    line_ = line_.substr(0, line_.find('#'));
+    if (line_.find_first_not_of(" \t\v\f") != std::string_view::npos) return true;
+  }
+  line_ = {};
+  return false;
+}
+
+std::string_view TextLines::token() {
+  line_.remove_prefix(std::min(line_.find_first_not_of(" \t\v\f"), line_.size()));
+  const std::string_view found = line_.substr(0, line_.find_first_of(" \t\v\f"));
+  line_.remove_prefix(found.size());
+  return found;
+}
+
+double TextLines::number() {
+  const std::string_view found = token();
+  const auto value = parse_double(found);
+  if (!value || !std::isfinite(*value)) fail("'" + std::string(found) + "', expected a finite number");
+  return *value;
+}
+
+long TextLines::integer() {
+  const std::string_view found = token();
+  const auto value = parse_integer(found);
+  if (!value) fail("'" + std::string(found) + "', expected a whole number");
+  return *value;
+}
+
+void TextLines::fail(const std::string& message) const {
+  throw std::runtime_error(name_ + ":" + std::to_string(number_) + ": " + message);
+}
+
+SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report) {
+  const std::string extension = lower_extension(file), name = file.string(), bytes = read_file(file);
+  const std::map<std::string, PolygonSoup (*)(std::string_view, const std::string&)> readers{
+      {".obj", read_obj}, {".off", read_off}, {".ply", read_ply},
+      {".stl", read_stl}, {".vtp", read_vtp}, {".vtu", read_vtu}};
+  const auto reader = readers.find(extension);
+  if (reader == readers.end())
+    throw std::runtime_error(name + ": extension '" + extension +
+                             "', expected .obj, .off, .ply, .stl, .vtp or .vtu");
+  const PolygonSoup soup = reader->second(bytes, name);
+  for (size_t i = 0; i < soup.points.size(); ++i)
+    if (!soup.points[i].allFinite())
+      throw std::runtime_error(name + ": vertex " + std::to_string(i) +
+                               " has a coordinate that is not finite");
+  if (soup.triangles.empty()) throw std::runtime_error(name + ": no triangles, expected a surface");
+  ReadReport own;
+  return merge_equal_points(soup, (report ? *report : own).n_merged);
+}
+
+void write_surface(const std::filesystem::path& file, const SurfaceMesh& surface) {
+  const std::string extension = lower_extension(file);
+  if (extension != ".obj" && extension != ".off")
+    throw std::runtime_error(file.string() + ": extension '" + extension + "', expected .obj or .off");
+  const bool is_obj = extension == ".obj";
+  std::ostringstream text;
+  text.precision(std::numeric_limits<double>::max_digits10);
+  if (!is_obj) text << "OFF\n" << surface.X.cols() << ' ' << surface.F.cols() << " 0\n";
+  for (const auto& x : surface.X.colwise())
+    text << (is_obj ? "v " : "") << x[0] << ' ' << x[1] << ' ' << x[2] << '\n';
+  const int base = is_obj ? 1 : 0;
+  for (const auto& f : surface.F.colwise())
+    text << (is_obj ? "f " : "3 ") << f[0] + base << ' ' << f[1] + base << ' ' << f[2] + base << '\n';
+  write_file(file, text.str());
+}
+
+}  // namespace testbed::meshing

@@ -1,0 +1,23 @@
+// Surface files in and out.
+#pragma once
+
+#include <filesystem>
+
+#include "meshing/base/mesh.h"
+
+namespace testbed::meshing {
+
+struct ReadReport {
+  int n_merged = 0;  ///< vertices dropped because an earlier one has the same position (texture seams, STL)
+};
+
+/// Reads OBJ, OFF, PLY, STL, VTP or VTU in double precision. Vertices keep the file's order; those at equal
+/// positions are merged into the first. Polygons are cut into triangles.
+/// @throws std::runtime_error with file, line (text formats), value found and expected.
+SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report = nullptr);
+
+/// Writes OBJ or OFF, by the file's extension, with all digits of a double.
+/// @throws std::runtime_error when the extension is another or the file cannot be written.
+void write_surface(const std::filesystem::path& file, const SurfaceMesh& surface);
+
+}  // namespace testbed::meshing

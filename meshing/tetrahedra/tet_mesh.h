@@ -1,0 +1,23 @@
+// Measures and checks of tetrahedra.
+#pragma once
+
+#include "meshing/base/mesh.h"
+
+namespace testbed::meshing {
+
+/// Signed volume (m3): positive when corners 1, 2, 3 turn clockwise seen from corner 0.
+double tet_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet);
+
+/// @throws std::runtime_error unless the surface's vertices are the mesh's first nodes bit for bit, every
+/// volume is positive, they add up to the surface's, and the boundary faces are its triangles.
+void check_tetrahedra(const TetMesh& mesh, const SurfaceMesh& surface);
+
+struct TetQuality {
+  double min_dihedral;      ///< degrees; 70.5 in a regular tetrahedron
+  double min_radius_ratio;  ///< three times inscribed over circumscribed radius; 1 in a regular one
+  double mean_radius_ratio;
+  int n_slivers;  ///< 6 sqrt(2) V / (longest edge)^3 < 0.05; 1 in a regular one
+};
+TetQuality tet_quality(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T);
+
+}  // namespace testbed::meshing

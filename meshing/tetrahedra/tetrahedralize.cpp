@@ -1,0 +1,101 @@
+#include "meshing/tetrahedra/tetrahedralize.h"
+
+#include <algorithm>
+#include <array>
+#include <sstream>
+#include <stdexcept>
+
+#include "meshing/base/child_process.h"
+#include "meshing/surface/surface.h"
+#include "meshing/surface/surface_check.h"
+#include "meshing/surface/surface_faults.h"
+#include "meshing/tetrahedra/interior_size.h"
+#include "meshing/tetrahedra/tet_mesh.h"
+#include "meshing/tetrahedra/tet_worker.h"
+
+namespace testbed::meshing {
+
+namespace {
+
+/// A mesher and its settings.
+struct Attempt {
+  std::string name, worker, algorithm, angle_tolerance;
+};
+
+/// In the order in which they are tried. HXT comes last: on the long thin triangles of CAD parts, where
+/// Delaunay fails, it takes a hundred times as long as tetgen.
+const std::array<Attempt, 4> attempts = {
+    {{"gmsh, Delaunay", "gmsh_worker", "1", "0.1"},
+     {"gmsh, Delaunay, facets as close as 0.001 degrees", "gmsh_worker", "1", "0.001"},
+     {"tetgen", "tetgen_worker", "0", "0"},
+     {"gmsh, HXT", "gmsh_worker", "10", "0.001"}}};
+
+void refuse_crossings(const SurfaceMesh& surface) {
+  const auto pairs = self_intersections(surface);
+  if (pairs.empty()) return;
+  std::string text;
+  for (size_t p = 0; p < std::min<size_t>(pairs.size(), 3); ++p)
+    text += (p ? ", " : "") + std::to_string(pairs[p].first) + " and " + std::to_string(pairs[p].second) +
+            " at vertex " + vertex_text(surface, surface.F(0, pairs[p].first));
+  throw std::runtime_error("surface to tetrahedralize: " + std::to_string(pairs.size()) +
+                           " pairs of triangles intersect: " + text);
+}
+
+/// The lines of a mesher's output that tell why and where it failed.
+std::string messages_in(const std::string& output) {
+  constexpr int most_lines = 6;
+  std::istringstream lines(output);
+  std::string messages;
+  int n = 0;
+  for (std::string line; std::getline(lines, line);)
+    for (const char* word : {"Error", "rror:", "ssert", "overlap", "intersect"})
+      if (line.find(word) != std::string::npos) {
+        if (n++ < most_lines) messages += "; " + line;
+        break;
+      }
+  return messages;
+}
+
+TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const TetOptions& options) {
+  const TemporaryFolder folder;
+  const std::string task = folder.path() / "task", nodes_file = folder.path() / "nodes";
+  write_task(task,
+             {surface, options.interior, options.size.size() > 0 ? options.size : vertex_spacing(surface),
+              options.interior_size.value_or(0)});
+  const ChildResult child =
+      run_child(program_folder() / attempt.worker,
+                {attempt.algorithm, attempt.angle_tolerance, task, nodes_file}, options.time_limit);
+  if (!child.is_success) throw std::runtime_error(child.ending + messages_in(child.output));
+  const TetNodes nodes = read_nodes(nodes_file);
+  TetMesh mesh{nodes.X, nodes.T, surface.F, static_cast<int>(surface.X.cols())};
+  try {
+    check_tetrahedra(mesh, surface);
+    const auto kept = mesh.X.middleCols(mesh.n_surface, options.interior.cols());
+    if (kept != options.interior) throw std::runtime_error("tetrahedra: interior points moved");
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(error.what() + messages_in(child.output));
+  }
+  return mesh;
+}
+
+}  // namespace
+
+TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, TetReport* report) {
+  check_closed(surface, "surface to tetrahedralize");
+  refuse_crossings(surface);  // meshers may fill overlapping solids one by one without a word
+  TetReport own;
+  TetReport& said = report ? *report : own;
+  said = {};
+  for (const Attempt& attempt : attempts) try {
+      TetMesh mesh = run_attempt(attempt, surface, options);
+      said.mesher = attempt.name;
+      return mesh;
+    } catch (const std::runtime_error& error) {
+      said.failures.push_back(attempt.name + ": " + error.what());
+    }
+  std::string all;
+  for (const std::string& failure : said.failures) all += "\n  " + failure;
+  throw std::runtime_error("no mesher fills the surface:" + all);
+}
+
+}  // namespace testbed::meshing

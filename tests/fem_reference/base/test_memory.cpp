@@ -1,0 +1,64 @@
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "fem_reference/base/memory.h"
+
+namespace testbed::fem {
+namespace {
+
+std::string refusal(std::int64_t n_tetrahedra, int refine, int degree, Memory kind, double available) {
+  try {
+    check_memory(n_tetrahedra, refine, degree, kind, available);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(CheckMemory, NamesWhatFits) {
+  constexpr double k4GiB = 4. * 1024 * 1024 * 1024;
+  EXPECT_EQ(refusal(50000, 1, 2, Memory::Iterations, k4GiB), "");
+  EXPECT_EQ(
+      refusal(50000, 2, 2, Memory::Iterations, k4GiB),
+      "reference.degree = 2, reference.refine = 2: 3.2e+06 tetrahedra need about 18 GiB, 4 GiB are free; "
+      "expected refine <= 1");
+  const std::string factor = refusal(100000, 0, 2, Memory::Factor, k4GiB);
+  EXPECT_NE(factor.find("at most 4.1e+04 tetrahedra"), std::string::npos) << factor;
+}
+
+TEST(CheckMemory, AdvisesLinearElementsWhereTheyAreNotYet) {
+  const std::string advice = " tetrahedra (a coarser surface, a larger reference.interior_size";
+  for (const auto& [degree, end] : {std::pair(1, advice + ")"), {2, advice + ", degree 1)"}}) {
+    const std::string what = refusal(100000, 0, degree, Memory::Factor, 0.3e9);
+    ASSERT_GE(what.size(), end.size()) << what;
+    EXPECT_EQ(what.substr(what.size() - end.size()), end);
+  }
+}
+
+// Measured with time.mode = "static" and "dynamic" on ball_pressure.toml (README).
+TEST(MemoryNeeded, IsThatMeasured) {
+  struct Run {
+    double n_tetrahedra;
+    int degree;
+    Memory kind;
+    double mebibyte;
+  };
+  for (const Run& run : {Run{1640704, 1, Memory::Iterations, 4604}, Run{312672, 2, Memory::Iterations, 1948},
+                         Run{205088, 2, Memory::Iterations, 1356}, Run{39084, 2, Memory::Factor, 3339},
+                         Run{16464, 2, Memory::Factor, 1374}, Run{87959, 1, Memory::Factor, 661}}) {
+    const double over = memory_needed(run.n_tetrahedra, run.degree, run.kind) / (run.mebibyte * 1024 * 1024);
+    EXPECT_GT(over, 0.95);
+    EXPECT_LT(over, 1.35);
+  }
+}
+
+TEST(MemoryAvailable, IsThatOfAMachine) {
+  EXPECT_GT(memory_available(), 1e7);
+  EXPECT_LT(memory_available(), 1e14);
+}
+
+}  // namespace
+}  // namespace testbed::fem

@@ -1,0 +1,150 @@
+// What the reference makes of a scene: loads against integrals over its box, supports against its
+// coordinates.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "fem_reference/solid/problem.h"
+#include "tests/fem_reference/tets.h"
+#include "tests/meshing/box_tets.h"
+
+namespace testbed::fem {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+constexpr double kRounding = 1e-12;
+
+/// Points on the end x = 2 of the box.
+Region far_end() {
+  return {HalfSpace{Vector3d(2, 0, 0), Vector3d(-1, 0, 0)}};
+}
+
+/// A box of 2 x 1 x 1 m, all of whose nodes are its surface's.
+struct Box211 {
+  TetMesh mesh = box_tets(2, 1, 1, 1);
+  Scene scene;
+  ElasticSolid solid(int degree, int refine) {
+    scene.reference.degree = degree;
+    scene.reference.refine = refine;
+    return assemble_scene(scene, {mesh.X, mesh.F}, mesh);
+  }
+};
+
+/// Force and torque about the origin of the assembled load.
+std::pair<Vector3d, Vector3d> resultant(const ElasticSolid& solid) {
+  const Eigen::VectorXd load = solid.load();
+  Vector3d force = Vector3d::Zero(), torque = force;
+  for (int i = 0; i < solid.X().cols(); ++i) {
+    force += load.segment<3>(3 * i);
+    torque += solid.X().col(i).cross(load.segment<3>(3 * i));
+  }
+  return {force, torque};
+}
+
+class Problem : public testing::TestWithParam<std::pair<int, int>>, protected Box211 {
+ protected:
+  ElasticSolid assembled() { return solid(GetParam().first, GetParam().second); }
+};
+INSTANTIATE_TEST_SUITE_P(DegreeAndRefinement, Problem,
+                         testing::Values(std::pair(1, 0), std::pair(2, 0), std::pair(1, 1), std::pair(2, 1)));
+
+TEST_P(Problem, WeighsWhatTheBoxDoes) {
+  scene.material.rho = 700;
+  scene.gravity = Vector3d(1, 2, -9);
+  const auto [force, torque] = resultant(assembled());
+  const Vector3d expected = 700 * 2 * *scene.gravity;
+  EXPECT_LT((force - expected).norm(), kRounding * expected.norm());
+  EXPECT_LT((torque - Vector3d(1, 0.5, 0.5).cross(expected)).norm(), kRounding * expected.norm());
+}
+
+// On the end x = 2 of normal (1, 0, 0): -p n + t, and the field sigma_xy = 6 y of column (0, 6 y, 0).
+TEST_P(Problem, SumsPressureTractionAndStressOverTheTrianglesOfTheirRegion) {
+  Load load;
+  load.region = far_end();
+  load.pressure = 5;
+  load.traction = {1, 2, 3};
+  StressTerm shear = StressTerm::Zero();
+  shear(1) = 1;
+  shear(8) = 6;
+  load.stress = {shear};
+  scene.loads = {load, load};
+  const auto [force, torque] = resultant(assembled());
+  const Vector3d even(1 - 5, 2, 3), sheared(0, 3, 0);  // N, at the centre of the end and at y = 2/3
+  const Vector3d arm(2, 0.5, 0.5), arm_of_shear(2, 2. / 3, 0.5);
+  EXPECT_LT((force - 2 * (even + sheared)).norm(), kRounding * force.norm());
+  EXPECT_LT((torque - 2 * (arm.cross(even) + arm_of_shear.cross(sheared))).norm(), kRounding * torque.norm());
+}
+
+TEST_P(Problem, HoldsEveryNodeOfARegionAndNoOther) {
+  Support support;
+  support.region = far_end();
+  support.fixed = {{true, false, true}};
+  scene.supports = {support};
+  const ElasticSolid solid = assembled();
+  std::set<std::pair<int, int>> expected, held;
+  for (int i = 0; i < solid.X().cols(); ++i)
+    if (solid.X()(0, i) == 2) expected.insert({{i, 0}, {i, 2}});
+  for (const HeldComponent& h : solid.held()) held.insert({h.node, h.component});
+  EXPECT_GT(held.size(), 0u);
+  EXPECT_EQ(held, expected);
+}
+
+TEST(ProblemOfAScene, MovesSupportsEvenlyToTheEndOrAlongTheirPath) {
+  Box211 box;
+  Support even, path;
+  even.region = path.region = far_end();
+  even.displacement = {0, 0.2, 0};
+  path.motion = {{0, 0, 0, 0}, {1, 0.4, 0, 0}, {3, 0, 0, 0}};
+  box.scene.supports = {even, path};
+  box.scene.time.end = 4;
+  for (TimeMode mode : {TimeMode::Static, TimeMode::Dynamic}) {
+    box.scene.time.mode = mode;
+    const ElasticSolid solid = box.solid(1, 0);
+    const int n = static_cast<int>(solid.held().size());
+    ASSERT_EQ(n, 2 * 3 * 4);
+    EXPECT_NEAR(solid.held_displacement(1, 0.5), 0.2 * 0.5 / (mode == TimeMode::Static ? 1 : 4), kRounding);
+    EXPECT_NEAR(solid.held_displacement(n / 2, 0.5), 0.2, kRounding);  // on its way to 0.4 m
+    EXPECT_NEAR(solid.held_displacement(n / 2, 2), 0.2, kRounding);    // and on its way back
+  }
+}
+
+// From pivots far away a body shrinks evenly. One that starts half-way has then done nothing, and its whole
+// part at the end; parts multiply.
+TEST(ProblemOfAScene, ShrinksAroundItsPivotsByTheProductOfTheirParts) {
+  constexpr double kFar = 1e7, kPart = 0.1, kEven = 1e-5;
+  Box211 box;
+  Collapse collapse;
+  collapse.coefficient = kPart * kFar;  // eq. 8 divides by 1 + distance over the smallest side, 1 m
+  collapse.pivots = {{Vector3d(kFar, 0, 0), {}, 0, {}}, {Vector3d(0, kFar, 0), {}, 0.5, {}}};
+  box.scene.collapse = collapse;
+  ElasticSolid solid = box.solid(2, 0);
+  for (const auto& [factor, length] : {std::pair(0.5, 1 - kPart / 2),
+                                       {0.75, (1 - 0.75 * kPart) * (1 - kPart / 2)},
+                                       {1.0, std::pow(1 - kPart, 2)}}) {
+    ASSERT_TRUE(solid.solve(factor).is_converged);
+    const Matrix3Xd expected = without_rigid_motion(solid.X(), (length - 1) * solid.X());
+    EXPECT_LT((without_rigid_motion(solid.X(), solid.displacement()) - expected).norm(),
+              kEven * expected.norm());
+  }
+}
+
+TEST(ProblemOfAScene, IsProportionalOnlyWhereItsSolutionIs) {
+  Scene scene;
+  EXPECT_TRUE(is_proportional(scene));
+  scene.collapse = Collapse{};
+  scene.collapse->pivots = {{Vector3d::Zero(), {}, 0, {}}};
+  EXPECT_TRUE(is_proportional(scene));
+  Scene later = scene, two = scene, finite = scene, moved = scene;
+  later.collapse->pivots[0].start = 0.5;
+  two.collapse->pivots.push_back(two.collapse->pivots[0]);
+  finite.reference.law = ElasticLaw::NeoHookean;
+  moved.supports.emplace_back();
+  moved.supports[0].motion = {{0, 0, 0, 0}};
+  for (const Scene& other : {later, two, finite, moved}) EXPECT_FALSE(is_proportional(other));
+}
+
+}  // namespace
+}  // namespace testbed::fem

@@ -1,0 +1,228 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "massspring/algebra/linear_solver.h"
+#include "tests/massspring/dense.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+constexpr double solver_tolerance = 1e-12, agreement = 1e-8;
+
+/// Chains of n nodes in all, their springs in three directions of stiffness k, and mass 1: hard for k large.
+BlockMatrix chain(int n, double k, int length = std::numeric_limits<int>::max()) {
+  Eigen::Matrix2Xi pairs(2, n - 1);
+  for (int i = 0; i + 1 < n; ++i) pairs.col(i) << i, i + 1;
+  BlockMatrix A = make_block_matrix(n, pairs);
+  for (int i = 0; i < n; ++i) A.block[A.diagonal[i]].setIdentity();
+  for (int i = 0; i + 1 < n; ++i) {
+    if ((i + 1) % length == 0) continue;
+    Eigen::Matrix3d B = Eigen::Matrix3d::Constant(k / 4);
+    B.diagonal().setConstant(k);
+    A.block[A.find(i, i)] += B;
+    A.block[A.find(i + 1, i + 1)] += B;
+    A.block[A.find(i, i + 1)] -= B;
+    A.block[A.find(i + 1, i)] -= B;
+  }
+  return A;
+}
+
+Eigen::VectorXd direct(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd& b) {
+  Eigen::MatrixXd D = g.reshaped() * g.reshaped().transpose();
+  for (int i = 0; i < A.rows(); ++i)
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
+      D.block<3, 3>(3 * i, 3 * A.column[k]) += A.block[k];
+  return D.llt().solve(b.reshaped());
+}
+
+LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd& positions) {
+  const auto rounded_product = [&A, A_rounded = rounded(A)](const Matrix3Xd* g, const PaddedField& p,
+                                                            PaddedField& y) {
+    y.setZero(4, p.cols());
+    if (g) {
+      PaddedField root;
+      pad(*g, 1, root);
+      add_scaled(static_cast<float>(dot(root, p)), root, y);
+    }
+    return add_product(A, A_rounded, p, y);
+  };
+  return {[&](const Matrix3Xd& p, Matrix3Xd& y) {
+            multiply(A, p, y);
+            y += g.cwiseProduct(p).sum() * g;
+          },
+          [&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(A, p, y); },
+          [=, &g](const PaddedField& p, PaddedField& y) { return rounded_product(&g, p, y); },
+          [=](const PaddedField& p, PaddedField& y) { return rounded_product(nullptr, p, y); },
+          [](Matrix3Xd&) {},
+          [](PaddedField&) {},
+          [&](std::vector<Eigen::Matrix3d>& diagonal) {
+            diagonal.clear();
+            for (int i : A.diagonal) diagonal.push_back(A.block[i]);
+          },
+          [&]() -> const BlockMatrix& { return A; },
+          &positions};
+}
+
+TEST(BlockCholesky, AgreesWithADenseSolveAlsoForBlocksThatAreNotSymmetricAndAfterAnUpdate) {
+  constexpr int n = 7;
+  BlockMatrix A = chain(n, 1);
+  std::optional<BlockCholesky> factor;
+  for (const std::uint64_t seed : {1, 2}) {
+    for (int i = 0; i + 1 < n; ++i) {
+      const Eigen::Matrix3d B = random_points(3, 1, 10 * seed + i);
+      A.block[A.find(i, i + 1)] = B;
+      A.block[A.find(i + 1, i)] = B.transpose();
+      A.block[A.find(i, i)].diagonal().array() += 10;
+    }
+    if (factor)
+      factor->update(A);
+    else
+      factor.emplace(A);
+    ASSERT_TRUE(factor->is_ok());
+    const Matrix3Xd b = random_points(n, 1, 3);
+    Matrix3Xd x;
+    factor->solve(b, x);
+    const Eigen::VectorXd exact = dense(A).llt().solve(b.reshaped());
+    EXPECT_LT((x.reshaped() - exact).norm(), solver_tolerance * exact.norm());
+  }
+}
+
+// Without rounding the residual is gone after as many iterations as the matrix has different eigenvalues.
+TEST(BiConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvalues) {
+  constexpr int n = 4;
+  constexpr double tolerance = 1e-9;  // rounding and the condition of the eigenvectors
+  const Eigen::Vector4d eigenvalues(1, 2, 4, 7);
+  Eigen::MatrixXd V = Eigen::MatrixXd::Identity(3 * n, 3 * n);
+  V += random_points(n * 3 * n, 0.2, 5).reshaped(3 * n, 3 * n);
+  const Eigen::MatrixXd A = V * eigenvalues.replicate(3, 1).asDiagonal() * V.inverse();
+  ASSERT_GT((A - A.transpose()).norm(), 1);
+  const Matrix3Xd b = random_points(n, 1, 2);
+  Matrix3Xd x = Matrix3Xd::Zero(3, n);
+  const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) { y = (A * p.reshaped()).reshaped(3, n); };
+  const auto precondition = [](const Matrix3Xd& r, Matrix3Xd& z) { z = r; };
+  const SolveReport report = bi_conjugate_gradients(product, precondition, b, x, tolerance, 100);
+  EXPECT_TRUE(report.is_converged);
+  EXPECT_EQ(report.iterations, eigenvalues.size());
+  EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), tolerance * b.norm());
+}
+
+TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {
+  constexpr int n = 500;  // enough for single precision
+  const Matrix3Xd b = random_points(n, 1, 2), g = random_points(n, 0.3, 3);
+  for (double k : {0.1, 1e5}) {
+    LinearSolver solver;
+    const BlockMatrix A = chain(n, k);
+    const Eigen::VectorXd exact = direct(A, g, b);
+    for (int repeat = 0; repeat < 2; ++repeat) {  // the second one with the factor, where that was chosen
+      Matrix3Xd x = Matrix3Xd::Zero(3, n);
+      EXPECT_TRUE(solver.solve(system_of(A, g, g), b, x, solver_tolerance).is_converged);
+      EXPECT_LT((x.reshaped() - exact).norm(), agreement * exact.norm()) << "k = " << k;
+    }
+  }
+}
+
+// Chains of 60 take too many iterations in single precision alone, and need no factor for that.
+TEST(LinearSolver, AgreesWithADirectSolveWhereSinglePrecisionDoesNotReach) {
+  constexpr int n = 600;
+  for (const auto& [length, k] : {std::pair(30, 1e7), std::pair(60, 1e6)}) {
+    const BlockMatrix A = chain(n, k, length);
+    const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+    Matrix3Xd exact, x = Matrix3Xd::Zero(3, n);
+    BlockCholesky(A).solve(b, exact);
+    LinearSolver solver;
+    EXPECT_TRUE(solver.solve(system_of(A, none, none), b, x, solver_tolerance).is_converged);
+    EXPECT_EQ(solver.choice().rfind("block Jacobi", 0), 0u) << solver.choice();
+    EXPECT_LT((x - exact).norm(), agreement * exact.norm());
+  }
+}
+
+TEST(LinearSolver, KeepsBlockJacobiWhereItIsFastAndAFactorWhereItIsNot) {
+  constexpr int n = 300;
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix weak = chain(n, 0.1), strong = chain(n, 1e5), stronger = chain(n, 1.1e5);
+  LinearSolver soft, stiff;
+  Matrix3Xd x = Matrix3Xd::Zero(3, n);
+  soft.solve(system_of(weak, none, none), b, x, solver_tolerance);
+  EXPECT_EQ(soft.choice().rfind("block Jacobi", 0), 0u) << soft.choice();
+  x.setZero();
+  const int slow = stiff.solve(system_of(strong, none, none), b, x, solver_tolerance).iterations;
+  EXPECT_EQ(stiff.choice().rfind("Cholesky", 0), 0u) << stiff.choice();
+  x.setZero();
+  const int fast = stiff.solve(system_of(stronger, none, none), b, x, solver_tolerance).iterations;
+  EXPECT_LT(fast, slow / 10);
+}
+
+TEST(LinearSolver, AFactorServesOnWhereConstraintsHaveComeSince) {
+  constexpr int n = 300;
+  const Matrix3Xd none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix A = chain(n, 1e5);
+  Matrix3Xd b = random_points(n, 1, 2), x = Matrix3Xd::Zero(3, n);
+  LinearSolver solver;
+  solver.solve(system_of(A, none, none), b, x, solver_tolerance);
+  ASSERT_EQ(solver.choice().rfind("Cholesky", 0), 0u) << solver.choice();
+
+  const std::vector<int> held{0, 120, 250};
+  const auto filter = [&](Matrix3Xd& y) {
+    for (int i : held) y.col(i).setZero();
+  };
+  LinearSystem system = system_of(A, none, none);
+  system.product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
+    multiply(A, p, y);
+    filter(y);
+  };
+  system.filter = filter;
+  filter(b);
+  x.setZero();
+  EXPECT_TRUE(solver.solve(system, b, x, solver_tolerance).is_converged);
+  Eigen::MatrixXd D = dense(A);
+  for (int i : held) {
+    D.middleRows<3>(3 * i).setZero();
+    D.middleCols<3>(3 * i).setZero();
+    D.block<3, 3>(3 * i, 3 * i).setIdentity();
+  }
+  const Eigen::VectorXd exact = D.llt().solve(b.reshaped());
+  EXPECT_LT((x.reshaped() - exact).norm(), agreement * exact.norm());
+}
+
+TEST(LinearSolver, DropsAFactorThatWearsOutSoonerThanItIsWorth) {
+  constexpr int n = 1500;
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix weak = chain(n, 0.1), strong = chain(n, 1e5);
+  LinearSolver worn, fresh;
+  Matrix3Xd x;
+  const auto iterations = [&](LinearSolver& solver, const BlockMatrix& A) {
+    x.setZero(3, n);
+    const SolveReport report = solver.solve(system_of(A, none, none), b, x, 1e-6);
+    EXPECT_TRUE(report.is_converged);
+    return report.iterations;
+  };
+  iterations(worn, strong);
+  EXPECT_EQ(worn.choice().rfind("Cholesky", 0), 0u) << worn.choice();
+  EXPECT_GT(iterations(worn, weak), 12);
+  EXPECT_EQ(worn.choice().rfind("block Jacobi", 0), 0u) << worn.choice();
+  EXPECT_EQ(iterations(worn, weak), iterations(fresh, weak));
+}
+
+TEST(LinearSolver, TakesMultigridWhereNodesAreTooManyToFactorise) {
+  constexpr int n = 40000;
+  Matrix3Xd x = Matrix3Xd::Zero(3, n), line = Matrix3Xd::Zero(3, n), exact;
+  line.row(0) = Eigen::RowVectorXd::LinSpaced(n, 0, n - 1);
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix A = chain(n, 1e5);
+  LinearSolver solver;
+  EXPECT_TRUE(solver.solve(system_of(A, none, line), b, x, solver_tolerance).is_converged);
+  EXPECT_EQ(solver.choice().rfind("multigrid", 0), 0u) << solver.choice();
+  BlockCholesky(A).solve(b, exact);  // a chain has no fill
+  EXPECT_LT((x - exact).norm(), agreement * exact.norm());
+}
+
+}  // namespace
+}  // namespace testbed::massspring

@@ -1,0 +1,105 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "massspring/algebra/conjugate_gradients.h"
+#include "massspring/algebra/multigrid.h"
+#include "massspring/calibrations/calibrate.h"
+#include "massspring/time/implicit_matrix.h"
+#include "tests/massspring/small_network.h"
+#include "tests/meshing/box_tets.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+constexpr double single_rounding = 1e-5;
+
+/// A cube of 1 m, m tetrahedra's edges wide, held on its underside: the system of a step of 0.1 s.
+struct Step {
+  MassSpringModel model;
+  Forces forces;
+  std::optional<Motion> motion;
+  std::optional<ImplicitMatrix> A;
+  std::vector<Eigen::Matrix3d> inverse;
+
+  Step(int m, const char* calibration) {
+    const TetMesh mesh = box_tets(m, m, m, 1. / m, 0.2);
+    model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface}, {1e6, 0.25, 1000, 0},
+                      find_calibration(calibration));
+    forces = no_forces(model);
+    for (int i = 0; i < mesh.X.cols(); ++i)
+      if (mesh.X(2, i) == mesh.X.row(2).minCoeff())
+        forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+    motion.emplace(model, forces);
+    A.emplace(*motion);
+    const State state = initial_state(model);
+    A->set(state, state.x, {1, 1e-2, 0.1}, Curvature::Projected);
+    A->system().diagonal(inverse);
+    for (Eigen::Matrix3d& block : inverse) block = block.inverse().eval();
+  }
+
+  Matrix3Xd right_side(std::uint64_t seed) const {
+    Matrix3Xd b = random_points(static_cast<int>(model.network.X.cols()), 1, seed);
+    filter(forces.constraints, b);
+    return b;
+  }
+};
+
+/// z of apply, widened, of a right-hand side of any size.
+void apply(Multigrid& multigrid, const LinearSystem& A, const Matrix3Xd& r, Matrix3Xd& z) {
+  PaddedField rounded_r, rounded_z;
+  pad(r, 1, rounded_r);
+  const double r_z = multigrid.apply(A, rounded_r, rounded_z);
+  EXPECT_NEAR(r_z, dot(rounded_r, rounded_z), single_rounding * r_z);
+  z = Matrix3Xd::Zero(3, r.cols());
+  add_unpadded(rounded_z, 1, z);
+}
+
+class MultigridOf : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(, MultigridOf, testing::Values("van_gelder", "edge_coupled", "node_averaged"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST_P(MultigridOf, IsSymmetricPositiveDefiniteAndKeepsConstraints) {
+  Step step(6, GetParam());
+  const LinearSystem A = step.A->system();
+  Multigrid multigrid(A, step.inverse);
+  multigrid.set_smoother(step.inverse);
+  const Matrix3Xd u = step.right_side(1), v = step.right_side(2);
+  Matrix3Xd Mu, Mv;
+  apply(multigrid, A, u, Mu);
+  apply(multigrid, A, v, Mv);
+  const double uMv = u.cwiseProduct(Mv).sum(), size = u.norm() * Mv.norm();
+  ASSERT_GT(std::abs(uMv), 1e-6 * size);
+  EXPECT_NEAR(v.cwiseProduct(Mu).sum(), uMv, single_rounding * size);
+  EXPECT_GT(u.cwiseProduct(Mu).sum(), 0);
+  for (const Constraint& c : step.forces.constraints) EXPECT_EQ(Mu.col(c.node), Eigen::Vector3d::Zero());
+}
+
+TEST_P(MultigridOf, IterationsHardlyGrowWithTheNodesWhereBlockJacobisDo) {
+  int iterations[2][2];
+  for (const int k : {0, 1}) {
+    Step step(k == 0 ? 5 : 15, GetParam());
+    const LinearSystem A = step.A->system();
+    Multigrid multigrid(A, step.inverse);
+    multigrid.set_smoother(step.inverse);
+    const Matrix3Xd b = step.right_side(3);
+    const auto solve = [&](const auto& precondition) {
+      Matrix3Xd x = Matrix3Xd::Zero(3, b.cols());
+      const SolveReport report = conjugate_gradients(A.product, precondition, b, x, 1e-8, 1000);
+      EXPECT_TRUE(report.is_converged);
+      return report.iterations;
+    };
+    iterations[k][0] = solve([&](const Matrix3Xd& r, Matrix3Xd& z) {
+      z.resizeLike(r);
+      for (int i = 0; i < r.cols(); ++i) z.col(i) = step.inverse[i] * r.col(i);
+    });
+    iterations[k][1] = solve([&](const Matrix3Xd& r, Matrix3Xd& z) { apply(multigrid, A, r, z); });
+  }
+  EXPECT_GT(iterations[1][0], 2.5 * iterations[0][0]);
+  EXPECT_LT(iterations[1][1], 1.7 * iterations[0][1]);
+}
+
+}  // namespace
+}  // namespace testbed::massspring

@@ -1,0 +1,128 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include "massspring/energies/tet_springs.h"
+#include "massspring/energies/volume_force.h"
+#include "meshing/surface/surface.h"
+#include "tests/massspring/small_network.h"
+#include "tests/meshing/box_tets.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+constexpr double difference_step = 1e-5, difference_tolerance = 1e-8, rounding = 1e-13;
+
+class VolumeForce : public testing::Test {
+ protected:
+  const MassSpringModel model = small_model();
+  const Eigen::Matrix3Xi F = model.network.F;
+  const Matrix3Xd x = 1.2 * model.network.X + random_points(5, 0.1, 5);
+  const double P = 30, target = 0.4;
+  Matrix3Xd forces(const Matrix3Xd& at) const {
+    Matrix3Xd f = Matrix3Xd::Zero(3, 5);
+    add_volume_forces(P, target, F, at, f);
+    return f;
+  }
+};
+
+TEST_F(VolumeForce, IsMinusEnergyGradient) {
+  const Matrix3Xd f = forces(x);
+  ASSERT_GT(f.norm(), 0.1);
+  for (int k = 0; k < x.size(); ++k) {
+    Matrix3Xd up = x, down = x;
+    up(k) += difference_step;
+    down(k) -= difference_step;
+    const double slope =
+        (volume_energy(P, target, F, up) - volume_energy(P, target, F, down)) / (2 * difference_step);
+    EXPECT_NEAR(f(k), -slope, difference_tolerance * f.norm());
+  }
+}
+
+TEST_F(VolumeForce, RankOneTermIsTheWholeHessianAtTheTarget) {
+  const double at_target = volume(x, F);
+  Eigen::VectorXd g = Eigen::VectorXd::Zero(x.size());  // 0 at the node inside
+  const Matrix3Xd on_surface = volume_stiffness_root(P, at_target, F, x);
+  g.head(on_surface.size()) = on_surface.reshaped();
+  ASSERT_GT(g.norm(), 0.1);
+  for (int k = 0; k < x.size(); ++k) {
+    Matrix3Xd up = x, down = x, f_up = Matrix3Xd::Zero(3, 5), f_down = f_up;
+    up(k) += difference_step;
+    down(k) -= difference_step;
+    add_volume_forces(P, at_target, F, up, f_up);
+    add_volume_forces(P, at_target, F, down, f_down);
+    const Eigen::VectorXd column = (f_up - f_down).reshaped() / (2 * difference_step);
+    EXPECT_LT((g * g(k) + column).norm(), difference_tolerance * g.squaredNorm());
+  }
+}
+
+// The volume is cubic in the positions, for which mixed central differences are exact but for rounding.
+TEST_F(VolumeForce, CurvatureIsTheSecondDifferenceOfTheVolume) {
+  constexpr double factor = 3, step = 0.5;
+  const Matrix3Xd p = random_points(5, 1, 6), start = random_points(5, 1, 7);
+  Matrix3Xd y = start;
+  add_volume_curvature(factor, F, x, p, y);
+  y -= start;
+  ASSERT_GT(y.norm(), 0.1);
+  for (int k = 0; k < x.size(); ++k) {
+    const auto change = [&](double along_p) {
+      Matrix3Xd up = x + along_p * p, down = up;
+      up(k) += step;
+      down(k) -= step;
+      return volume(up, F) - volume(down, F);
+    };
+    EXPECT_NEAR(y(k), factor * (change(step) - change(-step)) / (4 * step * step), rounding * 100);
+  }
+}
+
+TEST_F(VolumeForce, KeepsLinearAndAngularMomentum) {
+  const Matrix3Xd f = forces(x);
+  Eigen::Vector3d torque = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 5; ++i) torque += x.col(i).cross(f.col(i));
+  EXPECT_LT(f.rowwise().sum().norm(), rounding * f.norm());
+  EXPECT_LT(torque.norm(), rounding * f.norm());
+}
+
+class LocalVolumeForce : public testing::Test {
+ protected:
+  const TetMesh mesh = box_tets(2, 1, 1, 0.5, 0.1);
+  LocalVolume local{30, mesh.T, Eigen::VectorXd(mesh.T.cols())};
+  const Matrix3Xd x = 1.1 * mesh.X + random_points(static_cast<int>(mesh.X.cols()), 0.05, 5);
+  LocalVolumeForce() {
+    for (int t = 0; t < mesh.T.cols(); ++t) local.rest_volume[t] = rest_volume(mesh.X, mesh.T.col(t));
+  }
+  Matrix3Xd forces(const Matrix3Xd& at) const {
+    Matrix3Xd f = Matrix3Xd::Zero(3, at.cols());
+    add_forces(local, at, f);
+    return f;
+  }
+};
+
+TEST_F(LocalVolumeForce, IsMinusEnergyGradient) {
+  const Matrix3Xd f = forces(x);
+  ASSERT_GT(f.norm(), 0.1);
+  for (int k = 0; k < x.size(); ++k) {
+    Matrix3Xd up = x, down = x;
+    up(k) += difference_step;
+    down(k) -= difference_step;
+    EXPECT_NEAR(f(k), -(energy(local, up) - energy(local, down)) / (2 * difference_step),
+                difference_tolerance * f.norm());
+  }
+}
+
+TEST_F(LocalVolumeForce, HessianIsMinusForceGradientAtRest) {
+  BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(local));
+  add_hessian(local, mesh.X, K);
+  const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 6);
+  Matrix3Xd Kp;
+  multiply(K, p, Kp);
+  ASSERT_GT(Kp.norm(), 0.1);
+  const Matrix3Xd difference =
+      (forces(mesh.X - difference_step * p) - forces(mesh.X + difference_step * p)) / (2 * difference_step);
+  EXPECT_LT((Kp - difference).norm(), difference_tolerance * Kp.norm());
+}
+
+}  // namespace
+}  // namespace testbed::massspring

@@ -1,0 +1,184 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <cmath>
+
+#include "massspring/kernels/single_precision.h"
+#include "tests/massspring/dense.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::MatrixXd;
+
+constexpr double single_rounding = 1e-5;  // 6e-8 times the root of what is added, with room
+
+double product(const Matrix3Xd& u, const Matrix3Xd& w) {
+  return u.cwiseProduct(w).sum();
+}
+
+/// Of these numbers of nodes none fills the last register, and the second is more than is added in single
+/// precision.
+class OddNodes : public testing::TestWithParam<int> {
+ protected:
+  const int n = GetParam();
+  const Matrix3Xd u = random_points(n, 1, 1), w = random_points(n, 1, 2), r = random_points(n, 1, 3);
+
+  static PaddedField padded_field(const Matrix3Xd& field) {
+    PaddedField result;
+    pad(field, 1, result);
+    return result;
+  }
+  /// The field is what is expected, and what pads it still 0.
+  void expect_field(const PaddedField& found, const Matrix3Xd& expected) const {
+    ASSERT_EQ(found.cols(), padded(n));
+    EXPECT_LT((found.topLeftCorner(3, n).cast<double>() - expected).norm(),
+              single_rounding * expected.norm());
+    EXPECT_EQ(found.row(3).norm() + found.rightCols(found.cols() - n).norm(), 0);
+  }
+  void expect_sum(double found, const Matrix3Xd& a, const Matrix3Xd& b) const {
+    EXPECT_NEAR(found, product(a, b), single_rounding * a.norm() * b.norm());
+  }
+  std::vector<Eigen::Matrix3d> symmetric_blocks() const {
+    const Matrix3Xd entries = random_points(3 * n, 1, 4);
+    std::vector<Eigen::Matrix3d> blocks;
+    for (int i = 0; i < n; ++i)
+      blocks.emplace_back(entries.middleCols<3>(3 * i) + entries.middleCols<3>(3 * i).transpose());
+    return blocks;
+  }
+  static Matrix3Xd times(const std::vector<Eigen::Matrix3d>& blocks, const Matrix3Xd& field) {
+    Matrix3Xd result(3, field.cols());
+    for (Eigen::Index i = 0; i < field.cols(); ++i) result.col(i) = blocks[i] * field.col(i);
+    return result;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(SinglePrecision, OddNodes, testing::Values(7, 601));
+
+TEST_P(OddNodes, FieldsArePaddedTimesAFactorAndBack) {
+  PaddedField found;
+  pad(u, 3, found);
+  expect_field(found, 3 * u);
+  Matrix3Xd back = w;
+  add_unpadded(found, 0.5, back);
+  EXPECT_LT((back - w - 1.5 * u).norm(), single_rounding * u.norm());
+}
+
+TEST_P(OddNodes, StepsOfConjugateGradientsAreThoseOfDoublePrecision) {
+  constexpr float factor = 0.7f;
+  expect_sum(dot(padded_field(u), padded_field(w)), u, w);
+  PaddedField x = padded_field(u), rest = padded_field(r);
+  const Matrix3Xd expected_rest = r - factor * u;
+  expect_sum(advance(factor, padded_field(w), padded_field(u), x, rest), expected_rest, expected_rest);
+  expect_field(x, u + factor * w);
+  expect_field(rest, expected_rest);
+  turn(factor, padded_field(w), x);
+  expect_field(x, w + factor * (u + factor * w));
+  PaddedField y = padded_field(u);
+  add_scaled(factor, padded_field(w), y);
+  expect_field(y, u + factor * w);
+}
+
+TEST_P(OddNodes, BlocksAndFactorsOfNodesApplyAsInDoublePrecision) {
+  const std::vector<Eigen::Matrix3d> blocks = symmetric_blocks();
+  const SymmetricBlocks D = pad(blocks);
+  PaddedField z;
+  expect_sum(multiply(D, padded_field(r), z), r, times(blocks, r));
+  expect_field(z, times(blocks, r));
+  z = padded_field(u);
+  const Matrix3Xd corrected = u + times(blocks, r - w);
+  expect_sum(correct(D, padded_field(r), padded_field(w), z), r, corrected);
+  expect_field(z, corrected);
+  const Eigen::VectorXd factor = Eigen::VectorXd::LinSpaced(n, -1, 2);
+  multiply(factor.cast<float>().eval(), padded_field(u), z);
+  expect_field(z, u * factor.asDiagonal());
+}
+
+TEST(SinglePrecision, SpringsInRowsAndRoundedBlocksApplyAsTheMatrix) {
+  const MassSpringModel model = small_model();
+  const Matrix3Xd x = 1.2 * model.network.X + random_points(5, 0.1, 5), p = random_points(5, 1, 6),
+                  start = random_points(5, 1, 7);
+  const SpringBlocks B = hessian(*model.springs, initial_state(model).rest_length, x);
+  BlockMatrix K = make_block_matrix(5, model.network.E);
+  add_blocks(*model.springs, B, K);
+  const Matrix3Xd expected = start + (dense(K) * p.reshaped()).reshaped(3, 5);
+  PaddedField single_p, in_rows, by_blocks;
+  pad(p, 1, single_p);
+  pad(start, 1, in_rows);
+  by_blocks = in_rows;
+  const SpringRows rows(model.springs->E, 5);
+  const double p_y = product(p, expected), tolerance = single_rounding * p.norm() * expected.norm();
+  EXPECT_NEAR(rows.add_product(rows.in_rows(B), single_p, in_rows), p_y, tolerance);
+  EXPECT_NEAR(add_product(K, rounded(K), single_p, by_blocks), p_y, tolerance);
+  for (const PaddedField& y : {in_rows, by_blocks})
+    EXPECT_LT((y.topLeftCorner<3, 5>().cast<double>() - expected).norm(), single_rounding * expected.norm());
+}
+
+class Bodies : public testing::Test {
+ protected:
+  static constexpr int n = 4, size = 6 * n;
+  // Diagonally dominant; the bodies at the ends do not meet.
+  const MatrixXd full = [] {
+    const Matrix3Xd entries = random_points(size * size / 3, 1, 8);
+    MatrixXd result = entries.reshaped(size, size) + 20 * MatrixXd::Identity(size, size);
+    result.topRightCorner<6, 6>().setZero();
+    result.bottomLeftCorner<6, 6>().setZero();
+    return result;
+  }();
+  const BodyMatrix A = [this] {
+    BodyMatrix result;
+    for (int i = 0; i < n; ++i) {
+      result.row_start.push_back(static_cast<int>(result.column.size()));
+      for (int j = 0; j < n; ++j) {
+        if (std::abs(i - j) == n - 1) continue;
+        if (i == j) result.diagonal.push_back(static_cast<int>(result.column.size()));
+        result.column.push_back(j);
+        append(full.block<6, 6>(6 * i, 6 * j), result.block);
+      }
+      append(full.block<6, 6>(6 * i, 6 * i).inverse(), result.inverse);
+    }
+    result.row_start.push_back(static_cast<int>(result.column.size()));
+    result.block.resize(result.block.size() + 2);
+    result.inverse.resize(result.inverse.size() + 2);
+    return result;
+  }();
+  const Eigen::VectorXd b = random_points(size / 3, 1, 9).reshaped();
+
+  static void append(const Eigen::Matrix<double, 6, 6>& block, std::vector<float>& blocks) {
+    for (const double entry : block.reshaped()) blocks.push_back(static_cast<float>(entry));
+  }
+  static BodyField field_of(const Eigen::VectorXd& v) {
+    BodyField result = BodyField::Zero(8, n);
+    result.topRows<6>() = v.reshaped(6, n).cast<float>();
+    return result;
+  }
+  static void expect_field(const BodyField& found, const Eigen::VectorXd& expected) {
+    ASSERT_EQ(found.cols(), n);
+    const Eigen::VectorXd counted = found.topRows<6>().cast<double>().reshaped();
+    EXPECT_LT((counted - expected).norm(), single_rounding * expected.norm());
+  }
+  /// The blocks of A that are kept.
+  template <class Keep>
+  MatrixXd part(const Keep& keep) const {
+    MatrixXd result = MatrixXd::Zero(size, size);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j)
+        if (keep(i, j)) result.block<6, 6>(6 * i, 6 * j) = full.block<6, 6>(6 * i, 6 * j);
+    return result;
+  }
+};
+
+TEST_F(Bodies, SweepsAreThoseOfBlockGaussSeidel) {
+  BodyField x, r;
+  sweep_down(A, field_of(b), x);
+  const Eigen::VectorXd down = part([](int i, int j) { return j <= i; }).lu().solve(b);
+  expect_field(x, down);
+  residual(A, field_of(b), x, r);
+  expect_field(r, b - full * down);
+  sweep_up(A, field_of(b), x);
+  expect_field(x, down + part([](int i, int j) { return j >= i; }).lu().solve(b - full * down));
+}
+
+}  // namespace
+}  // namespace testbed::massspring

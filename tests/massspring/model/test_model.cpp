@@ -1,0 +1,98 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "massspring/model/model.h"
+#include "tests/massspring/small_network.h"
+#include "tests/meshing/box_tets.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+constexpr double rounding = 1e-12;
+
+/// A box of 1 m x 2 m x 3 m of cubes of 1 m, whose nodes are all of the surface.
+MassSpringModel box() {
+  const TetMesh mesh = box_tets(1, 2, 3, 1);
+  MassSpringModel model;
+  model.network = {mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface};
+  model.mass = Eigen::VectorXd::LinSpaced(mesh.X.cols(), 1, 2);
+  return model;
+}
+
+Support support_of(const Box& region, const std::array<bool, 3>& fixed, const Vector3d& displacement) {
+  Support support;
+  support.region.shape = region;
+  support.fixed = fixed;
+  support.displacement = displacement;
+  return support;
+}
+
+TEST(ForcesOf, TheLastSupportThatHoldsAComponentPrescribesItsDisplacement) {
+  const MassSpringModel model = box();
+  Scene scene;
+  scene.supports = {support_of({{0, 0, 0}, {1, 2, 0}}, {true, true, false}, {1, 2, 3}),  // the underside
+                    support_of({{0, 0, 0}, {1, 0, 3}}, {true, false, true}, {4, 5, 6})};
+  const Forces forces = forces_of(scene, model);
+  int n_under = 0, n_front = 0, n_both = 0;
+  for (const Constraint& c : forces.constraints) {
+    const Vector3d X = model.network.X.col(c.node);
+    const bool is_under = X.z() == 0, is_front = X.y() == 0;
+    n_under += is_under && !is_front;
+    n_front += is_front && !is_under;
+    n_both += is_front && is_under;
+    const Vector3d expected = is_under && is_front ? Vector3d(4, 2, 6)
+                              : is_under           ? Vector3d(1, 2, 0)
+                                                   : Vector3d(4, 0, 6);
+    EXPECT_EQ(prescribed(c, 1, 1), expected) << "at " << X.transpose();
+    const Vector3d is_free(0, is_under ? 0 : 1, is_front ? 0 : 1);
+    EXPECT_EQ(c.S, Eigen::Matrix3d(is_free.asDiagonal()));
+  }
+  EXPECT_EQ(n_under, 2 * 2);
+  EXPECT_EQ(n_front, 2 * 3);
+  EXPECT_EQ(n_both, 2);
+}
+
+// On top, of 2 m2, every triangle measures half a square and hands a third of its load to each corner.
+TEST(ForcesOf, LoadsAreWeightAndPressureAndTractionTimesAreas) {
+  const MassSpringModel model = box();
+  Scene scene;
+  const Vector3d gravity(0.5, 0, -10), traction(3, 4, 5);
+  scene.gravity = gravity;
+  Load load;
+  load.region.shape = Box{{0, 0, 3}, {1, 2, 3}};
+  load.pressure = 7;
+  load.traction = traction;
+  scene.loads = {load};
+  const Forces forces = forces_of(scene, model);
+  const Matrix3Xd on_top = forces.load - gravity * model.mass.transpose();
+  const Vector3d per_area = traction - Vector3d(0, 0, 7);
+  EXPECT_LT((on_top.rowwise().sum() - 2 * per_area).norm(), rounding);
+  for (Eigen::Index i = 0; i < on_top.cols(); ++i) {
+    double area = 0;
+    for (const auto& t : model.network.F.colwise())
+      if ((t.array() == i).any() && (model.network.X.row(2)(t).array() == 3).all()) area += 0.5 / 3;
+    EXPECT_LT((on_top.col(i) - area * per_area).norm(), rounding) << i;
+  }
+}
+
+// Matrices of springs alone leave out whatever else there is.
+TEST(SpringsAlone, AreAModelWithoutEnergyOfAnyOtherKind) {
+  const MassSpringModel springs = small_model();
+  EXPECT_TRUE(is_springs_alone(springs));
+  const Eigen::Vector4i tet(0, 1, 2, 3);
+  MassSpringModel with_tetrahedra = springs, with_bending = springs, with_volume = springs, none = springs;
+  with_tetrahedra.tet_springs = couple_springs(springs.network.X, tet, {1, 1}, edge_coupled);
+  with_bending.bending = make_bending(springs.network.X, springs.network.F, 1);
+  with_volume.local_volume = LocalVolume{50, tet, Eigen::VectorXd::Constant(1, 1. / 6)};
+  none.springs.reset();
+  for (const MassSpringModel& model : {with_tetrahedra, with_bending, with_volume, none})
+    EXPECT_FALSE(is_springs_alone(model));
+}
+
+}  // namespace
+}  // namespace testbed::massspring

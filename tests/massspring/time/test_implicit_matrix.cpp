@@ -1,0 +1,187 @@
+#include <gtest/gtest.h>
+
+#include "massspring/time/implicit_matrix.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+constexpr double rounding = 1e-12;
+
+Forces some_constraints(const MassSpringModel& model) {
+  Forces forces = no_forces(model);
+  const Eigen::Vector3d p = Eigen::Vector3d(1, 2, -2) / 3;
+  forces.constraints.push_back({0, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  forces.constraints.push_back({3, Eigen::Matrix3d::Identity() - p * p.transpose(), Eigen::Vector3d::Zero()});
+  return forces;
+}
+
+MassSpringModel damped_springs() {
+  MassSpringModel model = small_model();
+  model.springs->damping = 3;
+  return model;
+}
+
+/// Their matrix is formed in blocks instead of spring by spring.
+MassSpringModel damped_springs_in_blocks() {
+  MassSpringModel model = damped_springs();
+  model.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
+  return model;
+}
+
+TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
+  MassSpringModel model = small_model();
+  model.springs->damping = 3;
+  const Forces forces = some_constraints(model);
+  const Motion motion(model, forces);
+  State state = initial_state(model);
+  state.x *= 0.8;
+  ImplicitMatrix A(motion);
+  A.set(state, 1.2 * state.x, {2, 0.3, 0.1}, Curvature::Projected);
+  Matrix3Xd p = random_points(5, 1, 6), y, expected;
+  filter(forces.constraints, p);
+  A.multiply(p, y);
+  multiply(A.system().matrix(), p, expected);
+  ASSERT_GT(y.norm(), 1);
+  EXPECT_LT((y - expected).norm(), rounding * y.norm());
+}
+
+TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
+  for (const MassSpringModel& model : {damped_springs(), damped_springs_in_blocks()}) {
+    Forces forces = some_constraints(model);
+    forces.volume_pressure = 70;
+    forces.followers.push_back({40, model.network.F});
+    const Motion motion(model, forces);
+    State state =
+        initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
+    state.v = random_points(5, 1, 4);
+    constexpr double m = 2, k = 0.3, d = 0.1, step = 1e-6, difference_tolerance = 1e-7;
+    ImplicitMatrix A(motion);
+    A.set(state, state.x, {m, k, d}, Curvature::Exact);
+    Matrix3Xd p = random_points(5, 1, 6), y, f[2][2];
+    filter(forces.constraints, p);
+    A.multiply(p, y);
+    for (int side : {0, 1}) {
+      State moved = state;
+      moved.x += (side ? step : -step) * p;
+      undamped_forces(model, forces, moved, f[0][side]);
+      moved = state;
+      moved.v += (side ? step : -step) * p;
+      motion.forces_at(moved, f[1][side]);
+    }
+    Matrix3Xd expected =
+        m * p * model.mass.asDiagonal() - (k * (f[0][1] - f[0][0]) + d * (f[1][1] - f[1][0])) / (2 * step);
+    filter(forces.constraints, expected);
+    ASSERT_GT(y.norm(), 1);
+    EXPECT_LT((y - expected).norm(), difference_tolerance * y.norm());
+  }
+}
+
+/// Two triangles whose edges touch each other, and a node that touches the floor.
+struct TwoContacts {
+  MassSpringModel model = crossing_triangles(0.07, 2);  // so nearly parallel that their contact is smoothed
+  Forces forces = no_forces(model);
+  Contacts contacts;
+  std::optional<Motion> motion;
+  State state = initial_state(model);
+
+  TwoContacts() {
+    constexpr double thickness = 0.05, range = 1e-3;  // the barrier's is some 5e-3
+    contacts.self_thickness = thickness;
+    Obstacle floor;
+    floor.shape = HalfSpace{{0, 0, -1 - range}, {0, 0, 1}};
+    contacts.bodies.emplace_back(floor);
+    motion.emplace(model, forces, contacts);
+    motion->barrier.emplace(model, forces, contacts.bodies);
+    state.x.leftCols(3).row(2).array() -= 2 - 0.8 * thickness;
+    motion->self_contact->begin_step(state.x);
+    motion->barrier->begin_step(0, 1, state.x);
+  }
+};
+
+// Along the common normal of both edges their contact is a spring; what turns them towards it is left out.
+TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfContactsToo) {
+  const TwoContacts touching;
+  constexpr double m = 2, k = 0.3, step = 1e-8, difference_tolerance = 1e-6;
+  ImplicitMatrix A(*touching.motion);
+  const State& state = touching.state;
+  A.set(state, state.x, {m, k, 0}, Curvature::Exact);
+  for (const auto& [upper, lower] : {std::pair(1., 0.), std::pair(0., 1.), std::pair(0.5, 0.3)}) {
+    Matrix3Xd p = Matrix3Xd::Zero(3, 6), y, f[2];
+    p.leftCols(3).row(2).setConstant(upper);
+    p.rightCols(3).row(2).setConstant(lower);
+    A.multiply(p, y);
+    for (int side : {0, 1}) {
+      State moved = state;
+      moved.x += (side ? step : -step) * p;
+      touching.motion->undamped_forces_at(moved, f[side]);
+    }
+    ASSERT_GT((f[1] - f[0]).leftCols(3).norm(), 1e-6);
+    const Matrix3Xd expected = m * p * touching.model.mass.asDiagonal() - k * (f[1] - f[0]) / (2 * step);
+    EXPECT_LT((y - expected).row(2).norm(), difference_tolerance * y.norm()) << upper << ' ' << lower;
+  }
+}
+
+TEST(ImplicitMatrix, DiagonalAndSinglePrecisionAreThoseOfTheProductWithContactsToo) {
+  constexpr double single_rounding = 1e-6;
+  TwoContacts springs, coupled;
+  springs.model.springs->damping = 3;
+  coupled.model.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 5), Eigen::VectorXd::Constant(1, 1.)};
+  coupled.model.springs->damping = 3;
+  for (const TwoContacts* touching : {&springs, &coupled}) {
+    ImplicitMatrix A(*touching->motion);
+    const State& state = touching->state;
+    A.set(state, 1.2 * state.x, {2, 0.3, 0.1}, Curvature::Projected);
+    const LinearSystem system = A.system();
+    std::vector<Eigen::Matrix3d> diagonal;
+    system.diagonal(diagonal);
+    for (int i = 0; i < 6; ++i)
+      for (int c = 0; c < 3; ++c) {
+        Matrix3Xd p = Matrix3Xd::Zero(3, 6), y;
+        p(c, i) = 1;
+        A.multiply(p, y);
+        EXPECT_LT((diagonal[i].col(c) - y.col(i)).norm(), rounding * y.norm()) << i << ' ' << c;
+        PaddedField single_p, single_y;
+        pad(p, 1, single_p);
+        system.rounded_product(single_p, single_y);
+        Matrix3Xd rounded_y = Matrix3Xd::Zero(3, 6);
+        add_unpadded(single_y, 1, rounded_y);
+        EXPECT_LT((rounded_y - y).norm(), single_rounding * y.norm());
+      }
+  }
+}
+
+TEST(ImplicitMatrix, IsInSinglePrecisionTheSameToItsRounding) {
+  constexpr double single_rounding = 1e-6;
+  for (const MassSpringModel& model : {damped_springs(), damped_springs_in_blocks()}) {
+    Forces forces = some_constraints(model);
+    forces.volume_pressure = 70;
+    forces.followers.push_back({40, model.network.F});
+    const Motion motion(model, forces);
+    State state = initial_state(model);
+    state.x *= 0.8;
+    ImplicitMatrix A(motion);
+    A.set(state, state.x, {2, 0.3, 0.1}, Curvature::Exact);
+    Matrix3Xd p = random_points(5, 1, 6), y, rounded_y;
+    filter(forces.constraints, p);
+    PaddedField single_p, single_y;
+    pad(p, 1, single_p);
+    const LinearSystem system = A.system();
+    for (const bool is_sparse : {false, true}) {
+      (is_sparse ? system.sparse_product : system.product)(p, y);
+      const double p_y =
+          (is_sparse ? system.rounded_sparse_product : system.rounded_product)(single_p, single_y);
+      rounded_y = Matrix3Xd::Zero(3, 5);
+      add_unpadded(single_y, 1, rounded_y);
+      ASSERT_GT(y.norm(), 1);
+      EXPECT_LT((rounded_y - y).norm(), single_rounding * y.norm());
+      EXPECT_NEAR(p_y, p.cwiseProduct(y).sum(), single_rounding * p.norm() * y.norm());
+      EXPECT_EQ(single_y.row(3).norm() + single_y.rightCols(3).norm(), 0);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace testbed::massspring

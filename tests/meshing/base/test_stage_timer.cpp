@@ -1,0 +1,27 @@
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "meshing/base/stage_timer.h"
+
+namespace testbed::meshing {
+namespace {
+
+TEST(StageTimer, AddsUpStagesThatRunTwice) {
+  constexpr double kPause = 0.01;  // s; a sleep may last longer, never shorter
+  StageTimer timer;
+  for (const char* stage : {"solve", "output", "solve"}) {
+    timer.start(stage);
+    std::this_thread::sleep_for(std::chrono::duration<double>(kPause));
+  }
+  timer.stop();
+  const auto seconds = timer.seconds();
+  ASSERT_EQ(seconds.size(), 2u);
+  EXPECT_EQ(seconds[0].first, "solve") << "in the order in which they first ran";
+  EXPECT_GE(seconds[0].second, 2 * kPause);
+  EXPECT_EQ(seconds[1].first, "output");
+  EXPECT_GE(seconds[1].second, kPause);
+}
+
+}  // namespace
+}  // namespace testbed::meshing

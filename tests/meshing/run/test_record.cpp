@@ -1,0 +1,187 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+#include <vtkDoubleArray.h>
+#include <vtkFieldData.h>
+#include <vtkIdTypeArray.h>
+#include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkUnstructuredGrid.h>
+#include <vtkXMLUnstructuredGridReader.h>
+
+#include <cmath>
+#include <fstream>
+#include <thread>
+
+#include "meshing/base/files.h"
+#include "meshing/run/hash.h"
+#include "meshing/run/record.h"
+#include "meshing/surface/shapes.h"
+#include "meshing/surface/surface.h"
+#include "meshing/surface/surface_io.h"
+
+namespace testbed::meshing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class RecorderTest : public testing::Test {
+ protected:
+  // Its own for every test: ctest runs them side by side.
+  fs::path folder = fs::temp_directory_path() /
+                    (std::string("testbed_") + testing::UnitTest::GetInstance()->current_test_info()->name());
+  Eigen::Matrix3Xd X = Eigen::Matrix3Xd::Random(3, 4), u = 1e-3 * Eigen::Matrix3Xd::Random(3, 4);
+  std::vector<CellBlock> cells{{5, Eigen::Vector3i(0, 1, 2)}, {10, Eigen::Vector4i(0, 1, 2, 3)}};
+  void SetUp() override { fs::remove_all(folder); }
+  void TearDown() override { fs::remove_all(folder); }
+};
+
+TEST_F(RecorderTest, FramesHoldEveryBitOfPositionsAndFields) {
+  Recorder recorder(folder, cells, 3);
+  recorder.add_frame(0.25, X, u);
+  vtkNew<vtkXMLUnstructuredGridReader> reader;
+  reader->SetFileName((folder / "frames/frame_000000.vtu").c_str());
+  reader->Update();
+  vtkUnstructuredGrid* grid = reader->GetOutput();
+  ASSERT_EQ(grid->GetNumberOfPoints(), 4);
+  ASSERT_EQ(grid->GetNumberOfCells(), 2);
+  EXPECT_EQ(grid->GetCellType(1), 10);
+  for (int i = 0; i < 4; ++i)
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_EQ(grid->GetPoint(i)[c], X(c, i) + u(c, i));
+      EXPECT_EQ(grid->GetPointData()->GetArray("displacement")->GetComponent(i, c), u(c, i));
+    }
+  const auto* node_id = vtkIdTypeArray::SafeDownCast(grid->GetPointData()->GetArray("node_id"));
+  ASSERT_NE(node_id, nullptr) << "node ids are integers";
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(node_id->GetValue(i), i);
+  EXPECT_EQ(grid->GetFieldData()->GetArray("TimeValue")->GetComponent(0, 0), 0.25);
+  EXPECT_EQ(grid->GetFieldData()->GetArray("n_surface")->GetComponent(0, 0), 3);
+}
+
+TEST_F(RecorderTest, TheListOfFramesHoldsEveryBitOfTheirTimes) {
+  const std::vector<double> times{0, 1.0 / 3, 1234567.0 / 1024};
+  Recorder recorder(folder, cells, 3);
+  for (double time : times) recorder.add_frame(time, X, u);
+  const std::string pvd = read_file(folder / "frames.pvd"), before = "timestep=\"";
+  size_t at = 0;
+  for (double time : times) {
+    at = pvd.find(before, at);
+    ASSERT_NE(at, std::string::npos) << pvd;
+    at += before.size();
+    EXPECT_EQ(std::stod(pvd.substr(at)), time);
+  }
+}
+
+TEST_F(RecorderTest, PeakMemoryIsInBytes) {
+  constexpr size_t n_bytes = 100'000'000;  // by far the most that this process has held
+  const std::vector<char> block(n_bytes, 1);
+  Recorder(folder, cells, 3).finish({});
+  const auto peak = nlohmann::json::parse(read_file(folder / "run.json")).at("peak_memory").get<double>();
+  std::ifstream statm("/proc/self/statm");  // in pages, and of this moment
+  double all_pages = 0, resident_pages = 0;
+  if (!(statm >> all_pages >> resident_pages)) GTEST_SKIP() << "no /proc/self/statm";
+  const double resident = resident_pages * static_cast<double>(sysconf(_SC_PAGESIZE));
+  ASSERT_GE(resident, n_bytes * block[n_bytes / 2]);
+  EXPECT_NEAR(peak / resident, 1, 0.01) << "a kB of 1000 byte would be 2.3 % off";
+}
+
+TEST_F(RecorderTest, NothingThatIsNotFiniteIsWritten) {
+  Recorder recorder(folder, cells, 3);
+  u(1, 2) = NAN;
+  EXPECT_THROW(recorder.add_frame(0, X, u), std::runtime_error);
+  u(1, 2) = 0;
+  EXPECT_THROW(recorder.add_frame(NAN, X, u), std::runtime_error);
+  EXPECT_THROW(recorder.add_frame(0, X, u, {{"velocity", INFINITY * u}}), std::runtime_error);
+  EXPECT_TRUE(fs::is_empty(folder / "frames"));
+  EXPECT_FALSE(fs::exists(folder / "frames.pvd"));
+  EXPECT_THROW(recorder.add_row({{"time", 0}, {"volume", INFINITY}}), std::runtime_error);
+  recorder.finish({{"status", "diverged"}});
+  EXPECT_FALSE(fs::exists(folder / "curves.csv")) << "no row was accepted";
+}
+
+TEST_F(RecorderTest, RemovesAnOlderRunAndNothingElse) {
+  const auto record_frames = [&](int n) {
+    Recorder recorder(folder, cells, 3);
+    for (int i = 0; i < n; ++i) recorder.add_frame(i, X, u);
+    recorder.finish({});
+  };
+  record_frames(3);
+  write_file(folder / "frames/frame_notes.txt", "mine");
+  write_file(folder / "notes.txt", "mine");
+  record_frames(1);
+  EXPECT_TRUE(fs::exists(folder / "frames/frame_000000.vtu"));
+  EXPECT_FALSE(fs::exists(folder / "frames/frame_000001.vtu"));
+  EXPECT_EQ(read_file(folder / "frames/frame_notes.txt"), "mine");
+  EXPECT_EQ(read_file(folder / "notes.txt"), "mine");
+}
+
+TEST_F(RecorderTest, AFrameThatCannotBeWrittenThrowsAndPrintsNothing) {
+  Recorder recorder(folder, cells, 3);
+  fs::remove(folder / "frames");
+  testing::internal::CaptureStderr();
+  EXPECT_THROW(recorder.add_frame(0, X, u), std::runtime_error);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+TEST_F(RecorderTest, ARunIsStoredOnlyWhenFinishedWithTheSameHash) {
+  {
+    Recorder recorder(folder, cells, 3);
+    recorder.add_frame(0, X, u);
+    recorder.add_row({{"time", 0.1}, {"volume", 1.0 / 3}});
+    recorder.add_row({{"time", 0.2}, {"volume", 2.0 / 3}});
+    EXPECT_FALSE(stored_record(folder, "abc")) << "a folder without run.json is no result";
+    recorder.finish({{"status", "ok"}, {"input_hash", "abc"}});
+  }
+  ASSERT_TRUE(stored_record(folder, "abc"));
+  EXPECT_EQ(stored_record(folder, "abc")->at("status"), "ok");
+  EXPECT_FALSE(stored_record(folder, "abd"));
+  write_file(folder / "run.json", R"({"status": "diverged", "input_hash": "abc"})");
+  ASSERT_TRUE(stored_record(folder, "abc")) << "a run that failed would fail again";
+  EXPECT_EQ(stored_record(folder, "abc")->at("status"), "diverged");
+  EXPECT_EQ(read_file(folder / "curves.csv"),
+            "time,volume\n0.1,0.3333333333333333\n0.2,0.6666666666666666\n");
+  const Recorder next(folder, cells, 3);
+  EXPECT_FALSE(fs::exists(folder / "run.json")) << "an older run is removed";
+}
+
+TEST_F(RecorderTest, ADamagedRecordIsNoStoredOne) {
+  fs::create_directories(folder);
+  for (const char* damaged : {"", "{\"status\": \"ok\"", "[]", R"({"status": 3, "input_hash": null})"}) {
+    write_file(folder / "run.json", damaged);
+    EXPECT_FALSE(stored_record(folder, "abc")) << damaged;
+  }
+}
+
+TEST(Environment, NamesProgramVersionsBuildAndMachine) {
+  const auto record = environment_record("massspring", 3);
+  EXPECT_EQ(record.at("program"), "massspring");
+  EXPECT_EQ(record.at("program_hash"), program_hash());
+  for (const char* key : {"date", "compiler", "build", "eigen", "vtk", "processor"})
+    EXPECT_GT(record.at(key).get<std::string>().size(), 1u) << key;
+  EXPECT_GE(record.at("cores"), 1);
+  EXPECT_EQ(record.at("threads"), 3);
+  EXPECT_FALSE(environment_record("massspring").contains("threads")) << "unknown is not recorded";
+}
+
+TEST_F(RecorderTest, ItsFramesAreReadAsTheSurfaceTheyShow) {
+  const SurfaceMesh ball = make_shape("ball", 42);
+  Eigen::Matrix3Xd X(3, 43);  // an internal node, which no triangle uses
+  X << ball.X, Eigen::Vector3d::Zero();
+  const Eigen::Vector4i tet(ball.F(0, 0), ball.F(1, 0), ball.F(2, 0), 42);
+  Recorder recorder(folder, {{5, ball.F}, {10, tet}}, 42);
+  recorder.add_frame(0, X, Eigen::Matrix3Xd::Zero(3, 43));
+  const SurfaceMesh again = read_surface(folder / "frames/frame_000000.vtu");
+  EXPECT_NO_THROW(check_closed(again, "frame"));
+  EXPECT_EQ(again.X.cols(), 42);
+  EXPECT_EQ(volume(again.X, again.F), volume(ball.X, ball.F));
+  write_file(folder / "broken.vtu", "<VTKFile");
+  EXPECT_THROW(read_surface(folder / "broken.vtu"), std::runtime_error);
+}
+
+TEST(Hash, DependsOnEveryByte) {
+  EXPECT_EQ(hash_of(""), "cbf29ce484222325");   // the published offset basis
+  EXPECT_EQ(hash_of("a"), "af63dc4c8601ec8c");  // published test vector of FNV-1a
+  EXPECT_NE(hash_of("ab"), hash_of("ba"));
+}
+
+}  // namespace
+}  // namespace testbed::meshing

@@ -1,0 +1,159 @@
+#include <gtest/gtest.h>
+
+#include "meshing/network/network.h"
+#include "meshing/scene/build_network.h"
+#include "meshing/surface/shapes.h"
+#include "meshing/surface/surface.h"
+#include "meshing/tetrahedra/interior_size.h"
+#include "meshing/tetrahedra/tet_mesh.h"
+
+using namespace testbed::meshing;
+
+namespace {
+
+/// Tetrahedra that the line through x along `axis` passes.
+int n_tetrahedra_along(const SpringNetwork& network, const Eigen::Vector3d& x, int axis) {
+  int n = 0;
+  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+  for (const auto& t : network.T.colwise()) {
+    bool is_met = false;
+    for (int skip = 0; skip < 4; ++skip) {  // the shadow of a tetrahedron is that of its faces
+      double area[3], sum = 0;
+      for (int c = 0; c < 3; ++c) {
+        const Eigen::Vector3d a = network.X.col(t[(skip + 1 + c) % 4]) - x,
+                              b = network.X.col(t[(skip + 1 + (c + 1) % 3) % 4]) - x;
+        area[c] = a[u] * b[v] - a[v] * b[u];
+        sum += area[c];
+      }
+      is_met = is_met || (area[0] * sum > 0 && area[1] * sum > 0 && area[2] * sum > 0);
+    }
+    n += is_met;
+  }
+  return n;
+}
+
+}  // namespace
+
+TEST(BuildNetwork, SampledNodesKeepTheirPlacesAndGetTetrahedra) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  NetworkOptions options;
+  options.seed = 3;
+  SampleOptions sample;
+  sample.seed = 3;
+  const Eigen::Matrix3Xd darts = sample_interior(surface, sample);
+  ASSERT_GT(darts.cols(), 50);
+  const SpringNetwork network = build_network(surface, options, true);
+  EXPECT_EQ(network.X.middleCols(162, darts.cols()), darts);
+  EXPECT_LT(network.X.cols() - 162, 4 * darts.cols() / 3) << "few are added";
+  EXPECT_NO_THROW(check_tetrahedra({network.X, network.T, network.F, network.n_surface}, surface));
+}
+
+TEST(BuildNetwork, PcpLinksTheMeshersNodes) {
+  const SurfaceMesh surface = make_shape("torus", 300);
+  NetworkOptions options;
+  options.sampling = "mesher";
+  const SpringNetwork network = build_network(surface, options, true);
+  const Eigen::Index n_inner = network.X.cols() - network.n_surface;
+  ASSERT_GT(n_inner, 0);
+  EXPECT_EQ(network.E, link_pcp(surface, network.X.rightCols(n_inner), {}).E);
+  EXPECT_NO_THROW(check_tetrahedra({network.X, network.T, network.F, network.n_surface}, surface));
+}
+
+TEST(BuildNetwork, SpringsAloneTakeTheMeshersNodesToo) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  NetworkOptions options;
+  options.sampling = "mesher";
+  const SpringNetwork network = build_network(surface, options, false);
+  EXPECT_EQ(network.X, build_network(surface, options, true).X);
+  EXPECT_EQ(network.T.cols(), 0);
+}
+
+TEST(BuildNetwork, ThinBodiesGetLayers) {
+  const SurfaceMesh plate = make_shape("bar", 400, {2, 2, 0.3});
+  const Eigen::Vector3d x(0.013, 0.027, 0);
+  for (const char* sampling : {"darts", "mesher"}) {
+    NetworkOptions options;
+    options.sampling = sampling;
+    EXPECT_GE(n_tetrahedra_along(build_network(plate, options, true), x, 2), 4) << sampling;
+  }
+}
+
+TEST(BuildNetwork, SpacingSetsTheDensityInside) {
+  // where no layer is thin and no edge grows, nodes are as one over spacing cubed
+  const SurfaceMesh surface = make_shape("ball", 642);
+  NetworkOptions coarse, fine;
+  coarse.sampling = fine.sampling = "mesher";
+  coarse.spacing = 0.8;
+  fine.spacing = 0.4;
+  const auto inner = [&](const NetworkOptions& options) {
+    const SpringNetwork network = build_network(surface, options, true);
+    return static_cast<double>(network.X.cols() - network.n_surface);
+  };
+  EXPECT_GT(inner(fine), 2.5 * inner(coarse));
+}
+
+TEST(BuildNetwork, RefusesConnectivityThatLosesCorners) {
+  NetworkOptions options;
+  options.connectivity = "central";
+  EXPECT_THROW(build_network(make_shape("ball", 162), options, true), std::runtime_error);
+}
+
+TEST(BuildNetwork, FollowsTheScenesTable) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  NetworkOptions options;
+  options.k = 50;
+  options.connectivity = "complete";
+  EXPECT_EQ(build_network(ball, options, false).E.cols(), 212 * 211 / 2);
+  options.connectivity = "pcp";
+  const SpringNetwork darts = build_network(ball, options, false);
+  options.sampling = "relaxed";
+  EXPECT_NE(build_network(ball, options, false).X, darts.X);
+  options.sampling = "random";
+  EXPECT_THROW(build_network(ball, options, false), std::runtime_error);
+}
+
+TEST(BuildNetwork, CompletedPcpHasAsManyNeighboursAsTheTableSays) {
+  const SurfaceMesh ball = make_shape("ball", 162);  // nearly convex: every link from an inner node is inside
+  const auto fewest = [&](int neighbours) {
+    NetworkOptions options;
+    options.connectivity = "completed_pcp";
+    options.k = 150;
+    options.neighbours = neighbours;
+    const SpringNetwork network = build_network(ball, options, false);
+    Eigen::VectorXi n_springs = Eigen::VectorXi::Zero(network.X.cols());
+    for (int v : network.E.reshaped()) ++n_springs[v];
+    return n_springs.tail(network.X.cols() - network.n_surface).minCoeff();
+  };
+  EXPECT_LT(fewest(8), 14);
+  EXPECT_GE(fewest(14), 14);
+}
+
+TEST(VertexSpacing, IsTheMeanLengthOfAVertexsEdges) {
+  const SurfaceMesh cube = make_shape("bar", 8, {2, 2, 2});
+  const Eigen::VectorXd spacing = vertex_spacing(cube);
+  for (int v = 0; v < 8; ++v) {
+    // diagonals join the corners with an even sum of coordinates
+    const bool is_even = static_cast<int>(cube.X.col(v).sum() / 2) % 2 == 0;
+    EXPECT_NEAR(spacing[v], is_even ? 1 + std::sqrt(2.0) : 2, 1e-12) << cube.X.col(v).transpose();
+  }
+}
+
+TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
+  constexpr double rounding = 1e-12;
+  struct Middle {
+    double size, spacing;
+  };
+  const auto at_the_middle = [](double thickness) {
+    const SurfaceMesh plate = make_shape("bar", 400, {2, 2, thickness});
+    int middle;
+    (plate.X.colwise() - Eigen::Vector3d(1, 1, thickness)).colwise().norm().minCoeff(&middle);
+    return Middle{interior_size(plate, 0.7)[middle], vertex_spacing(plate)[middle]};
+  };
+  const Middle thick = at_the_middle(2), thin = at_the_middle(0.001), between = at_the_middle(0.3);
+  EXPECT_NEAR(thick.size, 0.7 * thick.spacing, rounding);
+  EXPECT_NEAR(thin.size, 0.35 * thin.spacing, rounding);
+  ASSERT_GT(0.69 * between.spacing, 0.3 / 4);
+  ASSERT_LT(0.36 * between.spacing, 0.3 / 4);
+  EXPECT_LE(between.size, 0.3 / 4 + rounding) << "four layers fit";
+  EXPECT_GT(between.size, 0.3 / 4 - 0.35 / 32 * between.spacing) << "found by halving five times";
+}

@@ -1,0 +1,202 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "meshing/base/child_process.h"
+#include "meshing/surface/shapes.h"
+#include "meshing/surface/surface.h"
+#include "meshing/surface/surface_io.h"
+#include "meshing/tetrahedra/tet_mesh.h"
+#include "meshing/tetrahedra/tet_worker.h"
+#include "meshing/tetrahedra/tetrahedralize.h"
+#include "tests/meshing/surfaces.h"
+
+using namespace testbed::meshing;
+
+namespace {
+
+std::string complaint(const TetMesh& mesh, const SurfaceMesh& surface) {
+  try {
+    check_tetrahedra(mesh, surface);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// What the worker makes of edges wanted at all vertices, and of the longest wanted anywhere (m).
+TetNodes mesh_by_tetgen(const SurfaceMesh& surface, double size, double longest) {
+  const TemporaryFolder folder;
+  const std::string task = folder.path() / "task", nodes = folder.path() / "nodes";
+  write_task(task,
+             {surface, Eigen::Matrix3Xd(3, 0), Eigen::VectorXd::Constant(surface.X.cols(), size), longest});
+  const ChildResult child = run_child(program_folder() / "tetgen_worker", {"0", "0", task, nodes}, 60);
+  if (!child.is_success) throw std::runtime_error(child.ending + ": " + child.output);
+  return read_nodes(nodes);
+}
+
+}  // namespace
+
+TEST(Tetrahedralize, FillsEveryShapeAndKeepsItsSurface) {
+  for (const auto& name : shape_names()) {
+    const SurfaceMesh surface = make_shape(name, 300);
+    const TetMesh mesh = tetrahedralize(surface);
+    EXPECT_EQ(complaint(mesh, surface), "") << name;
+    EXPECT_EQ(mesh.n_surface, surface.X.cols());
+    EXPECT_EQ(mesh.F, surface.F);
+  }
+}
+
+TEST(Tetrahedralize, LeavesCavitiesEmptyAndFillsSolidsInside) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  const SurfaceMesh all =
+      join(join(ball, inside_out(scaled(ball, 0.6))), join(scaled(ball, 0.3), shifted(ball, {3, 0, 0})));
+  EXPECT_EQ(complaint(tetrahedralize(all), all), "");
+}
+
+TEST(Tetrahedralize, KeepsInteriorPointsAsTheNextNodes) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  Eigen::Matrix3Xd interior(3, 3);
+  interior << 0, 0.31, -0.2,  //
+      0.1, 0, 0.4,            //
+      0, 0.2, 0.123456789;
+  const TetMesh mesh = tetrahedralize(surface, {{}, interior});
+  EXPECT_EQ(mesh.X.middleCols(162, 3), interior);
+  for (int node = 162; node < 165; ++node) EXPECT_TRUE((mesh.T.array() == node).any()) << node;
+}
+
+TEST(Tetrahedralize, SmallerInteriorSizeGivesMoreNodesInside) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  const TetMesh coarse = tetrahedralize(surface), fine = tetrahedralize(surface, {0.12, {}});
+  EXPECT_GT(fine.X.cols() - 162, 3 * (coarse.X.cols() - 162));
+}
+
+TEST(Tetrahedralize, SmallerSizeAtTheVerticesGivesMoreNodesInside) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  const auto n_inside = [&](double size) {
+    TetOptions options;
+    options.size = Eigen::VectorXd::Constant(162, size);
+    return tetrahedralize(surface, options).X.cols() - 162;
+  };
+  EXPECT_GT(n_inside(0.15), 3 * n_inside(1));
+}
+
+TEST(RunChild, TellsHowTheProgramEndsAndWhatItWrites) {
+  const auto shell = [](const std::string& text, double time_limit = 60) {
+    return run_child("/bin/sh", {"-c", text}, time_limit);
+  };
+  const ChildResult good = shell("echo out; echo err >&2");
+  EXPECT_TRUE(good.is_success);
+  EXPECT_EQ(good.ending, "status 0");
+  EXPECT_EQ(good.output, "out\nerr\n");
+  const ChildResult failed = shell("exit 3");
+  EXPECT_FALSE(failed.is_success);
+  EXPECT_EQ(failed.ending, "status 3");
+  const ChildResult killed = shell("kill -9 $$");
+  EXPECT_FALSE(killed.is_success);
+  EXPECT_EQ(killed.ending, "signal 9 (Killed)");
+  const ChildResult endless = shell("exec sleep 1000", 1);
+  EXPECT_FALSE(endless.is_success);
+  EXPECT_EQ(endless.ending, "stopped after 1 s");
+  EXPECT_THROW(run_child("/nowhere/program", {}, 1), std::runtime_error);
+}
+
+TEST(TemporaryFolder, IsAnotherEachTimeAndGoesWithItsFiles) {
+  std::filesystem::path path;
+  {
+    const TemporaryFolder one, other;
+    path = one.path();
+    EXPECT_NE(path, other.path());
+    std::filesystem::create_directory(path / "folder");
+    EXPECT_TRUE(std::filesystem::exists(path / "folder"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
+}
+
+TEST(Tetrahedralize, IsReproducible) {
+  const SurfaceMesh surface = make_shape("torus", 300);
+  const TetMesh a = tetrahedralize(surface), b = tetrahedralize(surface);
+  EXPECT_EQ(a.X, b.X);
+  EXPECT_EQ(a.T, b.T);
+}
+
+TEST(Tetrahedralize, TakesARealMesh) {
+  const std::filesystem::path file = std::filesystem::path(MESH_FOLDER) / "liver2.obj";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file;
+  const SurfaceMesh surface = read_surface(file);
+  EXPECT_EQ(complaint(tetrahedralize(surface), surface), "");
+}
+
+TEST(Tetrahedralize, KeepsInteriorPointsOfEverySolid) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  const SurfaceMesh all = join(join(ball, inside_out(scaled(ball, 0.4))), shifted(ball, {3, 0, 0}));
+  Eigen::Matrix3Xd interior(3, 2);
+  interior << 3.1, 0.7,  //
+      0, 0,              //
+      0.2, 0;
+  const TetMesh mesh = tetrahedralize(all, {{}, interior});
+  EXPECT_EQ(mesh.X.middleCols(486, 2), interior);
+}
+
+TEST(Tetrahedralize, GoesOnWhenAMesherFails) {
+  // a valid CAD part on which gmsh's Delaunay gives up or aborts
+  const std::filesystem::path file = std::filesystem::path(MESH_FOLDER) / "fixed_top.ply";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file;
+  const SurfaceMesh surface = read_surface(file);
+  TetReport report;
+  EXPECT_EQ(complaint(tetrahedralize(surface, {}, &report), surface), "");
+  ASSERT_FALSE(report.failures.empty());
+  EXPECT_NE(report.failures[0].find("boundary mesh"), std::string::npos) << report.failures[0];
+}
+
+TEST(Tetrahedralize, ReportsOfThisSurfaceAlone) {
+  TetReport report{"another", {"of another surface"}};
+  tetrahedralize(make_shape("ball", 42), {}, &report);
+  EXPECT_EQ(report.mesher, "gmsh, Delaunay");
+  EXPECT_TRUE(report.failures.empty()) << report.failures[0];
+}
+
+TEST(TetgenWorker, NoTetrahedronIsLargerThanARegularOneOfTheLongestEdge) {
+  const SurfaceMesh ball = make_shape("ball", 642);
+  // by their size at the vertices alone they would be 1.3 and 1.6 times as large
+  for (const auto& [longest, size] : {std::pair{0.4, 0.3}, {0.5, 0.5}}) {
+    const TetNodes nodes = mesh_by_tetgen(ball, size, longest);
+    const double regular = std::pow(longest, 3) / (6 * std::sqrt(2.0));
+    double largest = 0;
+    for (const auto& tet : nodes.T.colwise()) largest = std::max(largest, tet_volume(nodes.X, tet));
+    EXPECT_LE(largest, regular * (1 + 1e-6)) << longest;
+    EXPECT_GT(largest, 0.8 * regular) << longest << ": no smaller than needed";
+  }
+}
+
+TEST(TetgenWorker, FillsABodyAlikeAtEveryScale) {
+  const auto n_tetrahedra = [](double scale) {  // a power of two: all coordinates round alike
+    return mesh_by_tetgen(scaled(make_shape("ball", 162), scale), 0.3 * scale, 0.4 * scale).T.cols();
+  };
+  EXPECT_EQ(n_tetrahedra(0x1p-10), n_tetrahedra(1)) << "a body of a millimetre and one of a metre";
+}
+
+TEST(Tetrahedralize, RefusesCrossingsWithTheirPlaces) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  try {
+    tetrahedralize(join(ball, shifted(ball, {1, 0.1, 0.05})));
+    FAIL() << "overlapping balls were filled";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("pairs of triangles intersect: 21 and 320 at vertex 18"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
+TEST(Tetrahedralize, NamesEveryMesherWhenNoneEndsInTime) {
+  TetOptions options;
+  options.time_limit = 0.01;
+  try {
+    tetrahedralize(make_shape("ball", 2562), options);
+    FAIL() << "ended within 10 ms";
+  } catch (const std::runtime_error& error) {
+    for (const char* part :
+         {"gmsh, HXT: stopped after", "gmsh, Delaunay: stopped after", "tetgen: stopped after"})
+      EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
+  }
+}

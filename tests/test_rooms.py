@@ -1,0 +1,69 @@
+"""The rooms of the C++ sources may include what stands below them, and nothing else."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TOPS = ("meshing", "massspring", "fem_reference")
+
+# What each room may include besides itself; "meshing" stands for all of it but its programs' room `run`.
+BELOW = {
+    "meshing/base": [],
+    "meshing/surface": ["meshing/base"],
+    "meshing/network": ["meshing/base", "meshing/surface"],
+    "meshing/tetrahedra": ["meshing/base", "meshing/surface"],
+    "meshing/scene": ["meshing/base", "meshing/surface", "meshing/network", "meshing/tetrahedra"],
+    "meshing/run": ["meshing/base", "meshing/surface", "meshing/tetrahedra", "meshing/scene"],
+    "massspring/kernels": [],
+    "massspring/algebra": ["massspring/kernels", "meshing/base"],
+    "massspring/energies": ["massspring/kernels", "massspring/algebra", "meshing/base", "meshing/surface"],
+    "massspring/model": ["massspring/energies", "massspring/algebra", "massspring/kernels", "meshing"],
+    "massspring/contact": ["massspring/model", "massspring/kernels", "meshing"],
+    "massspring/time": [
+        "massspring/contact", "massspring/model", "massspring/energies", "massspring/algebra", "massspring/kernels", "meshing",
+    ],
+    "massspring/statics": ["massspring/model", "massspring/energies", "massspring/algebra", "meshing"],
+    "massspring/calibrations": ["massspring/statics", "massspring/model", "massspring/energies", "massspring/kernels", "meshing"],
+    "fem_reference/base": ["meshing/base"],
+    "fem_reference/elements": ["fem_reference/base", "meshing"],
+    "fem_reference/solvers": ["fem_reference/base", "fem_reference/elements"],
+    "fem_reference/solid": ["fem_reference", "meshing"],
+}  # fmt: skip
+
+
+def includes_of(text: str) -> list[str]:
+    return re.findall(r'^#include "([^"]+)"', text, re.MULTILINE)
+
+
+def is_allowed(room: str, included: str) -> bool:
+    target = str(Path(included).parent)
+    return any(
+        target == allowed or ("/" not in allowed and target.startswith(allowed + "/") and target != "meshing/run")
+        for allowed in [room, *BELOW[room]]
+    )
+
+
+def test_every_folder_of_sources_is_a_room() -> None:
+    rooms = {str(folder.relative_to(ROOT)) for top in TOPS for folder in (ROOT / top).iterdir() if folder.is_dir()}
+    assert rooms - {"massspring/examples"} == set(BELOW)
+
+
+@pytest.mark.parametrize("room", BELOW)
+def test_a_room_includes_only_what_stands_below_it(room: str) -> None:
+    sources = [file for file in (ROOT / room).iterdir() if file.suffix in (".h", ".cpp")]
+    assert sources
+    for file in sources:
+        for included in includes_of(file.read_text()):
+            assert is_allowed(room, included), f"{file.relative_to(ROOT)} includes {included}"
+
+
+def test_forbidden_includes_are_seen() -> None:
+    text = '#include <vector>\n#include "massspring/energies/springs.h"\n'
+    assert includes_of(text) == ["massspring/energies/springs.h"]
+    assert not is_allowed("massspring/algebra", "massspring/energies/springs.h")
+    assert not is_allowed("massspring/energies", "meshing/scene/scene.h")
+    assert not is_allowed("massspring/model", "massspring/contact/contact.h")
+    assert not is_allowed("massspring/model", "meshing/run/record.h")
+    assert is_allowed("massspring/model", "meshing/scene/scene.h")
