@@ -132,6 +132,21 @@ def _table(file, head):
     return [row.split(" | ")[0].strip("| ") for row in rows]
 
 
+def test_the_readme_repeats_the_results():
+    tables = [(ROOT / page).read_text() for page in ("README.md", "analysis/RESULTS.md")]
+    of_readme, of_results = (
+        {
+            row.split(" | ")[0]: row.strip("| ").split(" | ")[1:6]
+            for row in table.splitlines()
+            if row.startswith("| `")
+        }
+        for table in tables
+    )
+    both = [scene for scene in of_readme if scene in of_results]
+    assert len(both) >= 3
+    assert [of_readme[scene] for scene in both] == [of_results[scene] for scene in both]
+
+
 def test_the_models_are_those_that_are_drawn():
     names = [name.strip("`") for name in _table(ROOT / "massspring" / "README.md", "name")]
     assert names == [name for name in _STYLES if name not in (REFERENCE, FEM_P1, FEM_P2)]
