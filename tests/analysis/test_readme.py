@@ -1,7 +1,9 @@
-"""What the README shows works: its notebook lines run, its pictures and scenes are there."""
+"""What the pages show works: the README's lines run, pictures and scenes are there."""
 
 import re
+import tomllib
 
+from pages import PAGES
 from synthetic import write_run
 
 import analysis
@@ -26,12 +28,35 @@ def test_everything_exported_is_there_and_documented():
 
 
 def test_pictures_are_there_and_small():
-    pictures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", README)
-    assert pictures
-    assert all(0 < (ROOT / picture).stat().st_size < 300_000 for picture in pictures)
+    pictures = [
+        page.parent / picture
+        for page in PAGES
+        for picture in re.findall(r"!\[[^]]+\]\(([^)]+)\)", page.read_text())
+    ]
+    assert len(pictures) > 5
+    assert all(0 < picture.stat().st_size < 300_000 for picture in pictures)
 
 
 def test_scenes_are_there():
-    names = set(re.findall(r"`(\w+\.toml)`", README)) - {"scene.toml"}
-    assert names
+    text = "".join(page.read_text() for page in PAGES)
+    names = set(re.findall(r"\b(\w+\.toml)\b", text)) - {
+        "scene.toml",
+        "pyproject.toml",
+        "ruff.toml",
+        "SCENE.toml",
+    }
+    assert len(names) > 10
     assert all((ROOT / "analysis" / "scenes" / name).exists() for name in names)
+
+
+def test_every_scene_is_in_the_readme():
+    scenes = {scene.name for scene in (ROOT / "analysis" / "scenes").glob("*.toml")}
+    assert scenes <= set(re.findall(r"`(\w+\.toml)`", README))
+
+
+def test_the_scene_shown_is_a_part_of_one_that_is_run():
+    shown = tomllib.loads(re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1])
+    run = tomllib.loads((ROOT / "analysis" / "scenes" / "bar_sag.toml").read_text())
+    assert shown["gravity"] == run["gravity"]
+    assert shown["surface"].items() <= run["surface"].items()
+    assert shown["supports"][0].items() <= run["supports"][0].items()
