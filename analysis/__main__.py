@@ -7,12 +7,12 @@ import json
 import sys
 from pathlib import Path
 
-from . import study, sweep
+from . import sweep
 from .experiment import compare, default_folder, fingerprint, run_solvers
+from .paths import SCENES
 from .report import finding, text_tables
 from .runs import RunError
-
-SCENES = Path(__file__).parent / "scenes"
+from .studies import command as study
 
 _RUN_EXAMPLES = """examples:
   ./testbed run                                                 the default scene: a ball under pressure

@@ -7,11 +7,12 @@ import json
 import math
 import shutil
 import subprocess
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import tomllib
 
 from .compare import (
     compare_runs,
@@ -22,18 +23,16 @@ from .compare import (
     volume_change,
     widest,
 )
-from .film import draw_film, draw_strip
+from .drawing.film import draw_film, draw_strip
+from .drawing.pictures import draw_comparison
+from .drawing.plots import plot_errors, plot_times, plot_volume
+from .drawing.warp import draw_playback
 from .machine import describe
-from .pictures import draw_comparison
-from .plots import plot_errors, plot_times, plot_volume
+from .methods import REFERENCE, label_of
+from .paths import PACKAGE, PROGRAMS, ROOT, write_text
 from .report import render
-from .runs import Frame, Run, RunError, load_run
-from .style import REFERENCE, label_of
-from .warp import draw_playback
+from .runs import NOT_MODELLED, NOT_OK, SOLVED, Frame, Run, RunError, load_run
 
-ROOT = Path(__file__).resolve().parents[1]
-PROGRAMS = ROOT / "build" / "bin"
-SOLVED, NOT_OK, _NOT_MODELLED = 0, 2, 3  # exit statuses of both programs: meshing/exit_status.h
 _GROWTH = 8  # of the unknowns by a refinement
 # Unknowns of a refined reference, by what is solved: half a minute at most. And steps of a motion in time.
 _MAX_DOFS = {"linear": 500_000, "newton": 250_000, "dynamic": 100_000, "newton in time": 20_000}
@@ -133,7 +132,7 @@ def run_solvers(
         return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
 
     status = run("fem_reference", folder / "fem_reference")
-    if status not in (SOLVED, NOT_OK, _NOT_MODELLED):
+    if status not in (SOLVED, NOT_OK, NOT_MODELLED):
         raise RunError(f"fem_reference gave no result (exit status {status})")
     shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
     scene = tomllib.loads((folder / "scene.toml").read_text())
@@ -143,7 +142,7 @@ def run_solvers(
         raise RunError(
             f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}"
         )
-    unsolved = record["reason"] if status == _NOT_MODELLED else ""
+    unsolved = record["reason"] if status == NOT_MODELLED else ""
     words = None if unsolved else refinement(scene, record)
     if not words or run("fem_reference", refined, options=words) not in (SOLVED, NOT_OK):
         shutil.rmtree(refined, ignore_errors=True)  # it may be of other values
@@ -164,17 +163,10 @@ def fingerprint(experiment: Experiment) -> str:
     """Hash of all that the comparison depends on: the solvers' records and this package."""
     digest = hashlib.sha256()
     records = sorted(experiment.folder.glob("**/run.json"))
-    for file in [*records, experiment.folder / "scene.toml", *sorted(Path(__file__).parent.glob("*.py"))]:
+    for file in [*records, experiment.folder / "scene.toml", *sorted(PACKAGE.rglob("*.py"))]:
         digest.update(file.read_bytes())
     digest.update(json.dumps(experiment.failed, sort_keys=True).encode())
     return digest.hexdigest()[:16]
-
-
-def write_text(file: Path, text: str) -> None:
-    """Writes to a temporary name, then renames."""
-    temporary = file.with_name(file.name + ".tmp")
-    temporary.write_text(text)
-    temporary.replace(file)
 
 
 def compare(experiment: Experiment) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from .style import REFERENCE, label_of
+from .methods import REFERENCE, label_of
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #222; }

@@ -13,12 +13,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .compare import compare_runs
-from .experiment import ROOT, default_folder, write_text
-from .plots import svg_of
+from .drawing.style import style_of, svg_of
+from .experiment import default_folder
+from .paths import ROOT, write_text
 from .points import Outcome, Point, Store, read_toml, say
 from .report import html_table, page, percent, svg_figure, text_table
 from .runs import RunError, load_run
-from .style import style_of
 
 FIGURES = [
     "displacement_error_l2", "displacement_error_max", "volume_change_error", "n_nodes", "n_springs",

@@ -15,9 +15,9 @@ from synthetic import write_run
 from analysis import experiment as experiments
 from analysis.__main__ import parse_arguments
 from analysis.__main__ import run as run_command
+from analysis.drawing.pictures import draw_comparison, magnification, seen_size
+from analysis.drawing.plots import plot_errors
 from analysis.experiment import Experiment, compare, default_folder, fingerprint, refinement, run_solvers
-from analysis.pictures import draw_comparison, magnification, seen_size
-from analysis.plots import plot_errors
 from analysis.report import finding, percent, text_tables
 from analysis.runs import Frame, RunError
 

@@ -5,7 +5,7 @@ import re
 from synthetic import write_run
 
 import analysis
-from analysis.experiment import ROOT
+from analysis.paths import ROOT
 
 README = (ROOT / "README.md").read_text()
 

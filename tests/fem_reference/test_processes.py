@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from analysis.experiment import PROGRAMS, ROOT
+from analysis.paths import PROGRAMS, ROOT
 from analysis.runs import load_run
 
 TOLERANCE = (

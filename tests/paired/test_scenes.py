@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.accuracy_loads import Loads
 from analysis.compare import displacement_error, remove_rigid_motion, vertex_areas, volume
-from analysis.experiment import PROGRAMS, ROOT, compare, run_solvers
+from analysis.experiment import compare, run_solvers
+from analysis.paths import PROGRAMS, ROOT
 from analysis.runs import load_run
+from analysis.studies.accuracy_loads import Loads
 
 SCENES = ROOT / "analysis" / "scenes"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pyvista as pv
 from PIL import Image
 
-from analysis.network_pictures import draw_cut
+from analysis.drawing.network_pictures import draw_cut
 
 
 def write_network(file, X, F, springs):

@@ -14,12 +14,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from . import cost, machine, paper, scaling, stability, work_precision
-from .experiment import PROGRAMS, ROOT, write_text
-from .points import Store, say
-from .report import Table, html_table, image_figure, page, svg_figure, text_table
+from .. import machine
+from ..paths import PROGRAMS, ROOT, SCENES, write_text
+from ..points import Store, say
+from ..report import Table, html_table, image_figure, page, svg_figure, text_table
+from . import cost, paper, scaling, stability, work_precision
 
-SCENES = Path(__file__).parent / "scenes"
 _LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
 
 

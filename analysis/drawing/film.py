@@ -1,6 +1,6 @@
 """Films and strips of frames: runs side by side, painted with displacement, above their volume curves.
 
-    python -m analysis.film RUN_FOLDER [RUN_FOLDER ...] [--out FOLDER]
+    python -m analysis.drawing.film RUN_FOLDER [RUN_FOLDER ...] [--out FOLDER]
 
 writes film.gif and strip.png, by default into the first run's folder.
 """
@@ -21,10 +21,11 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
-from .compare import displacement_at, volume_change
+from ..compare import displacement_at, volume_change
+from ..methods import REFERENCE, label_of
+from ..runs import Array, Run, RunError, load_run, method_of, scene_of
 from .pictures import aim, magnification, seen_size, surface_of
-from .runs import Array, Run, RunError, load_run, scene_of
-from .style import REFERENCE, label_of, style_of
+from .style import style_of
 
 _HEIGHT = 240  # pixels of a panel
 _ASPECT = (0.9, 1.8)  # least and largest width of a panel over its height
@@ -245,13 +246,10 @@ def draw_strip(file: Path, runs: dict[str, Run], n_frames: int = 5) -> None:
     page.save(file, optimize=True)
 
 
-def method_of(run: Run) -> str:
-    """fem_reference, or the name of the spring model."""
-    return run.record.get("calibration", REFERENCE)
-
-
 def main(words: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m analysis.film", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m analysis.drawing.film", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN_FOLDER")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the first run's folder")
     arguments = parser.parse_args(words)

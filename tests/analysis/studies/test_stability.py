@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 from matplotlib.colors import to_hex
 
-from analysis import stability
 from analysis.runs import RunError
+from analysis.studies import stability
 
 
 def rows_of(*outcomes: str) -> list[stability.Row]:

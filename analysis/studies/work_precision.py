@@ -15,7 +15,6 @@ files, and what the springs' program spends on diagnosing itself.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,16 +22,18 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+import tomllib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .compare import compare_runs, trajectory_error
-from .front import seconds_for
-from .plots import SMALLEST, svg_of
-from .points import Outcome, Point, Store, say
-from .report import Table, percent
-from .runs import RunError, load_run
-from .style import FEM_P1, FEM_P2, label_of, style_of
+from ..compare import compare_runs, trajectory_error
+from ..drawing.plots import SMALLEST
+from ..drawing.style import style_of, svg_of
+from ..front import seconds_for
+from ..methods import FEM_P1, FEM_P2, label_of
+from ..points import Outcome, Point, Store, say
+from ..report import Table, percent
+from ..runs import RunError, load_run
 
 CALIBRATIONS = [
     "uniform", "affine", "van_gelder", "lloyd", "moment", "edge_coupled", "node_averaged"

@@ -21,14 +21,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..drawing.style import style_of, svg_of
+from ..methods import label_of
+from ..paths import MESHES, PROGRAMS, ROOT, write_text
+from ..runs import RunError
 from .accuracy_loads import Loads
-from .experiment import write_text
-from .plots import svg_of
-from .runs import RunError
-from .style import label_of, style_of
-
-_ROOT = Path(__file__).resolve().parent.parent
-_MESHES = _ROOT.parent / "shared" / "meshes"
 
 LINEAR_ELEMENTS = "edge_coupled"
 PATCH_LOADS = {"pressure", "uniaxial", "shear"}  # linear fields: linear elements are exact
@@ -72,10 +69,10 @@ _RESOLUTIONS = {"ball": (162, 642, 2562), "bar": (300, 1200, 4800), "torus": (40
 
 def run_program(table: Path, quick: bool) -> None:
     """Raises RunError when the program fails."""
-    for batch in batches(_MESHES, quick):
+    for batch in batches(MESHES, quick):
         options = [word for option, values in batch.items() for word in (f"--{option}", *values)]
         # The program dies with this process, so that a killed study leaves nobody working.
-        command = ["setpriv", "--pdeathsig", "KILL", str(_ROOT / "build/bin/accuracy"), "--out", str(table)]
+        command = ["setpriv", "--pdeathsig", "KILL", str(PROGRAMS / "accuracy"), "--out", str(table)]
         if subprocess.run([*command, *options], check=False).returncode != 0:
             raise RunError("the accuracy program failed; its message stands above")
 
@@ -226,7 +223,7 @@ def plot_ratios(rows: list[Row]) -> str:
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="./testbed accuracy", description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--out", type=Path, default=_ROOT / "out" / "accuracy", metavar="DIR", help="default: out/accuracy"
+        "--out", type=Path, default=ROOT / "out" / "accuracy", metavar="DIR", help="default: out/accuracy"
     )
     parser.add_argument(
         "--quick", action="store_true", help="a few small meshes: a minute instead of most of an hour"
@@ -237,7 +234,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with ThreadPoolExecutor() as pool:  # the program on one core, the loads' runs on the other
             exact = pool.submit(run_program, table, options.quick)
-            loads = Loads(options.out, _MESHES, is_quiet=False).run(options.quick)
+            loads = Loads(options.out, MESHES, is_quiet=False).run(options.quick)
             exact.result()
     except RunError as error:
         raise SystemExit(f"error: {error}") from None

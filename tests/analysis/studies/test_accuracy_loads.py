@@ -4,15 +4,17 @@ import random
 import signal
 import subprocess
 import sys
-import tomllib
 
 import numpy as np
 import pytest
+import tomllib
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
 
-from analysis import accuracy_loads
-from analysis.accuracy_loads import (
+from analysis.paths import ROOT
+from analysis.points import Store
+from analysis.studies import accuracy_loads
+from analysis.studies.accuracy_loads import (
     LOADS,
     MODELS,
     Loads,
@@ -23,8 +25,6 @@ from analysis.accuracy_loads import (
     scene_of,
     weight,
 )
-from analysis.experiment import ROOT
-from analysis.points import Store
 
 # 3 x 2 x 1 m, a corner at (1, 1, 1), outward.
 BOX = np.array([[1 + 3 * (i & 1), 1 + (i & 2), 1 + (i >> 2)] for i in range(8)], dtype=float)
@@ -179,8 +179,8 @@ def test_model_that_fails_is_a_row_that_says_why(stand_ins, tmp_path):
 _STUDY = """
 import sys
 from pathlib import Path
-from analysis.accuracy_loads import Loads
 from analysis.points import Store
+from analysis.studies.accuracy_loads import Loads
 folder, programs = map(Path, sys.argv[1:])
 Loads(folder, folder, True, Store(folder / "points", programs=programs)).run(quick=True)
 """

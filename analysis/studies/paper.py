@@ -15,15 +15,14 @@ from statistics import median
 import numpy as np
 from matplotlib.figure import Figure
 
-from .experiment import PROGRAMS, write_text
-from .film import draw_strip
-from .network_pictures import draw_before_and_after
-from .plots import svg_of
-from .points import Point, Store
-from .report import Table
-from .runs import RunError, load_run
-from .style import style_of
-from .warp import WARPS, warp_of
+from ..drawing.film import draw_strip
+from ..drawing.network_pictures import draw_before_and_after
+from ..drawing.style import style_of, svg_of
+from ..drawing.warp import WARPS, warp_of
+from ..paths import PROGRAMS, write_text
+from ..points import Point, Store
+from ..report import Table
+from ..runs import RunError, load_run
 
 # Object: vertices, springs, Euler FPS, IDE FPS, as printed in table 1.
 PUBLISHED = {

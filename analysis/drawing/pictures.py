@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from .compare import remove_rigid_motion, vertex_areas
-from .runs import Array, Frame
+from ..compare import remove_rigid_motion, vertex_areas
+from ..runs import Array, Frame
 
 _VISIBLE = 0.08  # of the bounding box's diagonal: smaller displacements are drawn larger
 _VIEW = (0.7, 0.45, 1.0)  # from where the camera looks, y up

@@ -23,11 +23,11 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from .experiment import write_text
-from .plots import svg_of
-from .points import say
-from .report import Table
-from .runs import RunError
+from ..drawing.style import svg_of
+from ..paths import write_text
+from ..points import say
+from ..report import Table
+from ..runs import RunError
 
 Row = dict[str, str]
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from typing import NamedTuple
 
 import matplotlib
+from matplotlib.figure import Figure
+
+from ..methods import FEM_P1, FEM_P2, REFERENCE
 
 matplotlib.rcParams.update(
     {
@@ -27,9 +31,6 @@ class Style(NamedTuple):
     marker: str
 
 
-REFERENCE = "fem_reference"
-FEM_P1, FEM_P2 = "fem_p1", "fem_p2"
-
 # Okabe & Ito 2008, "Color universal design"; yellow darkened, one colour from Tol 2021, "Colour schemes".
 _STYLES = {
     REFERENCE: Style("#000000", "s"),
@@ -43,11 +44,6 @@ _STYLES = {
     "node_averaged": Style("#009E73", "P"),
     FEM_P1: Style("#777777", "d"),
 }
-_LABELS = {
-    REFERENCE: "finite elements",
-    FEM_P1: "finite elements, linear",
-    FEM_P2: "finite elements, quadratic",
-}
 
 
 def style_of(method: str, number: int | None = None) -> Style:
@@ -60,5 +56,8 @@ def style_of(method: str, number: int | None = None) -> Style:
     return Style("#888888", "X") if number is None else list(_STYLES.values())[(number + 1) % len(_STYLES)]
 
 
-def label_of(method: str) -> str:
-    return _LABELS.get(method, f"springs, {method}")
+def svg_of(figure: Figure) -> str:
+    """The figure as SVG text, the same for the same figure."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None})
+    return buffer.getvalue()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.material_laws import (
+from analysis.studies.material_laws import (
     LAWS,
     crush_softens_at,
     inflation_gives_way_at,

@@ -1,6 +1,6 @@
 """Pictures of spring networks: the ball before and after PCP (figure 7), and bodies cut open.
 
-    python -m analysis.network_pictures build/bin/meshing out/networks [SURFACE ...]
+    python -m analysis.drawing.network_pictures build/bin/meshing out/networks [SURFACE ...]
 
 Each SURFACE is drawn cut open beside the ball and the torus.
 """

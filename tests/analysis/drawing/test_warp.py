@@ -6,8 +6,8 @@ import pyvista as pv
 from PIL import Image
 from synthetic import write_run
 
+from analysis.drawing.warp import WARPS, draw_playback, main, playback_times, warp_of
 from analysis.runs import RunError, load_run
-from analysis.warp import WARPS, draw_playback, main, playback_times, warp_of
 
 SHARES = np.linspace(0, 1, 1001)
 

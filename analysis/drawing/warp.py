@@ -1,6 +1,6 @@
 """A simulated deflation played backwards at a warped speed is an inflation [paper 4, fig. 10].
 
-    python -m analysis.warp RUN_FOLDER elastic [--fps 25] [--seconds 4] [--forwards]
+    python -m analysis.drawing.warp RUN_FOLDER elastic [--fps 25] [--seconds 4] [--forwards]
 
 writes RUN_FOLDER/playback: frames.pvd with the surface at each moment of the film (ParaView), and film.gif.
 """
@@ -16,10 +16,10 @@ from typing import Any
 import numexpr
 import numpy as np
 
-from .compare import displacement_at
-from .film import draw_film, method_of
+from ..compare import displacement_at
+from ..runs import Array, Run, RunError, load_run, method_of
+from .film import draw_film
 from .pictures import surface_of
-from .runs import Array, Run, RunError, load_run
 
 Warp = Callable[[Array], Array]  #: share of the film, in [0, 1] -> share of the simulation, in [0, 1]
 
@@ -105,7 +105,9 @@ def draw_playback(folder: Path, run: Run, settings: dict[str, Any]) -> Array:
 
 
 def main(words: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m analysis.warp", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m analysis.drawing.warp", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("run", type=Path, metavar="RUN_FOLDER")
     parser.add_argument("warp", help=f"{', '.join(WARPS)}, or an expression in t such as 't**3'")
     parser.add_argument("--fps", type=float, default=25)

@@ -13,11 +13,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from .experiment import write_text
-from .plots import svg_of
-from .points import Point, Store, say
-from .report import Table
-from .style import style_of
+from ..drawing.style import style_of, svg_of
+from ..paths import write_text
+from ..points import Point, Store, say
+from ..report import Table
 
 _VALGRIND = ("valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null")
 _STEP = 1e-4  # s

@@ -1,6 +1,6 @@
 """Why the coupled springs follow the law they do: candidates that agree at small strain, compared far from it.
 
-python -m analysis.material_laws [NU] prints a table. All energies are in units of mu, of principal stretches s (the last
+python -m analysis.studies.material_laws [NU] prints a table. All energies are in units of mu, of principal stretches s (the last
 one negative where the body is turned inside out), J their product:
 - softens under pressure: volume ratio below which the pressure falls although the body shrinks further
 - softens in a crush: length ratio below which the stress of a column with free sides falls

@@ -4,26 +4,26 @@ import random
 import signal
 import subprocess
 import sys
-import tomllib
 from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import tomllib
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
 
-from analysis import study as studies
-from analysis import work_precision
 from analysis.__main__ import parse_arguments
-from analysis.experiment import ROOT
 from analysis.front import pareto, seconds_for
+from analysis.methods import FEM_P2
+from analysis.paths import ROOT
 from analysis.points import Outcome, Store
 from analysis.runs import RunError
-from analysis.study import Result, Section, write
-from analysis.style import FEM_P2
-from analysis.work_precision import (
+from analysis.studies import command as studies
+from analysis.studies import work_precision
+from analysis.studies.command import Result, Section, write
+from analysis.studies.work_precision import (
     FULL,
     QUICK,
     Effort,
@@ -432,8 +432,8 @@ _STUDY = """
 import sys
 from pathlib import Path
 from analysis.points import Outcome, Store
-from analysis.study import Result, Section, write
-from analysis.work_precision import Effort, SceneStudy, table
+from analysis.studies.command import Result, Section, write
+from analysis.studies.work_precision import Effort, SceneStudy, table
 folder, programs = map(Path, sys.argv[1:])
 store = Store(folder / "points", programs=programs)
 print("ready", flush=True)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis import plots
-from analysis.style import REFERENCE, label_of
+from analysis.drawing import plots
+from analysis.methods import REFERENCE, label_of
 
 
 def points_of(line):

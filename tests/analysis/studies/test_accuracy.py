@@ -4,9 +4,9 @@ import subprocess
 
 import pytest
 
-from analysis import accuracy
-from analysis.accuracy import batches, convergence, read_table, slope_of, summarise
-from analysis.experiment import PROGRAMS
+from analysis.paths import PROGRAMS
+from analysis.studies import accuracy
+from analysis.studies.accuracy import batches, convergence, read_table, slope_of, summarise
 
 
 def row(model: str, load: str, error: float, status: str = "ok", surface: str = "ball:162") -> dict[str, str]:

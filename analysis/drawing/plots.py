@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 from matplotlib.figure import Figure
 
-from .runs import Array
-from .style import REFERENCE, label_of, style_of
+from ..methods import REFERENCE, label_of
+from ..runs import Array
+from .style import style_of, svg_of
 
 Curve = tuple[Array, Array]
 SMALLEST = 1e-9  # error drawn (%): below lies rounding
-
-
-def svg_of(figure: Figure) -> str:
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", bbox_inches="tight", metadata={"Date": None})
-    return buffer.getvalue()
 
 
 def plot_volume(curves: dict[str, Curve], time_label: str) -> str:

@@ -15,10 +15,10 @@ from statistics import median
 import numpy as np
 from matplotlib.figure import Figure
 
-from .plots import svg_of
-from .points import Outcome, Point, Store, say
-from .report import Table
-from .style import FEM_P1, FEM_P2, label_of, style_of
+from ..drawing.style import style_of, svg_of
+from ..methods import FEM_P1, FEM_P2, label_of
+from ..points import Outcome, Point, Store, say
+from ..report import Table
 
 _VERTICES = 900  # of the bar's surface, which give
 _NODES = 1400  # nodes with the paper's sampling; half as many for each in a large body

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from synthetic import write_run
 
-from analysis.film import draw_film, draw_strip, main
+from analysis.drawing.film import draw_film, draw_strip, main
 from analysis.runs import RunError, load_run
 
 N_FRAMES = 6
