@@ -29,18 +29,6 @@ On N machines: start "--part 1/N" ... "--part N/N" with one --out on a shared fi
 DIR/points into one folder; then the same command without --part writes the table.
 """
 
-_STUDY_EXAMPLES = """studies:
-  work-precision   error against seconds: every spring model and finite elements, over resolutions or time steps
-  stability        what becomes of a body let go from bad starts, over step and stiffness, as maps
-  scaling          seconds, memory and non-zeros from a thousand nodes to a million
-  cost             instructions of a time step, the scene's parts switched on one at a time
-  paper            table 1 and figures 7, 9, 10 and 11 beside the paper's values
-
-examples:
-  ./testbed study work-precision
-  ./testbed study work-precision analysis/scenes/bar_sag.toml --quick
-"""
-
 
 def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="./testbed", description="Run and compare both solvers.")
@@ -101,7 +89,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
             [],
             "Measures something over many runs and reports it. A study that was killed continues. Timed runs are made one "
             "at a time: leave the machine alone meanwhile.",
-            _STUDY_EXAMPLES,
+            study.examples(),
         )
     )
     return parser.parse_args(arguments)

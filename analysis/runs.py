@@ -12,9 +12,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pyvista as pv
+import tomllib
 
 from .methods import REFERENCE
-import tomllib
 
 Array = np.ndarray
 SOLVED, NOT_OK, NOT_MODELLED = 0, 2, 3  # exit statuses of both programs: meshing/exit_status.h

@@ -1,9 +1,9 @@
 """Accuracy study: every spring model against exact elastic fields, and against quadratic elements where there is no exact
 field, beside linear finite elements on the same nodes.
 
-python -m analysis.accuracy (started by ./testbed accuracy): runs build/bin/accuracy, which continues an unfinished
-table, and at the same time the loads of accuracy_loads.py, whose finished runs are kept. Then prints summaries and draws
-error against node count and the ratios to linear elements.
+Runs build/bin/accuracy, which continues an unfinished table, and at the same time the loads of accuracy_loads.py, whose
+finished runs are kept. Ratios are to the errors of linear elements in the same case; the figures show their distribution,
+and the error against the number of nodes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import csv
 import subprocess
-import sys
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -23,9 +22,11 @@ from matplotlib.figure import Figure
 
 from ..drawing.style import style_of, svg_of
 from ..methods import label_of
-from ..paths import MESHES, PROGRAMS, ROOT, write_text
+from ..paths import MESHES, PROGRAMS
+from ..report import Table
 from ..runs import RunError
 from .accuracy_loads import Loads
+from .result import Figures, Result, Section
 
 LINEAR_ELEMENTS = "edge_coupled"
 PATCH_LOADS = {"pressure", "uniaxial", "shear"}  # linear fields: linear elements are exact
@@ -59,10 +60,10 @@ def batches(meshes: Path, quick: bool) -> list[dict[str, list[str]]]:
     return [batch for batch in study if batch["surface"]]
 
 
-_EXACT = "error over that of linear elements on the same nodes (bending, torsion, cubic harmonic), and worst patch test"
+_EXACT = "Error over that of linear elements on the same nodes (bending, torsion, cubic harmonic), and the worst patch test."
 _LOADS = (
-    "the same of other loads, against quadratic elements; undecided: within three times their own error, and how many of "
-    "these are at most a third whatever that error's direction"
+    "The same of other loads, against quadratic elements. A case is undecided within three times their own error; the last "
+    "column counts those that are at most a third whatever that error's direction."
 )
 _RESOLUTIONS = {"ball": (162, 642, 2562), "bar": (300, 1200, 4800), "torus": (400, 1600, 6400)}
 
@@ -137,22 +138,31 @@ def slope_of(nodes: list[float], errors: list[float]) -> float:
     return float(-3 * np.polyfit(np.log(nodes), np.log(errors), 1)[0])
 
 
-def text_of(title: str, by: str, summary: list[dict[str, Any]]) -> str:
-    lines = [
-        title,
-        f"{'model':14} {by:>9} {'cases':>6} {'median':>7} {'<= 1/3':>7} {'largest':>8} {'patch':>8} {'refused':>8} {'undecided':>10} {'<= 1/3':>7}",
-    ]
+def table(by: str, summary: list[dict[str, Any]]) -> Table:
+    """A row for each model and value of the column `by`."""
+    head = [
+        "model", by, "cases", "median", "<= 1/3", "largest", "worst patch", "refused", "undecided", "of these <= 1/3"
+    ]  # fmt: skip
 
-    def number(value: float | None, width: int, form: str) -> str:
-        return f"{'-':>{width}}" if value is None else f"{value:{width}{form}}"
+    def number(value: float | None, form: str) -> str:
+        return "-" if value is None else f"{value:{form}}"
 
-    lines += [
-        f"{s['model']:14} {s['of']:>9} {s['cases']:6d} {number(s['median'], 7, '.3f')} "
-        f"{number(s['at_most_third'], 7, '.0%')} {number(s['largest'], 8, '.3f')} "
-        f"{number(s['worst_patch'], 8, '.0e')} {s['refused']:8d} {s['undecided']:10d} {s['undecided_at_most_third']:7d}"
+    return head, [
+        [
+            s["model"], s["of"], str(s["cases"]), number(s["median"], ".3f"), number(s["at_most_third"], ".0%"),
+            number(s["largest"], ".3f"), number(s["worst_patch"], ".0e"), str(s["refused"]), str(s["undecided"]),
+            str(s["undecided_at_most_third"]),
+        ]
         for s in summary
-    ]
-    return "\n".join(lines)
+    ]  # fmt: skip
+
+
+def finding(rows: list[Row]) -> str:
+    """The study in one sentence; rows: of the exact fields."""
+    summary = summarise([{**row, "all": ""} for row in rows], "all")
+    known = sorted((s["median"], s["model"]) for s in summary if s["median"] is not None)
+    words = ", ".join(f"{model} {ratio:.2g}" for ratio, model in known if model != LINEAR_ELEMENTS)
+    return f"Error against exact fields over that of linear finite elements on the same nodes, in the median: {words}."
 
 
 def convergence(
@@ -220,38 +230,29 @@ def plot_ratios(rows: list[Row]) -> str:
     return svg_of(figure)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="./testbed accuracy", description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--out", type=Path, default=ROOT / "out" / "accuracy", metavar="DIR", help="default: out/accuracy"
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="a few small meshes: a minute instead of most of an hour"
-    )
-    options = parser.parse_args(arguments)
-    options.out.mkdir(parents=True, exist_ok=True)
-    table = options.out / "accuracy.csv"
-    try:
-        with ThreadPoolExecutor() as pool:  # the program on one core, the loads' runs on the other
-            exact = pool.submit(run_program, table, options.quick)
-            loads = Loads(options.out, MESHES, is_quiet=False).run(options.quick)
-            exact.result()
-    except RunError as error:
-        raise SystemExit(f"error: {error}") from None
-    rows = read_table(table)
-    text = "\n\n".join(
-        [
-            text_of(_EXACT, "nu", summarise(rows)),
-            text_of(_LOADS, "nu", summarise(loads)),
-            text_of("the same by load", "load", summarise(loads, "load")),
-        ]
-    )
-    write_text(options.out / "summary.txt", text + "\n")
-    write_text(options.out / "ratios.svg", plot_ratios(rows))
-    write_text(options.out / "convergence.svg", plot_convergence(rows))
-    print(f"{text}\n\ntables and plots: {options.out}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Every model against exact fields and against quadratic elements; --quick: a minute on a few small meshes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "accuracy.csv"
+    with ThreadPoolExecutor() as pool:  # the program on one core, the loads' runs on the other
+        exact = pool.submit(run_program, file, arguments.quick)
+        loads = Loads(folder, MESHES, arguments.quiet).run(arguments.quick)
+        exact.result()
+    rows = read_table(file)
+    figures: Figures = {
+        "ratios": (plot_ratios(rows), "Cases whose error over that of linear elements stays below a value."),
+        "convergence": (plot_convergence(rows), "Error in torsion over the number of nodes."),
+    }
+    sections = [
+        Section("Exact fields", [_EXACT], figures, {"exact_by_nu": table("nu", summarise(rows))}),
+        Section(
+            "Other loads",
+            [_LOADS],
+            {},
+            {
+                "loads_by_nu": table("nu", summarise(loads)),
+                "loads_by_load": table("load", summarise(loads, "load")),
+            },
+        ),
+    ]
+    return Result("Accuracy of the spring models", finding(rows), sections)

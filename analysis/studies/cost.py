@@ -7,6 +7,7 @@ start-up do not count. A part that the program only checks for costs its row's d
 
 from __future__ import annotations
 
+import argparse
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from ..drawing.style import style_of, svg_of
 from ..paths import write_text
 from ..points import Point, Store, say
 from ..report import Table
+from .result import Figures, Result, Section
 
 _VALGRIND = ("valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null")
 _STEP = 1e-4  # s
@@ -152,3 +154,15 @@ def finding(costs: list[Cost]) -> str:
     words = f"Beside the springs alone the dearest parts of a step are {dear}"
     words += f"; below 1 % stay {free}" if free else ""
     return words + (f". No result: {', '.join(failed)}." if failed else ".")
+
+
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Instructions of a step, part by part."""
+    store = Store(folder / "points")
+    costs = measure(folder, store, arguments.quiet)
+    figures: Figures = {}
+    if shares(costs):
+        figures = {"cost": (plot(costs), "What each part adds to a step, counted instructions.")}
+    section = Section("Part by part", [], figures, {"cost": table(costs)})
+    protocol = {"cost.toml: springs alone": (folder / "cost.toml").read_text()}
+    return Result("What each part costs", finding(costs), [section], protocol)

@@ -6,6 +6,7 @@ known), median of interleaved repetitions. The paper's are those of the machine 
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
 import subprocess
@@ -19,10 +20,11 @@ from ..drawing.film import draw_strip
 from ..drawing.network_pictures import draw_before_and_after
 from ..drawing.style import style_of, svg_of
 from ..drawing.warp import WARPS, warp_of
-from ..paths import PROGRAMS, write_text
+from ..paths import PROGRAMS, SCENES, write_text
 from ..points import Point, Store
 from ..report import Table
 from ..runs import RunError, load_run
+from .result import Figures, Result, Section, alone
 
 # Object: vertices, springs, Euler FPS, IDE FPS, as printed in table 1.
 PUBLISHED = {
@@ -191,3 +193,27 @@ def figure_11(scenes: list[Path], store: Store, folder: Path) -> tuple[dict[str,
         seconds = outcome.record.get("seconds", {}).get("solve")
         rows.append([scene.stem, outcome.status, f"{seconds:.2f}" if seconds is not None else "-", message])
     return strips, (["scene", "status", "solve (s)", ""], rows)
+
+
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Table 1 and the figures."""
+    repetitions = arguments.repetitions or (2 if arguments.quick else 5)
+    with alone(arguments.quiet):
+        table = table_1(benchmark(PROGRAMS / "bench_step", folder, repetitions))
+    figures: Figures = {
+        "figure_7": (figure_7(folder), "Figure 7: the ball before and after PCP."),
+        "figure_9": (
+            figure_9(),
+            "Figure 9: how far a spring collapses in a step, over its distance from the pivot.",
+        ),
+        "figure_10": (
+            figure_10(),
+            "Figure 10: time warps: the simulation's time, and its speed, over the film's.",
+        ),
+    }
+    scenes = arguments.scenes or [SCENES / f"{name}.toml" for name in FIGURE_11]
+    strips, ended = figure_11(scenes, Store(folder / "points"), folder)
+    sections = [Section("Table 1", [], {}, {"table_1": table}), Section("Figures", [], figures)]
+    shown: Figures = {name: (file, f"Figure 11: {name}.") for name, file in strips.items()}
+    sections.append(Section("Figure 11", [], shown, {"figure_11": ended}))
+    return Result("The paper's results, rebuilt", finding(table), sections)

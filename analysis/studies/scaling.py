@@ -7,6 +7,7 @@ non-zero blocks of the springs' matrix, a diagonal one for each node and two for
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +18,15 @@ from matplotlib.figure import Figure
 
 from ..drawing.style import style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
+from ..paths import SCENES
 from ..points import Outcome, Point, Store, say
 from ..report import Table
+from .result import Figures, Result, Section, alone
 
 _VERTICES = 900  # of the bar's surface, which give
 _NODES = 1400  # nodes with the paper's sampling; half as many for each in a large body
 _EXPLICIT_STEPS, _IMPLICIT_STEPS = 50, 10
+_TIME_LIMIT = 1800  # s, for one run of a large body
 _NETWORK = "uniform"  # the model whose springs are single ones, as Lemma 1 counts them
 
 
@@ -256,3 +260,27 @@ def finding(sizes: list[Size]) -> str:
     if blocks:
         lemma = f"; the PCP network keeps {blocks[0].blocks_per_node:.1f} to {blocks[-1].blocks_per_node:.1f} blocks a node, as Lemma 1 says"
     return f"Seconds grow with the nodes to the power of: {', '.join(parts)}{lemma}."
+
+
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Seconds, memory and non-zeros over the number of nodes."""
+    sizes, repetitions = ([300.0, 1000.0], 2) if arguments.quick else ([1e3, 1e4, 1e5, 2e6], 3)
+    repetitions = arguments.repetitions or repetitions
+    with alone(arguments.quiet):
+        measured = measure(
+            SCENES / "bar_sag.toml",
+            Store(folder / "points", _TIME_LIMIT),
+            sizes,
+            repetitions,
+            arguments.quiet,
+        )
+    figures: Figures = {
+        "scaling_seconds": (
+            plot_seconds(measured),
+            "Seconds of every stage on one thread, median; slopes in brackets.",
+        ),
+        "scaling_memory": (plot_memory(measured), "Largest resident memory of the whole run."),
+        "scaling_lemma_1": (plot_lemma(measured), "Lemma 1: non-zero blocks of the springs' matrix."),
+    }
+    section = Section("Every stage", [], figures, {"scaling": table(measured)})
+    return Result("Scaling", finding(measured), [section])

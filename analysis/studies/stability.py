@@ -11,6 +11,7 @@ body with a tetrahedron turned inside out, or, without tetrahedra, one that encl
 
 from __future__ import annotations
 
+import argparse
 import csv
 import hashlib
 import subprocess
@@ -24,10 +25,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from ..drawing.style import svg_of
-from ..paths import write_text
+from ..paths import PROGRAMS, write_text
 from ..points import say
 from ..report import Table
 from ..runs import RunError
+from .result import Figures, Result, Section
 
 Row = dict[str, str]
 
@@ -138,3 +140,12 @@ def plot(rows: list[Row]) -> str:
 
 
 CAPTION = "Outcome of every cell; step over stiffness, a column for each start."
+
+
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """What becomes of a body let go from bad starts; --quick: explicit Euler alone."""
+    n_cells = 210 if arguments.quick else None
+    rows = measure(folder, PROGRAMS / "stability", n_cells, arguments.quiet)
+    figures: Figures = {"stability": (plot(rows), CAPTION)}
+    section = Section("Every scheme", [], figures, {"outcomes": table(rows)})
+    return Result("Stability", finding(rows), [section])

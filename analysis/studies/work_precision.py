@@ -15,8 +15,9 @@ files, and what the springs' program spends on diagnosing itself.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -31,9 +32,11 @@ from ..drawing.plots import SMALLEST
 from ..drawing.style import style_of, svg_of
 from ..front import seconds_for
 from ..methods import FEM_P1, FEM_P2, label_of
+from ..paths import SCENES
 from ..points import Outcome, Point, Store, say
 from ..report import Table, percent
 from ..runs import RunError, load_run
+from .result import Figures, Result, Section, alone
 
 CALIBRATIONS = [
     "uniform", "affine", "van_gelder", "lloyd", "moment", "edge_coupled", "node_averaged"
@@ -453,3 +456,29 @@ def noise(measurements: Iterable[Measurement]) -> str:
         f"{shared} of {len(runs)} timed runs waited for a core or a disk more than a tenth of their time: "
         "times with a wide spread are not to be relied on."
     )
+
+
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """Error against seconds for every method."""
+    files = arguments.scenes or [
+        SCENES / f"{name}.toml" for name in ("bar_sag", "torus_hang", "bar_bend", "bar_swing")
+    ]
+    effort = QUICK if arguments.quick else FULL
+    effort = replace(effort, repetitions=arguments.repetitions or effort.repetitions)
+    timed, store = Store(folder / "points", arguments.time_limit), Store(folder / "points")
+    sections: list[Section] = []
+    findings: list[str] = []
+    protocol: dict[str, str] = {}
+    with alone(arguments.quiet):
+        for file in files:
+            scene = SceneStudy(file.resolve(), effort, timed, store)
+            scene.run(arguments.quiet)
+            sentences = in_words(curves_of(scene.measurements))
+            findings.append(
+                f"{scene.name}: {sentences[0]}" if sentences else f"{scene.name}: no method gave a result."
+            )
+            figure: Figures = {f"{scene.name}_work_precision": (plot(scene), CAPTION)} if sentences else {}
+            sentences.append(noise(scene.measurements))
+            sections.append(Section(scene.name, sentences, figure, {scene.name: table(scene)}))
+            protocol[f"{scene.name}: the scene, before the ladder's values"] = file.read_text()
+    return Result("Work and precision", " ".join(findings), sections, protocol)

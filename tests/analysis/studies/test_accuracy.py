@@ -4,9 +4,12 @@ import subprocess
 
 import pytest
 
+from analysis.__main__ import parse_arguments
 from analysis.paths import PROGRAMS
 from analysis.studies import accuracy
-from analysis.studies.accuracy import batches, convergence, read_table, slope_of, summarise
+from analysis.studies.accuracy import batches, convergence, finding, read_table, slope_of, summarise, table
+from analysis.studies.command import main
+from analysis.sweep import csv_of
 
 
 def row(model: str, load: str, error: float, status: str = "ok", surface: str = "ball:162") -> dict[str, str]:
@@ -62,15 +65,15 @@ def test_slope_is_in_the_spacing() -> None:
 @pytest.mark.skipif(not (PROGRAMS / "accuracy").exists(), reason="the program accuracy is not built")
 def test_program_measures_each_case_once(tmp_path) -> None:
     def measure(*models: str) -> str:
-        words = ["--out", str(table), "--surface", "ball:162", "--nu", "0.25", "--model", *models]
+        words = ["--out", str(file), "--surface", "ball:162", "--nu", "0.25", "--model", *models]
         subprocess.run([PROGRAMS / "accuracy", *words], check=True, capture_output=True)
-        return table.read_text()
+        return file.read_text()
 
-    table = tmp_path / "accuracy.csv"
+    file = tmp_path / "accuracy.csv"
     first = measure("uniform")
     both = measure("edge_coupled", "uniform")
     assert both.startswith(first) and measure("uniform", "edge_coupled") == both
-    rows = {(r["model"], r["load"]): r for r in read_table(table)}
+    rows = {(r["model"], r["load"]): r for r in read_table(file)}
     assert len(both.splitlines()) == 1 + len(rows) == 1 + 2 * 6
     for model in ("uniform", "edge_coupled"):
         # A pressure works by the change of volume, exactly -3 of the volume: compliance is the share of it.
@@ -79,6 +82,47 @@ def test_program_measures_each_case_once(tmp_path) -> None:
         assert change == pytest.approx(-3 * (compliance - 1), rel=1e-3, abs=1e-8)
     assert abs(float(rows["uniform", "pressure"]["compliance"]) - 1) > 0.01
     assert max(float(rows["edge_coupled", load]["error_l2"]) for load in accuracy.PATCH_LOADS) < 1e-8
+
+
+def test_finding_and_table_state_the_ratio_and_leave_out_what_there_is_not() -> None:
+    rows = [row("edge_coupled", load, 0.2) for load in ("bending", "torsion")]
+    rows += [
+        row("node_averaged", "bending", 0.02),
+        row("node_averaged", "torsion", 0.06),
+        row("affine", "torsion", 0.6),
+    ]
+    rows.append(row("uniform", "bending", 0, status="refused: floppy"))
+    assert finding(rows).endswith("in the median: node_averaged 0.2, affine 3.")
+    head, body = table("nu", summarise(rows))
+    cells = {line[0]: dict(zip(head, line, strict=True)) for line in body}
+    assert (cells["node_averaged"]["median"], cells["node_averaged"]["<= 1/3"]) == ("0.200", "100%")
+    assert (cells["uniform"]["median"], cells["uniform"]["refused"]) == ("-", "1")
+
+
+def test_study_leaves_a_report_of_both_tables(tmp_path, monkeypatch, capsys) -> None:
+    class Loads:
+        def __init__(self, *_) -> None: ...
+
+        def run(self, quick: bool) -> list[dict[str, str]]:
+            assert quick
+            return [row("edge_coupled", "patch", 0.4), row("affine", "patch", 0.1)]
+
+    def run_program(file, quick: bool) -> None:
+        assert quick
+        file.write_text(csv_of([row("edge_coupled", "bending", 0.2), row("affine", "bending", 0.5)]))
+
+    monkeypatch.setattr(accuracy, "Loads", Loads)
+    monkeypatch.setattr(accuracy, "run_program", run_program)
+    out = tmp_path / "out"
+    assert main(parse_arguments(["study", "accuracy", "--quick", "--out", str(out)])) == 0
+    said = capsys.readouterr().out
+    assert "affine 2.5." in said and "0.250" in said
+    assert {file.name for file in out.iterdir()} == {
+        "accuracy.csv", "exact_by_nu.csv", "loads_by_nu.csv", "loads_by_load.csv", "ratios.svg", "convergence.svg",
+        "report.html",
+    }  # fmt: skip
+    page = (out / "report.html").read_text()
+    assert "Runs build/bin/accuracy" in page and "programs (SHA-256)" in page
 
 
 def test_study_goes_without_meshes_that_are_not_there(tmp_path) -> None:

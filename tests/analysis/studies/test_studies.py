@@ -12,7 +12,7 @@ from solvers import calls, make_solvers
 from analysis.paths import ROOT, SCENES
 from analysis.points import Outcome, Store
 from analysis.studies import cost, paper, scaling
-from analysis.studies.command import alone
+from analysis.studies.result import alone
 
 
 def test_slope_is_the_exponent():
@@ -236,7 +236,7 @@ def test_figure_10_draws_warps_and_their_speeds(drawn):
 
 
 def test_timed_studies_wait_for_each_other(tmp_path):
-    code = "import sys; from pathlib import Path; from analysis.studies.command import alone\n"
+    code = "import sys; from pathlib import Path; from analysis.studies.result import alone\n"
     code += "with alone(False, Path(sys.argv[1])): pass"
     with alone(lock_file=tmp_path / "lock"):
         words = [sys.executable, "-c", code, str(tmp_path / "lock")]

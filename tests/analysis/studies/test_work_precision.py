@@ -20,9 +20,8 @@ from analysis.methods import FEM_P2
 from analysis.paths import ROOT
 from analysis.points import Outcome, Store
 from analysis.runs import RunError
-from analysis.studies import command as studies
 from analysis.studies import work_precision
-from analysis.studies.command import Result, Section, write
+from analysis.studies.result import Result, Section, write
 from analysis.studies.work_precision import (
     FULL,
     QUICK,
@@ -357,13 +356,12 @@ def test_time_limit_is_that_of_timed_runs_alone(tmp_path, monkeypatch):
         ladders[time_limit] = Ladder(folder / str(time_limit), in_space=0.032)
         return ladders[time_limit]
 
-    monkeypatch.setattr(studies, "Store", store)
-    monkeypatch.setattr(studies, "alone", lambda _: nullcontext())
-    monkeypatch.setattr(studies, "environment", lambda _: {})
+    monkeypatch.setattr(work_precision, "Store", store)
+    monkeypatch.setattr(work_precision, "alone", lambda _: nullcontext())
     (tmp_path / "scene.toml").write_text(STATIC)
     options = ["--quick", "--quiet", "--repetitions", "2", "--time-limit", "7"]
     arguments = parse_arguments(["study", "work-precision", str(tmp_path / "scene.toml"), *options])
-    studies.study_work_precision(arguments, tmp_path / "out")
+    work_precision.study(arguments, tmp_path / "out")
     repetitions = {limit: {point.repetition for point in ladder.points} for limit, ladder in ladders.items()}
     assert repetitions == {7: {0, 1}, None: {0}}
     assert {point.program for point in ladders[None].points} == {"fem_reference"}
@@ -416,7 +414,8 @@ def test_report_stands_alone(study, tmp_path):
     figures = {"figure": (plot(study), "caption")}
     write(
         tmp_path / "report",
-        Result("Title", "A < B.", [Section("ball", [], figures, {"rows": table(study)})], {}),
+        Result("Title", "A < B.", [Section("ball", [], figures, {"rows": table(study)})]),
+        {},
     )
     page = (tmp_path / "report" / "report.html").read_text()
     assert '<p class="finding">A &lt; B.</p>' in page
@@ -432,14 +431,14 @@ _STUDY = """
 import sys
 from pathlib import Path
 from analysis.points import Outcome, Store
-from analysis.studies.command import Result, Section, write
+from analysis.studies.result import Result, Section, write
 from analysis.studies.work_precision import Effort, SceneStudy, table
 folder, programs = map(Path, sys.argv[1:])
 store = Store(folder / "points", programs=programs)
 print("ready", flush=True)
 study = SceneStudy(folder.parent / "scene.toml", Effort((1,), (1,), 2, 0), store, store)
 study.run(is_quiet=True)
-write(folder, Result("Title", "A finding.", [Section("ball", [], {}, {"rows": table(study)})], {}))
+write(folder, Result("Title", "A finding.", [Section("ball", [], {}, {"rows": table(study)})]), {})
 """
 
 
