@@ -8,9 +8,10 @@ import sys
 from pathlib import Path
 
 from . import sweep
-from .experiment import compare, default_folder, fingerprint, run_solvers
+from .experiment import default_folder, run_solvers
 from .paths import SCENES
 from .report import finding, text_tables
+from .results import fingerprint, write_results
 from .runs import RunError
 from .studies import command as study
 
@@ -110,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
     if comparison.get("fingerprint") != fingerprint(experiment):
         if not arguments.quiet:
             print("comparing and drawing", file=sys.stderr)
-        comparison = compare(experiment)
+        comparison = write_results(experiment)
 
     print(f"{finding(comparison)}\n\n{text_tables(comparison)}\n\nreport: {folder / 'report.html'}")
     return 0 if comparison["status"] == "ok" else 1

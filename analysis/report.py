@@ -118,6 +118,12 @@ def is_nearly_isochoric(reference: dict[str, Any]) -> bool:
     return reference["largest_volume_change"] < 0.01 * reference["swept_volume"]
 
 
+def springs_of(model: dict[str, Any]) -> str:
+    """How many springs a model has, or patches of coupled springs, or both."""
+    patches = f"{model['n_patches']} patches" if model["n_patches"] else ""
+    return ", ".join(part for part in (str(model["n_springs"] or ""), patches) if part) or "0"
+
+
 _ROUNDING = 1e-8
 Table = tuple[list[str], list[list[str]]]
 
@@ -152,7 +158,7 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
         if model["status"] != "ok":
             errors[1].append([label, model["status"], *[""] * 5])
             continue
-        size = [str(model["n_nodes"]), str(model["n_springs"]), str(3 * model["n_nodes"])]
+        size = [str(model["n_nodes"]), springs_of(model), str(3 * model["n_nodes"])]
         cells = [percent(model[key]) for key in keys]
         if is_nearly_isochoric(reference):
             cells[-1] = "-"  # a fraction of next to nothing
@@ -180,7 +186,7 @@ def _table_alone(models: dict[str, dict[str, Any]]) -> Table:
         if model["status"] != "ok":
             rows.append([label_of(name), model["status"], *[""] * 5])
             continue
-        size = [str(model["n_nodes"]), str(model["n_springs"]), percent_signed(model["volume_change"])]
+        size = [str(model["n_nodes"]), springs_of(model), percent_signed(model["volume_change"])]
         rows.append(
             [
                 label_of(name), *size, f"{model['largest_displacement']:.3g}",

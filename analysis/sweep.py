@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,10 @@ from .points import Outcome, Point, Store, read_toml, say
 from .report import html_table, page, percent, svg_figure, text_table
 from .runs import RunError, load_run
 
-FIGURES = [
-    "displacement_error_l2", "displacement_error_max", "volume_change_error", "n_nodes", "n_springs",
-    "seconds_massspring", "seconds_fem_reference",
-]  # fmt: skip
-_ERROR = FIGURES[0]
+_ERROR = "displacement_error_l2"
+_ERRORS = [_ERROR, "displacement_error_max", "volume_change_error"]
+_SECONDS = ["seconds_massspring", "seconds_fem_reference"]
+FIGURES = [*_ERRORS, "n_nodes", "n_springs", "n_patches", *_SECONDS]
 Row = dict[str, Any]
 
 
@@ -93,7 +93,7 @@ def measure(store: Store, scene: Path, settings: dict[str, str]) -> Row:
             }
     try:
         springs, reference = (load_run(run.folder) for run in runs)
-        figures = compare_runs(springs, reference, is_free=reference.record["is_free"])
+        figures = asdict(compare_runs(springs, reference, is_free=reference.record["is_free"]))
     except RunError as error:
         return {**settings, "status": "failed", "message": str(error)}
     for run in (springs, reference):
@@ -181,8 +181,8 @@ def table_of(keys: list[str], rows: list[Row]) -> tuple[list[str], list[list[str
     for row in rows:
         cells = [row[key] for key in keys]
         if row["status"] == "ok":
-            cells += [percent(row[name]) for name in FIGURES[:3]] + [str(row["n_nodes"])]
-            cells += [f"{row[name]:.2f}" for name in FIGURES[5:]] + [""]
+            cells += [percent(row[name]) for name in _ERRORS] + [str(row["n_nodes"])]
+            cells += [f"{row[name]:.2f}" for name in _SECONDS] + [""]
         else:
             cells += ["-"] * 6 + [f"{row['status']}: {row['message']}"]
         body.append(cells)

@@ -183,7 +183,7 @@ class Loads:
         try:
             scene = self.scene(shape, load)
             coarse, fine = self._references(scene, nu, load == "clamp")
-            own = compare_runs(coarse, fine, fine.record["is_free"])["displacement_error_l2"]
+            own = compare_runs(coarse, fine, fine.record["is_free"]).displacement_error_l2
         except RunError as error:
             return [{**row, "model": model, "status": str(error)} for model in MODELS]
         rows = []
@@ -195,16 +195,16 @@ class Loads:
             except RunError as error:
                 rows.append({**row, "model": model, "status": str(error)})
                 continue
-            l2 = figures["displacement_error_l2"]
+            l2 = figures.displacement_error_l2
             rows.append(
                 {
                     **row,
                     "model": model,
                     "status": "ok" if l2 >= DECIDED * own else "undecided",
-                    "n_nodes": str(figures["n_nodes"]),
+                    "n_nodes": str(figures.n_nodes),
                     "error_l2": f"{l2:.6g}",
-                    "error_max": f"{figures['displacement_error_max']:.6g}",
-                    "volume_error": f"{figures['volume_change_error']:.6g}",
+                    "error_max": f"{figures.displacement_error_max:.6g}",
+                    "volume_error": f"{figures.volume_change_error:.6g}",
                     "reference_error": f"{own:.6g}",
                 }
             )

@@ -229,7 +229,7 @@ class SceneStudy:
             if is_dynamic(self.scene):
                 m.error = trajectory_error(run, exact).l2
             else:
-                m.error = compare_runs(run, exact, exact.record["is_free"])["displacement_error_l2"]
+                m.error = compare_runs(run, exact, exact.record["is_free"]).displacement_error_l2
         except RunError as error:
             m.message = str(error)
 

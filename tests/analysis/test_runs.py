@@ -15,8 +15,10 @@ def folder(ball, tmp_path):
     return write_run(tmp_path / "run", *ball, lambda X: 0.1 * X)
 
 
-def test_surface_is_read_as_written(ball, folder):
-    run = load_run(folder)
+@pytest.mark.parametrize("record", [{}, {"n_patches": 5}, {"program": "fem_reference"}])
+def test_surface_is_read_as_written(record, ball, tmp_path):
+    """With springs, and with tetrahedra, below it."""
+    run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0.1 * X, **record))
     assert len(run.times) == N_STEPS + 1
     assert (run.last.F == ball[1]).all()
     assert run.last.X == pytest.approx(ball[0], abs=1e-15)

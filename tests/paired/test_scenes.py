@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from analysis.compare import displacement_error, remove_rigid_motion, vertex_areas, volume
-from analysis.experiment import compare, run_solvers
+from analysis.experiment import run_solvers
 from analysis.paths import PROGRAMS, ROOT
+from analysis.results import write_results
 from analysis.runs import load_run
 from analysis.studies.accuracy_loads import Loads
 
@@ -23,7 +24,7 @@ def run_pair(name: str, folder: Path, *overrides: str):
 
 def test_ball_pressure(tmp_path):
     experiment = run_pair("ball_pressure", tmp_path)
-    comparison = compare(experiment)
+    comparison = write_results(experiment)
     assert comparison["status"] == "ok"
 
     # u = -(1 - 2 nu) p x / E is in the finite elements' space, so what is left is the linear solver's tolerance.
@@ -121,7 +122,10 @@ def check_drift(comparison):
         model = comparison["models"][name]
         assert [model[key] for key in errors] == pytest.approx(expected, rel=0.01), name
         assert model["n_floppy_motions"] == n_floppy, name
-    assert {model["n_springs"] for model in comparison["models"].values()} == {8155}
+    for name, model in comparison["models"].items():
+        assert (model["n_springs"], model["n_patches"] > 0) == (
+            (8155, False) if name in LAST_SEEN else (0, True)
+        ), name
     assert comparison["n_nodes"] == 1300
     assert comparison["n_dofs_reference"] == pytest.approx(26694, rel=0.02)
     assert comparison["reference"]["largest_displacement"] == pytest.approx(1e-3, rel=1e-8)
@@ -130,7 +134,7 @@ def check_drift(comparison):
 
 def test_bar_sag(tmp_path):
     experiment = run_pair("bar_sag", tmp_path, "comparison.calibrations=[]")
-    comparison = compare(experiment)
+    comparison = write_results(experiment)
     assert comparison["status"] == "ok"
 
     # Timoshenko's cantilever under its own weight; clamping the whole end face stiffens it by about a per cent.
@@ -146,7 +150,7 @@ def test_bar_sag(tmp_path):
 
 
 def test_torus_hang(tmp_path):
-    comparison = compare(run_pair("torus_hang", tmp_path, "comparison.calibrations=[]"))
+    comparison = write_results(run_pair("torus_hang", tmp_path, "comparison.calibrations=[]"))
     assert comparison["status"] == "ok"
     # Measured 0.93 %, where the reference's own error is some 5 %: a clamp with a jagged edge.
     assert 0.0071 < comparison["displacement_error_l2"] < 0.0121
@@ -155,8 +159,8 @@ def test_torus_hang(tmp_path):
 def test_sag_is_free_of_scale(tmp_path):
     """The same body in other units of length gives the same figures."""
     few = ("surface.n_vertices=600", "comparison.calibrations=[]")
-    one = compare(run_pair("sag", tmp_path / "one", *few))
-    other = compare(run_pair("sag", tmp_path / "other", *few, "surface.scale=1024.0"))
+    one = write_results(run_pair("sag", tmp_path / "one", *few))
+    other = write_results(run_pair("sag", tmp_path / "other", *few, "surface.scale=1024.0"))
     assert one["status"] == "ok"
     # A power of two rounds nothing, so not even the mesh may differ.
     assert other["displacement_error_l2"] == pytest.approx(one["displacement_error_l2"], rel=1e-6)
@@ -340,7 +344,7 @@ def test_bending_by_a_stress_field(tmp_path):
     curvature, nu = 1e3 / 1e6, 0.3
     exact = curvature * np.stack([x * z, -nu * y * z, -(x**2 + nu * z**2 - nu * y**2) / 2], axis=1)
     assert displacement_error(frame.X, frame.F, frame.u, exact, is_free=True).max < 1e-8
-    assert compare(experiment)["displacement_error_l2"] < 0.02
+    assert write_results(experiment)["displacement_error_l2"] < 0.02
 
 
 MOVED = """

@@ -41,6 +41,19 @@ def test_scaling_states_slopes_and_lemma_1():
     assert steps == ["-", "1.00", "1.00"] * 2 + ["-", "1.25", "1.25"]
 
 
+def test_scaling_takes_the_blocks_that_a_run_counts_itself():
+    coupled, *_ = (line for line in scaling.LINES if line.model == "node_averaged")
+    seconds = {"mesh": 1.0, "setup": 1.0, "solve": 1.0}
+    record = {"n_nodes": 10, "n_springs": 0, "n_patches": 40, "peak_memory": 1, "seconds": seconds}
+
+    def cells(record):
+        head, rows = scaling.table([scaling.Size(coupled, [Outcome("ok", "", 1, 1, 0, record=record)])])
+        return {row[head.index("blocks a node")] for row in rows}
+
+    assert cells(record | {"n_blocks": 270}) == {"27.00"}
+    assert cells(record) == {"-"}
+
+
 def points_of(line):
     return np.array(line.get_xdata(), dtype=float), np.array(line.get_ydata(), dtype=float)
 
