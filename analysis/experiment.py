@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import tomllib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import tomllib
 
 from .paths import PROGRAMS, ROOT
 from .runs import NOT_MODELLED, NOT_OK, SOLVED, RunError
@@ -77,10 +77,10 @@ def outcome_of(record: dict[str, Any]) -> str:
 def default_folder(scene: Path, surface: Path | None) -> Path:
     """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
     name = scene.stem
-    try:
+    with suppress(
+        OSError, UnicodeDecodeError, tomllib.TOMLDecodeError
+    ):  # the solver says what is wrong with it
         name = tomllib.loads(scene.read_text()).get("name", name)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        pass  # the solver says what is wrong with it
     return ROOT / "out" / (f"{name}-{surface.stem}" if surface else name)
 
 

@@ -219,9 +219,14 @@ def text_tables(comparison: dict[str, Any]) -> str:
 
 def text_table(head: list[str], rows: list[list[str]]) -> str:
     """One table for a terminal."""
-    widths = [max(map(len, column)) for column in zip(head, *rows)]
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     lines = [
-        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:]))])
+        "  ".join(
+            [
+                row[0].ljust(widths[0]),
+                *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)),
+            ]
+        )
         for row in [head, *rows]
     ]
     return "\n".join(line.rstrip() for line in lines)
@@ -303,7 +308,8 @@ def _explained(comparison: dict[str, Any]) -> str:
     return f"""<h2>How to read this</h2>
 <p>Both solvers start from the same surface, vertex by vertex. <b>Displacement error</b>: area-weighted L2 norm over
 the surface nodes of the difference at full load, of a dynamic scene over the whole time too, as a fraction of the same
-norm of the finite-element displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
+norm of the finite-element displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element
+displacement. {rigid}
 <b>Volume error</b>: L2 norm over the whole curve of the difference in volume change, as a fraction of the finite
 elements' own; left out where that stays below a hundredth of what the surface sweeps
 ({percent(comparison["reference"]["largest_volume_change"])} here, while the surface sweeps

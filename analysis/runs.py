@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +13,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pyvista as pv
-import tomllib
 
 from .methods import REFERENCE
 

@@ -64,7 +64,7 @@ def _split(text: str) -> list[str]:
 
 def points_of(grid: dict[str, list[str]]) -> list[dict[str, str]]:
     """Every combination of the grid's values, the last key changing fastest."""
-    return [dict(zip(grid, values)) for values in itertools.product(*grid.values())]
+    return [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
 
 
 def varied(grid: dict[str, list[str]]) -> list[str]:
@@ -154,7 +154,7 @@ def plot(keys: list[str], rows: list[Row]) -> str:
         lines.setdefault(label, []).append((at, 100 * row[_ERROR] if row["status"] == "ok" else np.nan))
     for number, (label, line) in enumerate(lines.items()):
         style = style_of(label, number)
-        axes.plot(*zip(*sorted(line)), color=style.colour, marker=style.marker, label=label)
+        axes.plot(*zip(*sorted(line), strict=True), color=style.colour, marker=style.marker, label=label)
     axes.set_yscale("log")
     if along not in numeric:
         axes.set_xticks(range(len(places)), places)
@@ -259,7 +259,6 @@ def main(arguments: Any) -> int:
     rows = sweep(arguments.scene.resolve(), grid, folder, arguments.part, arguments.quiet)
     if arguments.part == (1, 1):
         keys = varied(grid)
-        print(
-            f"{finding(arguments.scene.stem, keys, rows)}\n\n{text_table(*table_of(keys, rows))}\n\nreport: {folder / 'report.html'}"
-        )
+        table = text_table(*table_of(keys, rows))
+        print(f"{finding(arguments.scene.stem, keys, rows)}\n\n{table}\n\nreport: {folder / 'report.html'}")
     return 0

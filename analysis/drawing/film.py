@@ -197,8 +197,9 @@ def draw_film(
 ) -> None:
     """Writes a GIF of the runs side by side above their volume curves.
 
-    runs: method (fem_reference or a spring model) -> run; times: of the frames, where not n_frames evenly. All are seen from the same place and coloured by displacement on
-    one scale; small motion is enlarged, and the film says by how much. Raises RunError where nothing moves.
+    runs: method (fem_reference or a spring model) -> run; times: of the frames, where not n_frames evenly. All are seen from
+    the same place and coloured by displacement on one scale; small motion is enlarged, and the film says by how much. Raises
+    RunError where nothing moves.
     """
     times = _shared_times(runs, n_frames) if times is None else times
     camera = _Camera(runs, times)

@@ -175,7 +175,7 @@ def convergence(
         if (r["surface"] in wanted and (r["nu"], r["load"], r["seed"]) == (nu, load, "1")
                 and r["status"] == "ok"):  # fmt: skip
             points[r["model"]].append((float(r["n_nodes"]), float(r["error_l2"])))
-    return {model: tuple(map(list, zip(*sorted(p)))) for model, p in points.items()}  # type: ignore[misc]
+    return {model: tuple(map(list, zip(*sorted(p), strict=True))) for model, p in points.items()}  # type: ignore[misc]
 
 
 def plot_convergence(rows: list[Row]) -> str:

@@ -4,7 +4,8 @@ against quadratic finite elements on refined tetrahedra of the same surface.
 Bodies are scaled to a smallest side of 1 m. Gravity pulls across the longest side, whose first quarter is clamped. At the edge
 of a clamp stress has no bound and every element converges slowly, so the other loads leave the body free: tractions,
 constant in each eighth of its bounding box and as small as can be, balance them. References are refined once, clamped
-small ones twice; their own error is the difference that the last refinement made, as if it were of first order. A model's error is undecided where it is not three times that.
+small ones twice; their own error is the difference that the last refinement made, as if it were of first order. A model's
+error is undecided where it is not three times that.
 """
 
 from __future__ import annotations

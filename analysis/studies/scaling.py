@@ -1,8 +1,8 @@
 """Scaling: seconds of every stage, memory and non-zeros of the matrices from a thousand nodes to a million.
 
-One body, the clamped bar of bar_sag.toml, at finer and finer surfaces. Springs on the paper's network (`uniform`) and on tetrahedra
-(`node_averaged`) take explicit and implicit steps; finite elements solve the static scene. Lemma 1 of the paper says that the
-non-zero blocks of the springs' matrix, a diagonal one for each node and two for each spring, grow like the nodes.
+One body, the clamped bar of bar_sag.toml, at finer and finer surfaces. Springs on the paper's network (`uniform`) and on
+tetrahedra (`node_averaged`) take explicit and implicit steps; finite elements solve the static scene. Lemma 1 of the paper
+says that the non-zero blocks of the springs' matrix, a diagonal one for each node and two for each spring, grow like the nodes.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ LINES = [
          {"mesh": "sampling and PCP", "setup": "set-up", "solve": "explicit step"}, _EXPLICIT_STEPS, 2e6),
     Line("uniform", "massspring", ("network.calibration=uniform", *_dynamic("implicit_euler", 1e-3, _IMPLICIT_STEPS)),
          {"solve": "implicit step of 1 ms"}, _IMPLICIT_STEPS),
-    Line("node_averaged", "massspring", ("network.calibration=node_averaged", *_dynamic("symplectic_euler", 1e-6, _EXPLICIT_STEPS)),
+    Line("node_averaged", "massspring",
+         ("network.calibration=node_averaged", *_dynamic("symplectic_euler", 1e-6, _EXPLICIT_STEPS)),
          {"mesh": "tetrahedra", "setup": "set-up", "solve": "explicit step"}, _EXPLICIT_STEPS),
     Line("node_averaged", "massspring", ("network.calibration=node_averaged", "time.load_steps=1"),
          {"solve": "static solve"}),
@@ -159,7 +160,7 @@ def plot_seconds(sizes: list[Size]) -> str:
             style = style_of(line.model)
             dash = dashes[sum(model == line.model for model, _ in drawn) % len(dashes) - 1]
             axis.loglog(nodes, seconds, color=style.colour, marker=style.marker, linestyle=dash, label=label)
-    for axis, title in zip(axes, ("springs", "finite elements")):
+    for axis, title in zip(axes, ("springs", "finite elements"), strict=True):
         axis.set_title(title, fontsize=11)
         axis.set_xlabel("nodes")
         axis.tick_params(axis="x", which="minor", labelbottom=False)
@@ -197,7 +198,7 @@ def plot_lemma(sizes: list[Size]) -> str:
         power = f" ({slope(nodes, blocks):.3f})" if len(nodes) > 1 else ""
         style = style_of(_NETWORK)
         axis.loglog(nodes, blocks, color=style.colour, marker=style.marker, label=f"PCP network{power}")
-        for x, y, size in zip(nodes, blocks, good):
+        for x, y, size in zip(nodes, blocks, good, strict=True):
             axis.annotate(
                 f"{size.blocks_per_node:.1f} a node", (x, y), (4, -12), textcoords="offset points", fontsize=7
             )
@@ -263,7 +264,8 @@ def finding(sizes: list[Size]) -> str:
     blocks = next((good for line, good in _lines(sizes) if line.model == _NETWORK), [])
     lemma = ""
     if blocks:
-        lemma = f"; the PCP network keeps {blocks[0].blocks_per_node:.1f} to {blocks[-1].blocks_per_node:.1f} blocks a node, as Lemma 1 says"
+        first, last = blocks[0].blocks_per_node, blocks[-1].blocks_per_node
+        lemma = f"; the PCP network keeps {first:.1f} to {last:.1f} blocks a node, as Lemma 1 says"
     return f"Seconds grow with the nodes to the power of: {', '.join(parts)}{lemma}."
 
 

@@ -16,6 +16,7 @@ files, and what the springs' program spends on diagnosing itself.
 from __future__ import annotations
 
 import argparse
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,7 +24,6 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-import tomllib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -239,8 +239,9 @@ class SceneStudy:
             factor = 1.0
         if factor not in self.references:
             say(f"{self.name}: reference x {factor:g}", is_quiet)
-            build = self._dynamic_reference if is_dynamic(self.scene) else self._static_reference
-            self.references[factor] = build(factor)
+            self.references[factor] = (
+                self._dynamic_reference() if is_dynamic(self.scene) else self._static_reference(factor)
+            )
         return self.references[factor]
 
     def _run_reference(self, *overrides: str, options: tuple[str, ...] = ()) -> Outcome:
@@ -269,7 +270,7 @@ class SceneStudy:
         # Estimated from the first refinement; every further one reduces it as much, at least.
         return fine, study["estimated_error_l2_finest"] / study["error_ratio"] ** (n - 1)
 
-    def _dynamic_reference(self, factor: float) -> tuple[Outcome, float]:
+    def _dynamic_reference(self) -> tuple[Outcome, float]:
         """Refined in space and time; its error is what halving the step again (of second order) and refining changed."""
         shortest = min(self.effort.steps)
 

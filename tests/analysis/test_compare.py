@@ -197,7 +197,7 @@ def test_other_vertex_order_is_refused(ball, tmp_path):
 def test_run_that_ends_early_is_refused(ball, tmp_path):
     a = load_run(write_run(tmp_path / "a", *ball, lambda X: 0.1 * X, times=np.array([0, 0.5])))
     b = load_run(write_run(tmp_path / "b", *ball, lambda X: 0.1 * X))
-    with pytest.raises(RunError, match="last frame is at time 0.5, expected 1 "):
+    with pytest.raises(RunError, match=r"last frame is at time 0.5, expected 1 "):
         compare_runs(a, b, is_free=True)
 
 
@@ -211,7 +211,14 @@ def test_short_motions_end_together_within_a_share_of_their_length(ball, tmp_pat
 
 
 def test_comparison_keeps_what_the_springs_say_of_themselves(ball, tmp_path):
-    said = {"n_nodes": 7, "n_springs": 8, "n_patches": 9, "diagnostics": {"pressure_error": 0.1}, "n_floppy_motions": 2, "floppy_load_share": 0.3}  # fmt: skip
+    said = {
+        "n_nodes": 7,
+        "n_springs": 8,
+        "n_patches": 9,
+        "diagnostics": {"pressure_error": 0.1},
+        "n_floppy_motions": 2,
+        "floppy_load_share": 0.3,
+    }
     run = load_run(write_run(tmp_path / "a", *ball, lambda X: X, **said))
     reference = load_run(write_run(tmp_path / "b", *ball, lambda X: X, program="fem_reference"))
     result = compare_runs(run, reference, is_free=False)
@@ -222,7 +229,7 @@ def test_displacement_is_linear_between_frames(ball, tmp_path):
     run = load_run(write_run(tmp_path / "a", *ball, lambda X: 0.1 * X, times=np.array([0, 0.4, 1])))
     for time in (0, 0.1, 0.4, 0.7, 1):
         assert displacement_at(run, time) == pytest.approx(0.1 * time * ball[0], abs=1e-15)
-    with pytest.raises(RunError, match="no frame at time 1.1, expected 0 to 1"):
+    with pytest.raises(RunError, match=r"no frame at time 1.1, expected 0 to 1"):
         displacement_at(run, 1.1)
 
 

@@ -166,12 +166,12 @@ def solve(ball, tmp_path, monkeypatch):
 
 
 def test_reference_that_did_not_converge_is_an_error_with_its_status(solve):
-    with pytest.raises(RunError, match="did not converge: not_converged, see .*fem_reference"):
+    with pytest.raises(RunError, match=r"did not converge: not_converged, see .*fem_reference"):
         solve("far")
 
 
 def test_reference_without_a_result_is_an_error(solve):
-    with pytest.raises(RunError, match="gave no result .exit status 1"):
+    with pytest.raises(RunError, match=r"gave no result .exit status 1"):
         solve("0.6")
 
 

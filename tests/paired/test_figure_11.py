@@ -1,11 +1,11 @@
 """The paper's figure 11 from other seeds, steps and slightly moved vertices: every run ends, calm and finite."""
 
 import subprocess
+import tomllib
 
 import numpy as np
 import pytest
 import pyvista as pv
-import tomllib
 
 from analysis.paths import PROGRAMS, ROOT
 from analysis.runs import load_run

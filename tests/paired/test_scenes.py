@@ -178,6 +178,7 @@ def test_filled_in_scene_reproduces_the_run_and_nothing_runs_twice(tmp_path):
     for one, other in zip(
         records,
         [again.reference_folder / "run.json", again.massspring_folder(again.calibration) / "run.json"],
+        strict=True,
     ):
         assert json.loads(one.read_text())["input_hash"] == json.loads(other.read_text())["input_hash"]
     assert (load_run(first.reference_folder).last.u == load_run(again.reference_folder).last.u).all()

@@ -4,10 +4,10 @@ import random
 import signal
 import subprocess
 import sys
+import tomllib
 
 import numpy as np
 import pytest
-import tomllib
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
 
@@ -119,7 +119,8 @@ def stand_ins(ball, tmp_path):
     programs = make_solvers(tmp_path / "home", ball)
     refined = tmp_path / "home" / "fem_reference_refine_1"
     write_run(
-        refined, *ball, lambda X: 0.01 / 1.02 * X, np.linspace(0, 1, 2), program="fem_reference", is_free=False, n_tetrahedra=10**6
+        refined, *ball, lambda X: 0.01 / 1.02 * X, np.linspace(0, 1, 2),
+        program="fem_reference", is_free=False, n_tetrahedra=10**6,
     )  # fmt: skip
     return programs
 

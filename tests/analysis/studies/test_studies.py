@@ -23,9 +23,14 @@ def test_slope_is_the_exponent():
 def sizes(exponent):
     """The first line, with a solve of 50 steps that takes 1e-6 s n^exponent a step, and 6 springs a node."""
     records = [
-        {"n_nodes": n, "n_springs": 6 * n, "peak_memory": 100 * n, "seconds": {"mesh": 1e-5 * n, "setup": 1e-6 * n, "solve": 50e-6 * n**exponent}}
+        {
+            "n_nodes": n,
+            "n_springs": 6 * n,
+            "peak_memory": 100 * n,
+            "seconds": {"mesh": 1e-5 * n, "setup": 1e-6 * n, "solve": 50e-6 * n**exponent},
+        }
         for n in (10**3, 10**4, 10**5)
-    ]  # fmt: skip
+    ]
     return [scaling.Size(scaling.LINES[0], [Outcome("ok", "", 1, 1, 0, record=record)]) for record in records]
 
 
@@ -61,7 +66,11 @@ def points_of(line):
 def test_scaling_draws_seconds_memory_and_blocks_over_the_nodes(drawn):
     nodes = np.array([1e3, 1e4, 1e5])
     springs, elements = drawn(scaling).plot_seconds(sizes(1.25)).axes
-    expected = {"sampling and PCP (1.00)": 1e-5 * nodes, "set-up (1.00)": 1e-6 * nodes, "explicit step (1.25)": 1e-6 * nodes**1.25}  # fmt: skip
+    expected = {
+        "sampling and PCP (1.00)": 1e-5 * nodes,
+        "set-up (1.00)": 1e-6 * nodes,
+        "explicit step (1.25)": 1e-6 * nodes**1.25,
+    }
     lines = {line.get_label().partition(": ")[2]: points_of(line) for line in springs.lines}
     assert set(lines) == set(expected) and not elements.lines
     for name, (x, y) in lines.items():
@@ -75,7 +84,10 @@ def test_scaling_draws_seconds_memory_and_blocks_over_the_nodes(drawn):
 
 
 def test_scaling_takes_the_median_of_each_stage_and_the_largest_memory():
-    runs = [{"peak_memory": byte, "seconds": {"setup": setup, "solve": 50 * setup}} for setup, byte in ((1, 5), (9, 7), (2, 6))]  # fmt: skip
+    runs = [
+        {"peak_memory": byte, "seconds": {"setup": setup, "solve": 50 * setup}}
+        for setup, byte in ((1, 5), (9, 7), (2, 6))
+    ]
     size = scaling.Size(scaling.LINES[0], [Outcome("ok", "", 1, 1, 0, record=record) for record in runs])
     assert (size.seconds("setup"), size.seconds("solve"), size.memory) == (2, 2, 7)
 

@@ -4,12 +4,12 @@ import random
 import signal
 import subprocess
 import sys
+import tomllib
 from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import tomllib
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
@@ -315,7 +315,7 @@ def test_rows_without_a_reference_say_why(tmp_path):
     assert curves_of(study.measurements) == {}
 
 
-def test_errors_below_the_references_own_count_as_that(tmp_path):
+def test_errors_below_the_references_own_count_as_that():
     known = [
         measurement(timed(solve=2), error=e, reference_error=r)
         for e, r in ((0.2, 0.1), (0.1, 0.2), (0.3, None))
