@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 from analysis.compare import displacement_error, remove_rigid_motion, vertex_areas, volume
 from analysis.experiment import run_solvers
@@ -105,6 +106,50 @@ def test_curves_are_those_of_a_body_that_shrinks_evenly(tmp_path, program):
             0.01 if name == "max_displacement" else 1e-5
         )  # springs shrink towards a point near the ball's centre
         assert run.curves[name] == pytest.approx(values, rel=rel, abs=1e-9), name
+
+
+@pytest.mark.parametrize("model, n_corners", [("uniform", 2), ("node_averaged", 4)])
+def test_strain_is_that_of_what_the_frames_hold(model, n_corners, tmp_path):
+    """Springs have their own strain and lines in the frames, coupled ones that of their tetrahedra, and no lines."""
+    command = [
+        PROGRAMS / "massspring",
+        SCENES / "bar_sag.toml",
+        "--quiet",
+        "--out",
+        tmp_path,
+        "--no-diagnostics",
+    ]
+    for override in ("surface.n_vertices=200", "output.frames_every=1", f"network.calibration={model}"):
+        command += ["--set", override]
+    subprocess.run(command, check=True)
+    run = load_run(tmp_path)
+    assert [name for name in run.curves if "strain" in name] == [_STRAINS[n_corners]]
+    largest = []
+    for file in run.files:
+        grid = pv.read(file)
+        cells = {len(corners[0]): corners for corners in grid.cells_dict.values()}
+        assert set(cells) == {3, n_corners}
+        x, X = (
+            np.asarray(points)[cells[n_corners]]
+            for points in (grid.points, grid.points - grid["displacement"])
+        )
+        largest.append(_STRAIN_OF[n_corners](x, X).max())
+    assert run.curves[_STRAINS[n_corners]] == pytest.approx(largest, rel=1e-4, abs=1e-12)
+
+
+def strain_of_springs(x, X):
+    now, rest = (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) for ends in (x, X))
+    return np.abs(now / rest - 1)
+
+
+def strain_of_tetrahedra(x, X):
+    """The principal stretch that is furthest from 1."""
+    now, rest = (np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2) for corners in (x, X))
+    return np.abs(np.linalg.svd(now @ np.linalg.inv(rest), compute_uv=False) - 1).max(axis=1)
+
+
+_STRAINS = {2: "max_spring_strain", 4: "max_strain"}
+_STRAIN_OF = {2: strain_of_springs, 4: strain_of_tetrahedra}
 
 
 # A guard against drift, and no more: what this code gave when last looked at, which may be wrong. Errors of displacement
@@ -225,7 +270,7 @@ ACCURACY_LAST_SEEN = {
 
 def test_accuracy_of_loads_without_an_exact_field(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "analysis.accuracy_loads.MODELS", tuple(ACCURACY_LAST_SEEN)
+        "analysis.studies.accuracy_loads.MODELS", tuple(ACCURACY_LAST_SEEN)
     )  # with what the study leaves out
     loads = Loads(tmp_path, tmp_path, is_quiet=True)
     rows = [loads.measure("0.25", "ball:162", load) for load in ("end_shear", "collapse")]
