@@ -3,34 +3,32 @@
 The functions a notebook needs: numpy arrays and pyvista meshes in, numbers out.
 """
 
-from .compare import (
-    compare_runs,
-    displacement_error,
-    remove_rigid_motion,
-    trajectory_error,
-    vertex_areas,
-    volume,
-    volume_change,
-    volume_error,
-)
-from .front import pareto, seconds_for
-from .pictures import surface_of
-from .runs import Frame, Run, RunError, load_run
+from importlib import import_module
+from typing import Any
 
-__all__ = [
-    "Frame",
-    "Run",
-    "RunError",
-    "compare_runs",
-    "displacement_error",
-    "load_run",
-    "pareto",
-    "remove_rigid_motion",
-    "seconds_for",
-    "surface_of",
-    "trajectory_error",
-    "vertex_areas",
-    "volume",
-    "volume_change",
-    "volume_error",
-]
+_HOMES = {
+    "Figures": "compare",
+    "Frame": "runs",
+    "Run": "runs",
+    "RunError": "runs",
+    "compare_runs": "compare",
+    "displacement_error": "compare",
+    "load_run": "runs",
+    "pareto": "front",
+    "remove_rigid_motion": "compare",
+    "seconds_for": "front",
+    "surface_of": "drawing.pictures",
+    "trajectory_error": "compare",
+    "vertex_areas": "compare",
+    "volume": "compare",
+    "volume_change": "compare",
+    "volume_error": "compare",
+}
+__all__ = list(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    """Imports a name where it is first asked for, so that a path is learnt without loading what draws."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOMES[name]}", __name__), name)

@@ -7,12 +7,13 @@ import json
 import sys
 from pathlib import Path
 
-from . import study, sweep
-from .experiment import compare, default_folder, fingerprint, run_solvers
+from . import sweep
+from .experiment import default_folder, run_solvers
+from .paths import SCENES
 from .report import finding, text_tables
+from .results import fingerprint, write_results
 from .runs import RunError
-
-SCENES = Path(__file__).parent / "scenes"
+from .studies import command as study
 
 _RUN_EXAMPLES = """examples:
   ./testbed run                                                 the default scene: a ball under pressure
@@ -27,18 +28,6 @@ _SWEEP_EXAMPLES = """examples:
 
 On N machines: start "--part 1/N" ... "--part N/N" with one --out on a shared file system, or copy the machines'
 DIR/points into one folder; then the same command without --part writes the table.
-"""
-
-_STUDY_EXAMPLES = """studies:
-  work-precision   error against seconds: every spring model and finite elements, over resolutions or time steps
-  stability        what becomes of a body let go from bad starts, over step and stiffness, as maps
-  scaling          seconds, memory and non-zeros from a thousand nodes to a million
-  cost             instructions of a time step, the scene's parts switched on one at a time
-  paper            table 1 and figures 7, 9, 10 and 11 beside the paper's values
-
-examples:
-  ./testbed study work-precision
-  ./testbed study work-precision analysis/scenes/bar_sag.toml --quick
 """
 
 
@@ -101,7 +90,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
             [],
             "Measures something over many runs and reports it. A study that was killed continues. Timed runs are made one "
             "at a time: leave the machine alone meanwhile.",
-            _STUDY_EXAMPLES,
+            study.examples(),
         )
     )
     return parser.parse_args(arguments)
@@ -122,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
     if comparison.get("fingerprint") != fingerprint(experiment):
         if not arguments.quiet:
             print("comparing and drawing", file=sys.stderr)
-        comparison = compare(experiment)
+        comparison = write_results(experiment)
 
     print(f"{finding(comparison)}\n\n{text_tables(comparison)}\n\nreport: {folder / 'report.html'}")
     return 0 if comparison["status"] == "ok" else 1

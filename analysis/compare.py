@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -174,10 +175,57 @@ def check_same_problem(run: Run, reference: Run) -> None:
         )
 
 
-def compare_runs(run: Run, reference: Run, is_free: bool) -> dict[str, Any]:
-    """The figures of one spring model against the reference, as they stand in comparison.json.
+@dataclass(frozen=True)
+class Figures:
+    """One spring model against the reference, as it stands in comparison.json."""
 
-    Displacements are compared at the end, those of a dynamic scene over the whole time.
+    status: str
+    displacement_error_l2: float
+    displacement_error_max: float
+    volume_change_error: float  #: NaN where the reference keeps its volume
+    volume_change_difference: float
+    n_nodes: int
+    n_springs: int | None  #: independent ones that pull; None: the run does not say
+    n_patches: int | None  #: of coupled springs
+    diagnostics: (
+        dict[str, float] | None
+    )  #: errors and compliances against exact fields, where they were measured
+    n_floppy_motions: int | None
+    floppy_load_share: float | None
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True)
+class FiguresAlone:
+    """A spring model that has no reference to be compared with."""
+
+    status: str
+    n_nodes: int
+    n_springs: int | None
+    n_patches: int | None
+    volume_change: float
+    largest_displacement: float  #: m
+    kinetic_energy_left: float  #: at the end, of its largest
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True)
+class ReferenceFigures:
+    """How much the reference moves, a dynamic one at its widest: what the relative errors are relative to."""
+
+    n_nodes: int
+    n_dofs: int
+    largest_displacement: float  #: m
+    largest_volume_change: float
+    swept_volume: float  #: by the surface, of the volume at rest
+    seconds: dict[str, float]
+    estimated_error_l2: float | None = None  #: of the displacement; None: not estimated
+
+
+def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
+    """The figures of a run against the reference; displacements at the end, of a dynamic scene over the whole time.
+
+    is_free: as in displacement_error. Raises RunError where the two are not of the same problem.
     """
     check_same_problem(run, reference)
     a, b = run.last, reference.last
@@ -187,45 +235,49 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> dict[str, Any]:
         else displacement_error(b.X, b.F, a.u, b.u, is_free)
     )
     change = volume_error(*volume_change(run), *volume_change(reference))
-    return {
-        "status": run.record["status"],
-        "displacement_error_l2": displacement.l2,
-        "displacement_error_max": displacement.max,
-        "volume_change_error": change.relative,
-        "volume_change_difference": change.absolute,
-        "n_nodes": run.record["n_nodes"],
-        "n_springs": run.record.get("n_springs"),
-        "diagnostics": run.record.get("diagnostics"),
-        "n_floppy_motions": run.record.get("n_floppy_motions"),
-        "floppy_load_share": run.record.get("floppy_load_share"),
-        "seconds": run.record["seconds"],
-    }
+    record = run.record
+    return Figures(
+        status=record["status"],
+        displacement_error_l2=displacement.l2,
+        displacement_error_max=displacement.max,
+        volume_change_error=change.relative,
+        volume_change_difference=change.absolute,
+        n_nodes=record["n_nodes"],
+        n_springs=record.get("n_springs"),
+        n_patches=record.get("n_patches"),
+        diagnostics=record.get("diagnostics"),
+        n_floppy_motions=record.get("n_floppy_motions"),
+        floppy_load_share=record.get("floppy_load_share"),
+        seconds=record["seconds"],
+    )
 
 
-def describe_alone(run: Run) -> dict[str, Any]:
+def describe_alone(run: Run) -> FiguresAlone:
     """The figures of a spring model that has no reference to be compared with."""
     kinetic = run.curves["kinetic_energy"]
-    return {
-        "status": run.record["status"],
-        "n_nodes": run.record["n_nodes"],
-        "n_springs": run.record.get("n_springs"),
-        "volume_change": float(volume_change(run)[1][-1]),
-        "largest_displacement": float(np.linalg.norm(run.last.u, axis=1).max()),
-        "kinetic_energy_left": float(kinetic[-1] / kinetic.max()) if kinetic.max() > 0 else 0.0,
-        "seconds": run.record["seconds"],
-    }
+    return FiguresAlone(
+        status=run.record["status"],
+        n_nodes=run.record["n_nodes"],
+        n_springs=run.record.get("n_springs"),
+        n_patches=run.record.get("n_patches"),
+        volume_change=float(volume_change(run)[1][-1]),
+        largest_displacement=float(np.linalg.norm(run.last.u, axis=1).max()),
+        kinetic_energy_left=float(kinetic[-1] / kinetic.max()) if kinetic.max() > 0 else 0.0,
+        seconds=run.record["seconds"],
+    )
 
 
-def describe_reference(reference: Run) -> dict[str, Any]:
-    """How much the reference moves, a dynamic one at its widest: what the relative errors are relative to."""
+def describe_reference(reference: Run, estimated_error: float | None = None) -> ReferenceFigures:
+    """The figures of the reference; estimated_error: of its displacement, relative in the L2 norm, where it is known."""
     frame = reference.frame(widest(reference)) if is_dynamic(reference) else reference.last
     V0 = volume(frame.X, frame.F)
     swept = np.abs((triangle_normals(frame.X, frame.F) * frame.u[frame.F].mean(axis=1)).sum(axis=1)).sum()
-    return {
-        "n_nodes": reference.record["n_nodes"],
-        "n_dofs": reference.record["n_dofs"],
-        "largest_displacement": float(np.linalg.norm(frame.u, axis=1).max()),
-        "largest_volume_change": float(np.abs(volume_change(reference)[1]).max()),
-        "swept_volume": float(swept / V0),
-        "seconds": reference.record["seconds"],
-    }
+    return ReferenceFigures(
+        n_nodes=reference.record["n_nodes"],
+        n_dofs=reference.record["n_dofs"],
+        largest_displacement=float(np.linalg.norm(frame.u, axis=1).max()),
+        largest_volume_change=float(np.abs(volume_change(reference)[1]).max()),
+        swept_volume=float(swept / V0),
+        seconds=reference.record["seconds"],
+        estimated_error_l2=estimated_error,
+    )

@@ -18,9 +18,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from .experiment import NOT_OK, PROGRAMS, SOLVED, write_text
 from .machine import THREADS
-from .runs import RunError
+from .paths import PROGRAMS, write_text
+from .runs import NOT_OK, SOLVED, RunError
 
 # Top-level keys of a scene that change nothing in a program's result, as in its own input hash.
 _IGNORED = {

@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from .style import REFERENCE, label_of
+from .methods import REFERENCE, label_of
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
@@ -118,6 +118,12 @@ def is_nearly_isochoric(reference: dict[str, Any]) -> bool:
     return reference["largest_volume_change"] < 0.01 * reference["swept_volume"]
 
 
+def springs_of(model: dict[str, Any]) -> str:
+    """How many springs a model has, or patches of coupled springs, or both."""
+    patches = f"{model['n_patches']} patches" if model["n_patches"] else ""
+    return ", ".join(part for part in (str(model["n_springs"] or ""), patches) if part) or "0"
+
+
 _ROUNDING = 1e-8
 Table = tuple[list[str], list[list[str]]]
 
@@ -152,7 +158,7 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
         if model["status"] != "ok":
             errors[1].append([label, model["status"], *[""] * 5])
             continue
-        size = [str(model["n_nodes"]), str(model["n_springs"]), str(3 * model["n_nodes"])]
+        size = [str(model["n_nodes"]), springs_of(model), str(3 * model["n_nodes"])]
         cells = [percent(model[key]) for key in keys]
         if is_nearly_isochoric(reference):
             cells[-1] = "-"  # a fraction of next to nothing
@@ -180,7 +186,7 @@ def _table_alone(models: dict[str, dict[str, Any]]) -> Table:
         if model["status"] != "ok":
             rows.append([label_of(name), model["status"], *[""] * 5])
             continue
-        size = [str(model["n_nodes"]), str(model["n_springs"]), percent_signed(model["volume_change"])]
+        size = [str(model["n_nodes"]), springs_of(model), percent_signed(model["volume_change"])]
         rows.append(
             [
                 label_of(name), *size, f"{model['largest_displacement']:.3g}",
@@ -213,9 +219,14 @@ def text_tables(comparison: dict[str, Any]) -> str:
 
 def text_table(head: list[str], rows: list[list[str]]) -> str:
     """One table for a terminal."""
-    widths = [max(map(len, column)) for column in zip(head, *rows)]
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     lines = [
-        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:]))])
+        "  ".join(
+            [
+                row[0].ljust(widths[0]),
+                *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)),
+            ]
+        )
         for row in [head, *rows]
     ]
     return "\n".join(line.rstrip() for line in lines)
@@ -297,7 +308,8 @@ def _explained(comparison: dict[str, Any]) -> str:
     return f"""<h2>How to read this</h2>
 <p>Both solvers start from the same surface, vertex by vertex. <b>Displacement error</b>: area-weighted L2 norm over
 the surface nodes of the difference at full load, of a dynamic scene over the whole time too, as a fraction of the same
-norm of the finite-element displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element displacement. {rigid}
+norm of the finite-element displacement; <b>largest</b>: greatest difference at a node over the greatest finite-element
+displacement. {rigid}
 <b>Volume error</b>: L2 norm over the whole curve of the difference in volume change, as a fraction of the finite
 elements' own; left out where that stays below a hundredth of what the surface sweeps
 ({percent(comparison["reference"]["largest_volume_change"])} here, while the surface sweeps

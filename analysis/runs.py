@@ -14,7 +14,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pyvista as pv
 
+from .methods import REFERENCE
+
 Array = np.ndarray
+SOLVED, NOT_OK, NOT_MODELLED = 0, 2, 3  # exit statuses of both programs: meshing/exit_status.h
 
 
 class RunError(Exception):
@@ -80,6 +83,11 @@ def load_run(folder: Path | str) -> Run:
         raise RunError(f"{folder}: status is '{record.get('status')}', expected 'ok'")
     times, files = _read_pvd(folder / "frames.pvd")
     return Run(folder, record, _read_curves(folder / "curves.csv"), times, files)
+
+
+def method_of(run: Run) -> str:
+    """fem_reference, or the name of the spring model."""
+    return run.record.get("calibration", REFERENCE)
 
 
 def scene_of(run: Run) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +14,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .compare import compare_runs
-from .experiment import ROOT, default_folder, write_text
-from .plots import svg_of
+from .drawing.style import style_of, svg_of
+from .experiment import default_folder
+from .paths import ROOT, write_text
 from .points import Outcome, Point, Store, read_toml, say
 from .report import html_table, page, percent, svg_figure, text_table
 from .runs import RunError, load_run
-from .style import style_of
 
-FIGURES = [
-    "displacement_error_l2", "displacement_error_max", "volume_change_error", "n_nodes", "n_springs",
-    "seconds_massspring", "seconds_fem_reference",
-]  # fmt: skip
-_ERROR = FIGURES[0]
+_ERROR = "displacement_error_l2"
+_ERRORS = [_ERROR, "displacement_error_max", "volume_change_error"]
+_SECONDS = ["seconds_massspring", "seconds_fem_reference"]
+FIGURES = [*_ERRORS, "n_nodes", "n_springs", "n_patches", *_SECONDS]
 Row = dict[str, Any]
 
 
@@ -64,7 +64,7 @@ def _split(text: str) -> list[str]:
 
 def points_of(grid: dict[str, list[str]]) -> list[dict[str, str]]:
     """Every combination of the grid's values, the last key changing fastest."""
-    return [dict(zip(grid, values)) for values in itertools.product(*grid.values())]
+    return [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
 
 
 def varied(grid: dict[str, list[str]]) -> list[str]:
@@ -93,7 +93,7 @@ def measure(store: Store, scene: Path, settings: dict[str, str]) -> Row:
             }
     try:
         springs, reference = (load_run(run.folder) for run in runs)
-        figures = compare_runs(springs, reference, is_free=reference.record["is_free"])
+        figures = asdict(compare_runs(springs, reference, is_free=reference.record["is_free"]))
     except RunError as error:
         return {**settings, "status": "failed", "message": str(error)}
     for run in (springs, reference):
@@ -154,7 +154,7 @@ def plot(keys: list[str], rows: list[Row]) -> str:
         lines.setdefault(label, []).append((at, 100 * row[_ERROR] if row["status"] == "ok" else np.nan))
     for number, (label, line) in enumerate(lines.items()):
         style = style_of(label, number)
-        axes.plot(*zip(*sorted(line)), color=style.colour, marker=style.marker, label=label)
+        axes.plot(*zip(*sorted(line), strict=True), color=style.colour, marker=style.marker, label=label)
     axes.set_yscale("log")
     if along not in numeric:
         axes.set_xticks(range(len(places)), places)
@@ -181,8 +181,8 @@ def table_of(keys: list[str], rows: list[Row]) -> tuple[list[str], list[list[str
     for row in rows:
         cells = [row[key] for key in keys]
         if row["status"] == "ok":
-            cells += [percent(row[name]) for name in FIGURES[:3]] + [str(row["n_nodes"])]
-            cells += [f"{row[name]:.2f}" for name in FIGURES[5:]] + [""]
+            cells += [percent(row[name]) for name in _ERRORS] + [str(row["n_nodes"])]
+            cells += [f"{row[name]:.2f}" for name in _SECONDS] + [""]
         else:
             cells += ["-"] * 6 + [f"{row['status']}: {row['message']}"]
         body.append(cells)
@@ -259,7 +259,6 @@ def main(arguments: Any) -> int:
     rows = sweep(arguments.scene.resolve(), grid, folder, arguments.part, arguments.quiet)
     if arguments.part == (1, 1):
         keys = varied(grid)
-        print(
-            f"{finding(arguments.scene.stem, keys, rows)}\n\n{text_table(*table_of(keys, rows))}\n\nreport: {folder / 'report.html'}"
-        )
+        table = text_table(*table_of(keys, rows))
+        print(f"{finding(arguments.scene.stem, keys, rows)}\n\n{table}\n\nreport: {folder / 'report.html'}")
     return 0

@@ -23,12 +23,20 @@ def write_run(
     amplitude: Callable[[float], float] = lambda time: time,
     **record: object,
 ) -> Path:
-    """Writes a finished run whose displacement is amplitude(time) field(X): linear in time by default."""
+    """Writes a finished run whose displacement is amplitude(time) field(X): linear in time by default.
+
+    record: what run.json says otherwise; with n_patches the springs are coupled ones, on a tetrahedron.
+    """
     (folder / "frames").mkdir(parents=True)
     times = np.linspace(0, 1, N_STEPS + 1) if times is None else times
     interior = X[:3] / 2  # a solver's file holds internal nodes behind the surface's
     points = np.vstack([X, interior])
-    cells = {pv.CellType.TRIANGLE: F, pv.CellType.LINE: np.array([[0, len(X)], [1, len(X) + 1]])}
+    is_reference, is_coupled = record.get("program") == "fem_reference", "n_patches" in record
+    if is_reference or is_coupled:
+        within = {pv.CellType.TETRA: np.array([[0, len(X), len(X) + 1, len(X) + 2]])}
+    else:
+        within = {pv.CellType.LINE: np.array([[0, len(X)], [1, len(X) + 1]])}
+    cells = {pv.CellType.TRIANGLE: F, **within}
     sets, rows = [], []
     for step, time in enumerate(times):
         u = amplitude(time) * field(points)
@@ -48,11 +56,9 @@ def write_run(
         "status": "ok",
         "program": "massspring",
         "n_nodes": len(points),
-        "n_springs": 2,
+        **({} if is_reference else {"n_springs": 0 if is_coupled else 2, "n_patches": 0}),
         "n_dofs": 3 * len(points),
         "seconds": {"mesh": 0.1, "setup": 0.2, "solve": 0.3, "output": 0.4},
     }
-    if record.get("program") == "fem_reference":
-        del default["n_springs"]
     (folder / "run.json").write_text(json.dumps(default | record))
     return folder

@@ -15,10 +15,11 @@ from synthetic import write_run
 from analysis import experiment as experiments
 from analysis.__main__ import parse_arguments
 from analysis.__main__ import run as run_command
-from analysis.experiment import Experiment, compare, default_folder, fingerprint, refinement, run_solvers
-from analysis.pictures import draw_comparison, magnification, seen_size
-from analysis.plots import plot_errors
+from analysis.drawing.pictures import draw_comparison, magnification, seen_size
+from analysis.drawing.plots import plot_errors
+from analysis.experiment import Experiment, default_folder, refinement, run_solvers
 from analysis.report import finding, percent, text_tables
+from analysis.results import fingerprint, write_results
 from analysis.runs import Frame, RunError
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
@@ -30,18 +31,20 @@ def experiment(ball, tmp_path):
         "name": "synthetic",
         "surface": {"file": "/somewhere/ball.obj", "shape": ""},
         "network": {"calibration": "affine"},
-        "comparison": {"calibrations": ["uniform", "moment", "affine"]},
+        "comparison": {"calibrations": ["node_averaged", "moment", "affine"]},
         "time": {"mode": "static"},
     }
     (tmp_path / "scene.toml").write_text('name = "synthetic"\n')
     write_run(tmp_path / "fem_reference", *ball, lambda X: -0.01 * X, seconds=REFERENCE_SECONDS)
     write_run(tmp_path / "massspring" / "affine", *ball, lambda X: -0.012 * X)
-    write_run(tmp_path / "massspring" / "uniform", *ball, lambda X: [-0.02, -0.01, -0.01] * X)
+    write_run(
+        tmp_path / "massspring" / "node_averaged", *ball, lambda X: [-0.02, -0.01, -0.01] * X, n_patches=5
+    )
     return Experiment(tmp_path, scene, {"moment": "not converged"})
 
 
 def test_comparison_of_known_runs(experiment):
-    comparison = compare(experiment)
+    comparison = write_results(experiment)
     written = json.loads((experiment.folder / "comparison.json").read_text())
     assert written == comparison
     assert written["status"] == "ok"
@@ -49,18 +52,26 @@ def test_comparison_of_known_runs(experiment):
     assert written["displacement_error_max"] == pytest.approx(0.2)
     # Both cubed: (1 - 0.012 t)^3 - 1 against (1 - 0.01 t)^3 - 1, 0.2 to first order.
     assert written["volume_change_error"] == pytest.approx(0.2, rel=0.01)
-    assert written["n_springs"] == 2
+    assert (written["n_springs"], written["n_patches"]) == (2, 0)
+    sizes = {
+        name: (model["n_springs"], model["n_patches"])
+        for name, model in written["models"].items()
+        if name != "moment"
+    }
+    assert sizes == {"affine": (2, 0), "node_averaged": (0, 5)}
     assert written["n_dofs_reference"] == 3 * written["n_nodes"]
     assert written["seconds"]["fem_reference"] == REFERENCE_SECONDS
     assert set(written["seconds"]["massspring"]) == {"mesh", "setup", "solve", "output"}
     # 0.01 x against 0.01 (x, y, z): x, y, z share the surface evenly.
-    assert written["models"]["uniform"]["displacement_error_l2"] == pytest.approx(np.sqrt(1 / 3), rel=1e-6)
+    assert written["models"]["node_averaged"]["displacement_error_l2"] == pytest.approx(
+        np.sqrt(1 / 3), rel=1e-6
+    )
     assert written["models"]["moment"] == {"status": "not converged"}
-    assert list(written["models"]) == ["affine", "uniform", "moment"]
+    assert list(written["models"]) == ["affine", "node_averaged", "moment"]
 
 
 def test_report_stands_alone_and_opens_with_the_finding(experiment):
-    comparison = compare(experiment)
+    comparison = write_results(experiment)
     page = (experiment.folder / "report.html").read_text()
     assert html.escape(finding(comparison)) in page
     assert "1 s against 9 s, 9 times faster" in finding(comparison)
@@ -87,10 +98,10 @@ def refine_reference(experiment, ball, error):
 
 def test_differences_near_the_error_of_the_reference_are_named(experiment, ball):
     refine_reference(experiment, ball, 0.05)
-    comparison = compare(experiment)
+    comparison = write_results(experiment)
     assert "by 20 % (at worst 20 %; the reference's own error is some 5 %) and" in finding(comparison)
     page = (experiment.folder / "report.html").read_text()
-    # A quarter of the affine springs' 0.2, less than a tenth of the uniform ones' 0.58.
+    # A quarter of the affine springs' 0.2, less than a tenth of the node_averaged ones' 0.58.
     assert "some 5 %" in page
     assert "more than a tenth of the difference from affine (25 % of it), which" in page
 
@@ -102,18 +113,18 @@ def test_differences_near_the_error_of_the_reference_are_named(experiment, ball)
 def test_error_of_the_reference_is_stated(error, words, experiment, ball):
     if error:
         refine_reference(experiment, ball, error)
-    compare(experiment)
+    write_results(experiment)
     assert words in (experiment.folder / "report.html").read_text()
 
 
 def test_error_of_other_references_is_twice_what_a_refinement_changes(experiment, ball):
     write_run(experiment.folder / "reference_refined", *ball, lambda X: -0.0125 * X)
-    assert compare(experiment)["reference"]["estimated_error_l2"] == pytest.approx(2 * 0.2, rel=1e-6)
+    assert write_results(experiment)["reference"]["estimated_error_l2"] == pytest.approx(2 * 0.2, rel=1e-6)
 
 
 def test_refinement_that_failed_estimates_nothing(experiment, ball):
     write_run(experiment.folder / "reference_refined", *ball, lambda X: X, status="not_converged")
-    assert compare(experiment)["reference"]["estimated_error_l2"] is None
+    assert write_results(experiment)["reference"]["estimated_error_l2"] is None
 
 
 def test_references_are_refined_while_they_are_small():
@@ -155,12 +166,12 @@ def solve(ball, tmp_path, monkeypatch):
 
 
 def test_reference_that_did_not_converge_is_an_error_with_its_status(solve):
-    with pytest.raises(RunError, match="did not converge: not_converged, see .*fem_reference"):
+    with pytest.raises(RunError, match=r"did not converge: not_converged, see .*fem_reference"):
         solve("far")
 
 
 def test_reference_without_a_result_is_an_error(solve):
-    with pytest.raises(RunError, match="gave no result .exit status 1"):
+    with pytest.raises(RunError, match=r"gave no result .exit status 1"):
         solve("0.6")
 
 
@@ -193,7 +204,7 @@ def test_error_bars_have_a_band_for_the_reference():
 
 
 def test_pictures_show_the_body(experiment):
-    compare(experiment)
+    write_results(experiment)
     pixels = pv.read(experiment.folder / "error_affine.png").active_scalars
     assert len(pixels) == 1500 * 560
     # A part of the white ground is covered by three balls in colour, and not all.
@@ -242,7 +253,7 @@ def test_failed_model_of_the_scene_is_the_status(experiment):
     failed = Experiment(
         experiment.folder, experiment.scene, {"affine": "diverged", "moment": "not converged"}
     )
-    comparison = compare(failed)
+    comparison = write_results(failed)
     assert comparison["status"] == "diverged"
     assert comparison["displacement_error_l2"] is None
     assert "gave no result: diverged" in finding(comparison)
@@ -260,7 +271,7 @@ def test_scene_without_a_fair_reference_shows_the_springs_alone(ball, tmp_path):
     }
     (tmp_path / "scene.toml").write_text('name = "falls"\n')
     folder = write_run(tmp_path / "massspring" / "uniform", *ball, lambda X: -0.5 * X, calibration="uniform")
-    comparison = compare(Experiment(tmp_path, scene, {"affine": "diverged"}, "obstacles: no contact"))
+    comparison = write_results(Experiment(tmp_path, scene, {"affine": "diverged"}, "obstacles: no contact"))
     assert comparison["no_reference"] == "obstacles: no contact"
     assert comparison["status"] == "ok"
     assert comparison["models"]["uniform"]["volume_change"] == pytest.approx(-7 / 8)
@@ -335,7 +346,7 @@ def test_refinement_of_an_earlier_run_does_not_outlive_it(home, tmp_path):
 def test_volume_of_an_isochoric_scene_is_no_fraction(ball, experiment):
     (experiment.reference_folder).rename(experiment.folder / "old")
     write_run(experiment.reference_folder, *ball, lambda X: [1e-4, -1e-4, 0] * X, seconds=REFERENCE_SECONDS)
-    comparison = compare(experiment)
+    comparison = write_results(experiment)
     # The springs' ball shrinks by 1.2 %: its volume by 3.6 %, beside which the reference's 1e-8 is nothing.
     assert "less than a hundredth of what the surface sweeps, by 3.56 % of itself" in finding(comparison)
     assert comparison["volume_change_error"] > 1e4

@@ -45,7 +45,8 @@ def test_links_namespaces_and_data_are_not_fetched():
 
 # A table as a browser has it, of which the script of reports sorts the rows.
 _BROWSER = """
-const cell = textContent => ({ textContent }), body = { rows: [], append(row) { this.rows = [...this.rows.filter(r => r != row), row]; } };
+const cell = textContent => ({ textContent });
+const body = { rows: [], append(row) { this.rows = [...this.rows.filter(r => r != row), row]; } };
 for (const row of ["x 10%", "y -", "z 9.5%", "b 1.2e-05%"])
   body.rows.push({ cells: row.split(" ").map(cell), parentNode: body });
 const table = { dataset: {}, get rows() { return [{ cells: ["", "error"].map(cell) }, ...body.rows]; } };

@@ -7,7 +7,7 @@ from pages import PAGES
 from synthetic import write_run
 
 import analysis
-from analysis.experiment import ROOT
+from analysis.paths import ROOT
 
 README = (ROOT / "README.md").read_text()
 
@@ -17,7 +17,7 @@ def test_notebook_lines_run(ball, tmp_path):
     write_run(tmp_path / "fem_reference", *ball, lambda X: -0.01 * X)
     code = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
     names = {}
-    exec(code.replace("out/ball_pressure", str(tmp_path)), names)  # noqa: S102
+    exec(code.replace("out/ball_pressure", str(tmp_path)), names)
     assert names["displacement_error"] is analysis.displacement_error
     assert len(names["reference"].last.u) == len(ball[0])
 

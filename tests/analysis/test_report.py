@@ -23,6 +23,7 @@ def comparison_of(largest_volume_change=0.5, own_error=None, **more):
         "volume_change_difference": 0.004,
         "n_nodes": 10,
         "n_springs": 30,
+        "n_patches": 0,
         "seconds": {"mesh": 0.5, "solve": 1.5},
     }
     reference = {
@@ -87,6 +88,17 @@ def test_tables_hold_sizes_trust_and_seconds_of_each_method():
     assert trust[1] == [["springs, affine", "1 %", "-", "1.250", "-", "2 (3 % of the load)"]]
     assert list(cells_of(seconds).values())[1:] == ["0.50", "-", "-", "1.50", "-", "2.00"]
     assert list(cells_of(seconds, 1).values())[1:] == ["2.00", "-", "1.00", "3.00", "-", "6.00"]
+
+
+@pytest.mark.parametrize(
+    "n_springs, n_patches, cell",
+    [(30, 0, "30"), (0, 12, "12 patches"), (30, 12, "30, 12 patches"), (0, 0, "0")],
+)
+def test_tables_tell_springs_from_patches_of_coupled_ones(n_springs, n_patches, cell):
+    of = {"n_springs": n_springs, "n_patches": n_patches}
+    assert cells_of(tables(comparison_of(**of))[0])["springs"] == cell
+    alone = comparison_of(**of, volume_change=0.1, largest_displacement=1.0, kinetic_energy_left=0.0)
+    assert cells_of(tables(alone | {"no_reference": "contact"})[0])["springs"] == cell
 
 
 def test_text_tables_are_aligned():

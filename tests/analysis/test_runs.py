@@ -15,8 +15,10 @@ def folder(ball, tmp_path):
     return write_run(tmp_path / "run", *ball, lambda X: 0.1 * X)
 
 
-def test_surface_is_read_as_written(ball, folder):
-    run = load_run(folder)
+@pytest.mark.parametrize("record", [{}, {"n_patches": 5}, {"program": "fem_reference"}])
+def test_surface_is_read_as_written(record, ball, tmp_path):
+    """With springs, and with tetrahedra, below it."""
+    run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0.1 * X, **record))
     assert len(run.times) == N_STEPS + 1
     assert (run.last.F == ball[1]).all()
     assert run.last.X == pytest.approx(ball[0], abs=1e-15)
@@ -26,13 +28,13 @@ def test_surface_is_read_as_written(ball, folder):
 
 def test_half_written_run_is_refused(folder):
     (folder / "run.json").unlink()
-    with pytest.raises(RunError, match="no run.json, the run is not finished"):
+    with pytest.raises(RunError, match=r"no run.json, the run is not finished"):
         load_run(folder)
 
 
 def test_damaged_record_is_refused(folder):
     (folder / "run.json").write_text('{"status": "ok",\n oops')
-    with pytest.raises(RunError, match="run.json:2: not JSON"):
+    with pytest.raises(RunError, match=r"run.json:2: not JSON"):
         load_run(folder)
 
 
@@ -45,14 +47,14 @@ def test_diverged_run_is_refused(folder):
 
 def test_missing_frame_is_refused(folder):
     (folder / "frames" / f"frame_{N_STEPS:06d}.vtu").unlink()
-    with pytest.raises(RunError, match="frame_000004.vtu: frame is missing"):
+    with pytest.raises(RunError, match=r"frame_000004.vtu: frame is missing"):
         _ = load_run(folder).last
 
 
 def test_cut_frame_is_refused(folder):
     file = folder / "frames" / f"frame_{N_STEPS:06d}.vtu"
     file.write_bytes(file.read_bytes()[:3000])
-    with pytest.raises(RunError, match="frame_000004.vtu: expected points"):
+    with pytest.raises(RunError, match=r"frame_000004.vtu: expected points"):
         _ = load_run(folder).last
 
 
@@ -70,7 +72,7 @@ def test_nan_in_a_frame_is_refused(folder):
     grid = pv.read(file)
     grid.point_data["displacement"][3, 1] = np.nan
     grid.save(file)
-    with pytest.raises(RunError, match="frame_000004.vtu: displacement is not finite"):
+    with pytest.raises(RunError, match=r"frame_000004.vtu: displacement is not finite"):
         _ = load_run(folder).last
 
 
@@ -79,7 +81,7 @@ def test_nan_in_the_curves_is_refused(folder):
     lines = file.read_text().splitlines()
     lines[2] = "0.25,0.25,nan,1"
     file.write_text("\n".join(lines))
-    with pytest.raises(RunError, match="curves.csv:3: volume = nan, expected a number"):
+    with pytest.raises(RunError, match=r"curves.csv:3: volume = nan, expected a number"):
         load_run(folder)
 
 
@@ -88,11 +90,11 @@ def test_nan_in_the_curves_is_refused(folder):
 )
 def test_damaged_curves_are_refused(folder, rows):
     (folder / "curves.csv").write_text(rows)
-    with pytest.raises(RunError, match="curves.csv"):
+    with pytest.raises(RunError, match=r"curves.csv"):
         load_run(folder)
 
 
 def test_missing_curves_are_refused(folder):
     (folder / "curves.csv").unlink()
-    with pytest.raises(RunError, match="output.curves = true"):
+    with pytest.raises(RunError, match=r"output.curves = true"):
         load_run(folder)

@@ -233,7 +233,7 @@ def test_files_of_overrides_count_instead_of_the_scenes(override, left, inputs):
 def test_a_generated_shape_needs_no_file(inputs):
     (inputs / "ball.obj").unlink()
     keys(inputs, 'surface.file=""', "surface.shape=ball")
-    with pytest.raises(RunError, match="ball.obj: No such file"):
+    with pytest.raises(RunError, match=r"ball.obj: No such file"):
         keys(inputs)
 
 

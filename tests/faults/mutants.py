@@ -21,7 +21,13 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-TESTS = {"compare": "compare", "warp": "warp", "points": "sweep", "work_precision": "work_precision"}
+# Module of the analysis -> its tests.
+TESTS = {
+    "compare": "test_compare.py",
+    "drawing/warp": "drawing/test_warp.py",
+    "points": "test_sweep.py",
+    "studies/work_precision": "studies/test_work_precision.py",
+}
 # Looks and words of a command line are for eyes to judge, and most changes to them are harmless.
 NOT_SAMPLED = re.compile(r"x_(plot|main)__")
 # A picture drawn in one process leaves threads that a fork of it lacks, and waits for: hence the server, which draws none.
@@ -32,7 +38,7 @@ source_paths = ["analysis"]
 only_mutate = {json.dumps([f"analysis/{module}.py" for module in TESTS])}
 also_copy = ["README.md"]
 pytest_add_cli_args = ["-q", "-p", "no:cacheprovider", "-k", "not killed"]
-pytest_add_cli_args_test_selection = {json.dumps([f"tests/analysis/test_{test}.py" for test in TESTS.values()])}
+pytest_add_cli_args_test_selection = {json.dumps([f"tests/analysis/{test}" for test in TESTS.values()])}
 """
 
 
@@ -75,7 +81,9 @@ def measure(folder: Path, n: int) -> bool:
     for name in missed:
         print(f"{verdicts[name]}: {mutmut(folder, 'show', name)}")
     for module in TESTS:
-        count = Counter(verdicts[name] for name in names if name.startswith(f"analysis.{module}."))
+        count = Counter(
+            verdicts[name] for name in names if name.startswith(f"analysis.{module.replace('/', '.')}.")
+        )
         print(f"{module}: {', '.join(f'{number} {verdict}' for verdict, number in sorted(count.items()))}")
     return not missed
 

@@ -135,7 +135,10 @@ class Copy:
                 sys.executable,
                 "-m",
                 "pytest",
-                *"-q -x -p no:cacheprovider".split(),
+                "-q",
+                "-x",
+                "-p",
+                "no:cacheprovider",
                 str(self.folder / test),
             ]
             no_such_test = r"no tests ran|ERROR: (file or directory )?not found"

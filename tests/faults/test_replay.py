@@ -81,7 +81,7 @@ class WithoutBuilds(Copy):
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "complaint", "verdict"),
+    "before, after, complaint, verdict",
     [
         ("a = 2", "a = 1", "", CAUGHT),
         ("a = 2", "a = 22", "", SURVIVED),

@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from analysis.experiment import PROGRAMS
+from analysis.paths import PROGRAMS
 
 SCENE = """
 [surface]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from analysis.experiment import PROGRAMS, ROOT
+from analysis.paths import PROGRAMS, ROOT
 from analysis.runs import load_run
 
 SCENE_FOLDER = ROOT / "analysis" / "scenes"

@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from analysis.experiment import PROGRAMS, ROOT
+from analysis.paths import PROGRAMS, ROOT
 from analysis.runs import load_run
 
 TOLERANCE = (
@@ -34,7 +34,7 @@ def solve(scene, folder, overrides, launcher=()):
 
 
 @pytest.mark.parametrize(
-    ("scene", "degree"),
+    "scene, degree",
     [("bar_sag.toml", 1), ("bar_sag.toml", 2), ("ball_pressure.toml", 2), ("ball_collapse.toml", 1)],
 )
 def test_two_processes_solve_what_one_does(scene, degree, tmp_path):

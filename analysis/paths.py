@@ -1,0 +1,18 @@
+"""Where the project's parts are, and how a file is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parent
+ROOT = PACKAGE.parent
+SCENES = PACKAGE / "scenes"
+PROGRAMS = ROOT / "build" / "bin"
+MESHES = ROOT.parent / "shared" / "meshes"  #: real meshes, which the project does not ship
+
+
+def write_text(file: Path, text: str) -> None:
+    """Writes to a temporary name, then renames."""
+    temporary = file.with_name(file.name + ".tmp")
+    temporary.write_text(text)
+    temporary.replace(file)

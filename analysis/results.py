@@ -1,0 +1,54 @@
+"""What a comparison leaves in its experiment's folder: pictures, report.html and, last of all, comparison.json."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+from .comparison import Comparison, compare, without_nan
+from .exhibits import draw_pictures, plot
+from .experiment import Experiment
+from .machine import describe
+from .methods import label_of
+from .paths import PACKAGE, PROGRAMS, write_text
+from .report import render
+
+
+def fingerprint(experiment: Experiment) -> str:
+    """Hash of all that the comparison depends on: the solvers' records and this package."""
+    digest = hashlib.sha256()
+    records = sorted(experiment.folder.glob("**/run.json"))
+    for file in [*records, experiment.folder / "scene.toml", *sorted(PACKAGE.rglob("*.py"))]:
+        digest.update(file.read_bytes())
+    digest.update(json.dumps(experiment.failed, sort_keys=True).encode())
+    return digest.hexdigest()[:16]
+
+
+def write_results(experiment: Experiment) -> dict[str, Any]:
+    """Compares all runs of the experiment and writes what was found; returns what comparison.json holds.
+
+    Raises RunError as comparison.compare does.
+    """
+    comparison = compare(experiment)
+    values = comparison.as_json() | {"fingerprint": fingerprint(experiment)}
+    report = render(values, plot(comparison), draw_pictures(comparison), _protocol(comparison))
+    write_text(experiment.folder / "report.html", report)
+    write_text(experiment.folder / "comparison.json", json.dumps(without_nan(values), indent=2) + "\n")
+    return values
+
+
+def _protocol(comparison: Comparison) -> dict[str, str]:
+    """Name -> text of all that is needed to repeat the comparison."""
+    experiment = comparison.experiment
+    files = {
+        f"{label_of(name)}: run.json": run.folder / "run.json" for name, run in comparison.methods.items()
+    }
+    files["finite elements, refined for their error: run.json"] = experiment.refined_folder / "run.json"
+    return {
+        "scene.toml, with every default filled in: running it reproduces this": (
+            experiment.folder / "scene.toml"
+        ).read_text(),
+        **{name: file.read_text() for name, file in files.items() if file.exists()},
+        "programs, libraries and machine": json.dumps(describe(PROGRAMS), indent=2),
+    }

@@ -1,0 +1,87 @@
+"""./testbed study NAME: the table of studies, and the command that runs them.
+
+Each leaves a report, its tables as CSV and its figures as SVG in one folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from ..paths import ROOT
+from . import accuracy, cost, paper, scaling, stability, work_precision
+from .result import Result, protocol_of, text_of, write
+
+
+class Study(NamedTuple):
+    """An entry of the table."""
+
+    help: str  #: one line
+    measure: Callable[
+        [argparse.Namespace, Path], Result
+    ]  #: of the command's options and the folder of the results
+
+
+# A new study is a new line.
+STUDIES = {
+    "work-precision": Study(
+        "error against seconds: every spring model and finite elements, over resolutions or time steps",
+        work_precision.study,
+    ),
+    "stability": Study(
+        "what becomes of a body let go from bad starts, over step and stiffness, as maps", stability.study
+    ),
+    "scaling": Study("seconds, memory and non-zeros from a thousand nodes to a million", scaling.study),
+    "cost": Study("instructions of a time step, the scene's parts switched on one at a time", cost.study),
+    "paper": Study("table 1 and figures 7, 9, 10 and 11 beside the paper's values", paper.study),
+    "accuracy": Study(
+        "every spring model against exact fields and quadratic elements, beside linear elements: most of an hour",
+        accuracy.study,
+    ),
+}
+
+
+def examples() -> str:
+    """The end of the help: what there is to study, and how it is asked for."""
+    width = max(map(len, STUDIES))
+    lines = [f"  {name:{width}}  {study.help}" for name, study in STUDIES.items()]
+    first, *_ = STUDIES
+    calls = [first, f"{first} analysis/scenes/bar_sag.toml --quick"]
+    return "\n".join(
+        ["studies:", *lines, "", "examples:", *(f"  ./testbed study {words}" for words in calls), ""]
+    )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", choices=STUDIES)
+    parser.add_argument(
+        "scenes", nargs="*", type=Path, metavar="SCENE.toml", help="instead of the study's own"
+    )
+    parser.add_argument("--quick", action="store_true", help="few and small: to try it out")
+    parser.add_argument(
+        "--repetitions",
+        type=int,
+        metavar="N",
+        help="of every timed run (5; of scaling 3); their median counts",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: out/study/NAME")
+    parser.add_argument(
+        "--time-limit",
+        type=float,
+        default=120,
+        metavar="SECONDS",
+        help="for one timed run (120); what takes longer is a row that says so",
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    """./testbed study"""
+    folder = arguments.out or ROOT / "out" / "study" / arguments.name
+    measure = STUDIES[arguments.name].measure
+    result = measure(arguments, folder)
+    write(folder, result, protocol_of(sys.argv[1:], sys.modules[measure.__module__].__doc__))
+    print(f"{text_of(result)}\n\nreport: {folder / 'report.html'}")
+    return 0

@@ -1,0 +1,132 @@
+"""Films and strips show the runs they are given, whole and in motion."""
+
+import numpy as np
+import pytest
+from PIL import Image
+from synthetic import write_run
+
+from analysis.drawing.film import draw_film, draw_strip, main
+from analysis.runs import RunError, load_run
+
+N_FRAMES = 6
+
+
+@pytest.fixture
+def runs(ball, tmp_path):
+    times = np.linspace(0, 0.5, N_FRAMES)
+    springs = write_run(tmp_path / "springs", *ball, lambda X: 0.6 * X, times, calibration="affine")
+    reference = write_run(tmp_path / "reference", *ball, lambda X: [0.4, 0, 0] * X, times)
+    return {"affine": load_run(springs), "fem_reference": load_run(reference)}
+
+
+def coloured(picture: Image.Image) -> float:
+    return float((np.ptp(np.asarray(picture.convert("RGB")), axis=2) > 40).mean())
+
+
+def test_film_has_a_moving_body_for_each_run(runs, tmp_path):
+    draw_film(tmp_path / "film.gif", runs, n_frames=N_FRAMES)
+    film = Image.open(tmp_path / "film.gif")
+    assert film.n_frames == N_FRAMES
+    width = film.width // 2
+    film.seek(0)
+    first = film.convert("RGB").crop((0, 20, width, 260))
+    film.seek(N_FRAMES - 1)
+    last = film.convert("RGB")
+    left, right = last.crop((0, 20, width, 260)), last.crop((width, 20, film.width, 260))
+    assert np.abs(np.asarray(left, dtype=int) - np.asarray(first, dtype=int)).max() > 100
+    # The springs' ball grows in all directions, to 1.3; the other's in one of them, so that it covers less.
+    assert coloured(first) == pytest.approx(coloured(left) / 1.3**2, rel=0.05)
+    assert 0.2 < coloured(right) < coloured(left) < 0.9
+
+
+def test_strip_has_a_row_for_each_run(runs, tmp_path):
+    draw_strip(tmp_path / "one.png", {"affine": runs["affine"]}, n_frames=4)
+    draw_strip(tmp_path / "two.png", runs, n_frames=4)
+    one, two = Image.open(tmp_path / "one.png"), Image.open(tmp_path / "two.png")
+    assert two.height - one.height > 240
+    assert one.width == two.width
+    panels = [one.crop((k * one.width // 4, 24, (k + 1) * one.width // 4, 260)) for k in range(4)]
+    shares = [coloured(panel) for panel in panels]
+    assert shares == sorted(shares) and shares[0] > 0.05
+
+
+def test_film_ends_with_the_run_that_ends_first(ball, runs, tmp_path):
+    longer = write_run(
+        tmp_path / "longer", *ball, lambda X: 0.6 * X, np.linspace(0, 2, 3), calibration="lloyd"
+    )
+    draw_film(tmp_path / "film.gif", {"lloyd": load_run(longer), "affine": runs["affine"]}, n_frames=3)
+    film = Image.open(tmp_path / "film.gif")
+    film.seek(film.n_frames - 1)
+    last, middle = film.convert("RGB"), film.width // 2
+    # Both grow alike, so that they look alike at every time that both have.
+    left, right = last.crop((0, 22, middle, 262)), last.crop((middle, 22, film.width, 262))
+    assert np.abs(np.asarray(left, dtype=int) - np.asarray(right, dtype=int)).max() == 0
+
+
+def test_a_single_frame_is_no_film(ball, tmp_path):
+    run = load_run(write_run(tmp_path / "run", *ball, lambda X: X, times=np.array([1.0])))
+    with pytest.raises(RunError, match="at least two frames"):
+        draw_film(tmp_path / "film.gif", {"fem_reference": run})
+
+
+def test_a_body_at_rest_is_no_film(ball, tmp_path):
+    run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0 * X))
+    with pytest.raises(RunError, match="nothing moves"):
+        draw_film(tmp_path / "film.gif", {"fem_reference": run})
+
+
+OBSTACLES = {
+    "plane": "plane = { point = [0, -1.7, 0], normal = [0, 1, 0] }",
+    "sphere": "sphere = { center = [0, -2, 0], radius = 1 }",
+    "box": "box = { low = [-1, -2, -1], high = [1, -1.2, 1] }",
+    "capsule": "capsule = { a = [-1, -1.5, 0], b = [1, -1.5, 0], radius = 0.4 }",
+    "moving": "sphere = { center = [0, 90, 0], radius = 1 }\nmotion = [[0, 0, -92, 0], [1, 0, -92, 0]]",
+}
+
+
+@pytest.mark.parametrize("name", OBSTACLES)
+def test_obstacles_are_drawn(name, runs, tmp_path):
+    def grey() -> float:
+        draw_strip(tmp_path / "strip.png", {"affine": runs["affine"]}, n_frames=2)
+        return float((np.asarray(Image.open(tmp_path / "strip.png").convert("L"))[20:260] < 250).mean())
+
+    without = grey()
+    (runs["affine"].folder / "scene.toml").write_text(f"[[obstacles]]\n{OBSTACLES[name]}\n")
+    assert grey() - without > 0.03
+
+
+MOVING = """[[obstacles]]
+sphere = { center = [0, -92, 0], radius = 1 }
+motion = [[0, 0, 0, 0], [0.5, 0, 180, 0]]
+"""
+
+
+def covered(run, folder, n_frames):
+    """Shares of a strip's panels that are not white."""
+    draw_strip(folder / "strip.png", {"affine": run}, n_frames=n_frames)
+    strip = np.asarray(Image.open(folder / "strip.png").convert("L"))[24:260]
+    return np.array([(panel < 250).mean() for panel in np.split(strip, n_frames, axis=1)])
+
+
+def test_obstacles_move_as_the_scene_says(runs, tmp_path):
+    """The sphere passes below the body at half time, and is far off at the start and the end."""
+    without = covered(runs["affine"], tmp_path, 3)
+    (runs["affine"].folder / "scene.toml").write_text(MOVING)
+    more = covered(runs["affine"], tmp_path, 3) - without
+    assert more[1] > 0.03
+    assert more[[0, 2]] == pytest.approx([0, 0], abs=1e-3)
+
+
+def test_small_motion_is_enlarged_but_among_obstacles(ball, tmp_path):
+    run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0.01 * X, calibration="affine"))
+    # Enlarged, the ball grows to 1.2: by 20, the round number below 0.08 of the box's diagonal over 0.01.
+    first, last = covered(run, tmp_path, 2)
+    assert last / first == pytest.approx(1.2**2, rel=0.02)
+    (run.folder / "scene.toml").write_text(MOVING.replace("[0.5,", "[1,"))
+    first, last = covered(run, tmp_path, 2)
+    assert last / first == pytest.approx(1.01**2, rel=0.02)
+
+
+def test_command_names_what_is_missing(tmp_path, capsys):
+    assert main([str(tmp_path)]) == 1
+    assert "no run.json" in capsys.readouterr().err

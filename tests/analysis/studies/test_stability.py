@@ -1,0 +1,85 @@
+from pathlib import Path
+
+import pytest
+from matplotlib.colors import to_hex
+
+from analysis.runs import RunError
+from analysis.studies import stability
+
+
+def rows_of(*outcomes: str) -> list[stability.Row]:
+    return [
+        {"method": "m", "is_papers": "0", "start": "rest", "E": str(10**i), "h": "1", "outcome": o}
+        for i, o in enumerate(outcomes)
+    ]
+
+
+def test_finding_counts_what_is_not_sound():
+    assert stability.finding(rows_of("ok", "diverged", "diverged", "short")).endswith("4 cells, 2 diverged.")
+    assert stability.finding(rows_of("ok")).endswith("1 cells, all sound.")
+
+
+def test_table_has_every_outcome_of_every_method():
+    head, lines = stability.table(rows_of("ok", "inverted", "ok"))
+    assert dict(zip(head, lines[0], strict=True))["ok"] == "2"
+    assert dict(zip(head, lines[0], strict=True))["inverted"] == "1"
+
+
+CELLS = [
+    "m,1,rest,1e3,1,diverged,0,2",
+    "m,1,rest,1e4,1,ok,1,1",
+    "n,0,rest,1e3,1,ok,1,1",
+    "n,0,rest,1e4,1,ok,1,1",
+]
+
+
+def write_program(file: Path, end: str = "exit 1") -> Path:
+    """Writes the cells without the first $1, and lists its calls in log.txt."""
+    lines = ["#!/bin/sh", f"echo $1 >> {file.parent}/log.txt"]
+    lines += ['[ "$1" = 0 ] && echo method,is_papers,start,E,h,outcome,t,energy_ratio']
+    for number, cell in enumerate(CELLS):
+        lines.append(f'[ "$1" -le {number} ] && printf {cell[:9]} && echo {cell[9:]}')
+    file.write_text("\n".join([*lines, end, ""]))
+    file.chmod(0o755)
+    return file
+
+
+def test_measure_reads_the_cells_and_plot_draws_them(tmp_path: Path):
+    rows = stability.measure(tmp_path / "out", write_program(tmp_path / "program"))
+    assert [row["outcome"] for row in rows] == ["diverged", "ok", "ok", "ok"]
+    assert stability.OUTCOMES["diverged"][0].lower() in stability.plot(rows[:2]).lower()
+
+
+def test_plot_has_stiffness_along_and_steps_up(drawn):
+    cells = [("1e3", "1", "ok"), ("1e4", "1", "diverged"), ("1e3", "2", "inverted"), ("1e4", "2", "short")]
+    rows = [{"method": "m", "start": "rest", "E": E, "h": h, "outcome": o} for E, h, o in cells]
+    (axes,) = drawn(stability).plot(rows).axes
+    colours = axes.collections[0].to_rgba(axes.collections[0].get_array())[..., :3]
+    expected = [["ok", "diverged"], ["inverted", "short"]]  # a line for each step
+    for line, names in zip(colours, expected, strict=True):
+        for colour, name in zip(line, names, strict=True):
+            assert to_hex(colour) == stability.OUTCOMES[name][0].lower()
+
+
+def test_killed_map_continues_behind_its_last_whole_row(tmp_path: Path):
+    program = write_program(tmp_path / "program")
+    whole = stability.measure(tmp_path / "whole", program)
+    (tmp_path / "killed").mkdir()
+    (file,) = (tmp_path / "whole").glob("cells-*.csv")
+    text = file.read_text()
+    for cut in (0, 10, text.index("\n") + 1, text.index("rest,1e4"), len(text) - 1):
+        (tmp_path / "killed" / file.name).write_text(text[:cut])
+        assert stability.measure(tmp_path / "killed", program) == whole
+        assert (tmp_path / "killed" / file.name).read_text() == text
+    assert (tmp_path / "log.txt").read_text().split() == ["0", "0", "0", "0", "1", "3"]
+
+
+def test_first_cells_are_enough_to_try_it_out(tmp_path: Path):
+    program = write_program(tmp_path / "program")
+    assert len(stability.measure(tmp_path, program, n_cells=2)) == 2
+    assert len(stability.measure(tmp_path, program)) == 4
+
+
+def test_program_that_breaks_down_is_no_map(tmp_path: Path):
+    with pytest.raises(RunError, match="exit status 3 after 4 cells"):
+        stability.measure(tmp_path, write_program(tmp_path / "program", end="exit 3"))

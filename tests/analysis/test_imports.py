@@ -1,0 +1,108 @@
+"""Who may import whom in the analysis: figures never need what draws them, and drawing knows no study."""
+
+import ast
+import subprocess
+import sys
+
+import pytest
+
+from analysis.paths import PACKAGE, ROOT
+
+# Module or room -> modules and rooms that it may import. A new module of the top is a new line; those of a room are not.
+ALLOWED = {
+    "paths": set(),
+    "methods": set(),
+    "front": set(),
+    "machine": set(),
+    "runs": {"methods"},
+    "compare": {"runs"},
+    "points": {"machine", "paths", "runs"},
+    "experiment": {"paths", "runs"},
+    "comparison": {"compare", "experiment", "methods", "runs"},
+    "report": {"methods"},
+    "drawing": {"compare", "methods", "runs"},
+    "exhibits": {"compare", "comparison", "drawing", "methods", "runs"},
+    "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "report"},
+    "sweep": {"compare", "drawing", "experiment", "paths", "points", "report", "runs"},
+    "studies": {
+        "compare",
+        "drawing",
+        "front",
+        "machine",
+        "methods",
+        "paths",
+        "points",
+        "report",
+        "runs",
+        "sweep",
+    },
+    "__main__": {"experiment", "paths", "report", "results", "runs", "studies", "sweep"},
+    "__init__": set(),
+}
+
+
+def place_of(path):
+    """Module or room of a file within the package."""
+    return path.parts[0] if len(path.parts) > 1 else path.stem
+
+
+def imported(text, room):
+    """Modules and rooms of the package that a text imports; room: the folder that it stands in, or ""."""
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            is_own = node.level == 1 and room
+            names = [node.module] if node.module else [alias.name for alias in node.names]
+            found |= {room} if is_own else {name.split(".")[0] for name in names}
+        elif isinstance(node, ast.ImportFrom) and node.module.split(".")[0] == "analysis":
+            found |= set(node.module.split(".")[1:2]) or {alias.name for alias in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[1] for alias in node.names if alias.name.startswith("analysis.")}
+    return found
+
+
+def refused():
+    lines = []
+    for file in sorted(PACKAGE.rglob("*.py")):
+        path = file.relative_to(PACKAGE)
+        place = place_of(path)
+        room = place if len(path.parts) > 1 else ""
+        lines += [f"{path}: {name}" for name in imported(file.read_text(), room) - ALLOWED[place] - {place}]
+    return lines
+
+
+def test_nothing_imports_what_it_may_not():
+    assert refused() == []
+
+
+@pytest.mark.parametrize(
+    "text, room, found",
+    [
+        ("from .drawing.style import style_of", "", {"drawing"}),
+        ("from . import sweep", "", {"sweep"}),
+        ("from .style import style_of", "drawing", {"drawing"}),
+        ("from ..studies.cost import plot", "drawing", {"studies"}),
+        ("from .. import machine", "studies", {"machine"}),
+        ("def f():\n    from analysis import sweep", "", {"sweep"}),
+        ("import analysis.report as r, numpy", "", {"report"}),
+        ("from analysis.report import page", "", {"report"}),
+        ("import numpy\nfrom pathlib import Path", "", set()),
+    ],
+)
+def test_imports_are_found_however_they_are_written(text, room, found):
+    assert imported(text, room) == found
+
+
+@pytest.mark.parametrize(
+    "modules, refused",
+    [
+        ("paths, machine, methods, report", {"matplotlib", "pyvista", "numpy"}),
+        ("runs, compare, points, experiment, comparison", {"matplotlib"}),
+    ],
+)
+def test_paths_and_figures_load_nothing_that_draws(modules, refused):
+    code = f"import sys; from analysis import {modules}; print(*sys.modules)"
+    words = [sys.executable, "-c", code]
+    loaded = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    assert "analysis.paths" in loaded or "analysis.runs" in loaded
+    assert not refused & set(loaded)
