@@ -113,8 +113,8 @@ std::vector<std::pair<std::string, double>> curve_row(double time, double load_f
           {"area", area(x, surface.F)},
           {"kinetic_energy", kinetic},
           {"elastic_energy", elastic},
-          {"max_strain", max_strain},
-          {"max_displacement", u.colwise().norm().maxCoeff()}};
+          {"max_displacement", u.colwise().norm().maxCoeff()},
+          {"max_strain", max_strain}};
 }
 
 struct Run {
@@ -277,7 +277,7 @@ ExitStatus run(const Arguments& arguments) {
   if (is_first)
     recorder.emplace(out, std::vector<CellBlock>{{5, surface.F}, {vtk_type, solid.cells()}}, mesh.n_surface);
 
-  nlohmann::ordered_json record = environment_record("fem_reference", 1);
+  nlohmann::ordered_json record = environment_record("fem_reference", processes().n_threads);
   record["processes"] = processes().n;
   record["name"] = scene.name;
   record["input_hash"] = hash;

@@ -1,4 +1,6 @@
 // The mass-spring program: scene in, frames, curves and a record out.
+#include <omp.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
@@ -32,29 +34,29 @@ struct Arguments {
   bool is_quiet = false, is_forced = false, is_undiagnosed = false;
 };
 
-std::vector<CellBlock> cells_of(const SpringNetwork& network) {
-  std::vector<CellBlock> cells{{5, network.F}, {3, network.E}};
-  if (network.T.cols() > 0) cells.push_back({10, network.T});
+/// What exerts force, behind the surface.
+std::vector<CellBlock> cells_of(const MassSpringModel& model) {
+  std::vector<CellBlock> cells{{5, model.network.F}};
+  if (model.springs) cells.push_back({3, model.springs->E});
+  if (model.tet_springs || model.local_volume) cells.push_back({10, model.network.T});
   return cells;
 }
 
 std::vector<std::pair<std::string, double>> curve_row(const MassSpringModel& model, const State& state,
                                                       double load_factor) {
-  const auto& [X, F, E, T, n_surface] = model.network;
+  const auto& [X, T, F, n_surface] = model.network;
   const Eigen::Matrix3Xd x = state.x.leftCols(n_surface);
-  double strain = 0;
-  for (const auto& s : E.colwise())
-    strain = std::max(
-        strain,
-        std::abs((state.x.col(s(0)) - state.x.col(s(1))).norm() / (X.col(s(0)) - X.col(s(1))).norm() - 1));
-  return {{"time", state.t},
-          {"load_factor", load_factor},
-          {"volume", volume(x, F)},
-          {"area", area(x, F)},
-          {"kinetic_energy", kinetic_energy(model, state.v)},
-          {"elastic_energy", elastic_energy(model, state)},
-          {"max_strain", strain},
-          {"max_displacement", (state.x - X).colwise().norm().maxCoeff()}};
+  std::vector<std::pair<std::string, double>> row{
+      {"time", state.t},
+      {"load_factor", load_factor},
+      {"volume", volume(x, F)},
+      {"area", area(x, F)},
+      {"kinetic_energy", kinetic_energy(model, state.v)},
+      {"elastic_energy", elastic_energy(model, state)},
+      {"max_displacement", (state.x - X).colwise().norm().maxCoeff()}};
+  if (T.cols() > 0) row.emplace_back("max_strain", largest_strain(X, T, state.x));
+  if (model.springs) row.emplace_back("max_spring_strain", largest_strain(*model.springs, X, state.x));
+  return row;
 }
 
 nlohmann::ordered_json to_json(const Diagnostics& diagnostics) {
@@ -135,12 +137,14 @@ ExitStatus run(const Arguments& arguments) {
   if (const auto stored = stored_record(out, hash); stored && !arguments.is_forced)
     return tell_status(arguments.scene, *stored);
   timer.start("mesh");
-  const SpringNetwork nodes = build_network(surface, scene.network, calibration.needs_tetrahedra);
+  const SpringNetwork nodes =
+      build_network(surface, scene.network, calibration.needs_links || scene.network.link_share > 0,
+                    calibration.needs_tetrahedra);
 
   timer.start("setup");
   progress.stage("mass-spring: setup");
   MassSpringModel model = model_of(scene, nodes, calibration);
-  const SpringNetwork& network = model.network;
+  const TetMesh& network = model.network;
   Forces forces = forces_of(scene, model);
   const Contacts contacts = contacts_of(scene, surface);
   if (model.spread_mass) {
@@ -161,9 +165,9 @@ ExitStatus run(const Arguments& arguments) {
     h = is_explicit(scene.time.integrator) ? kSafety * stable_step(model, forces, state)
                                            : scene.time.end / kDefaultSteps;
   const int n_steps = is_static ? scene.time.load_steps : meshing::n_steps(scene.time, h);
-  Recorder recorder(out, cells_of(network), network.n_surface);
+  Recorder recorder(out, cells_of(model), network.n_surface);
 
-  nlohmann::ordered_json record = environment_record("massspring", 1);
+  nlohmann::ordered_json record = environment_record("massspring", omp_get_max_threads());
   record["name"] = scene.name;
   record["calibration"] = calibration.name;
   record["mass"] = model.spread_mass ? "consistent" : "lumped";
@@ -173,12 +177,14 @@ ExitStatus run(const Arguments& arguments) {
       hash_of({reinterpret_cast<const char*>(network.X.data()), network.X.size() * sizeof(double)});
   record["n_surface"] = network.n_surface;
   record["n_nodes"] = network.X.cols();
-  record["n_springs"] = network.E.cols();
+  record["n_springs"] = model.springs ? model.springs->E.cols() : 0;
+  record["n_patches"] = model.tet_springs ? model.tet_springs->n_patches() : 0;
   record["n_tetrahedra"] = network.T.cols();
   if (network.T.cols() > 0) record["tetrahedra"] = to_json(tet_quality(network.X, network.T));
   record["is_free"] = false;
 
   timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
+  if (is_static || !is_explicit(scene.time.integrator)) record["n_blocks"] = n_stiffness_blocks(model);
   Eigen::VectorXd node_error;
   if (!arguments.is_undiagnosed) {
     progress.stage("mass-spring: diagnose");

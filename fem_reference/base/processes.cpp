@@ -1,6 +1,7 @@
 #include "fem_reference/base/processes.h"
 
 #include <deal.II/base/mpi.h>
+#include <deal.II/base/multithread_info.h>
 
 #include <chrono>
 #include <cstdlib>
@@ -30,10 +31,12 @@ const Processes& processes() {
   static const Processes result = [] {
     const char* size = std::getenv("OMPI_COMM_WORLD_SIZE");
     Processes started;
+    started.n_threads = static_cast<int>(dealii::MultithreadInfo::n_threads());
     if (!size || std::atoi(size) <= 1) return started;
     start_mpi();
     MPI_Comm_size(MPI_COMM_WORLD, &started.n);
     MPI_Comm_rank(MPI_COMM_WORLD, &started.rank);
+    started.n_threads = 1;
     return started;
   }();
   return result;

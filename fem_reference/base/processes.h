@@ -10,6 +10,7 @@ namespace testbed::fem {
 
 struct Processes {
   int n = 1, rank = 0;
+  int n_threads = 1;  ///< that each may use
 };
 
 /// One, unless mpirun (Open MPI) started several: then MPI runs from the first call on.

@@ -27,8 +27,8 @@ Eigen::VectorXd masses_without_tetrahedra(const SpringNetwork& network, double t
 /// nodes, which follow a curve through space: whoever goes through the springs finds most of their nodes in
 /// the cache.
 void sort_springs(MassSpringModel& model) {
-  const SpringNetwork& network = model.network;
-  const Eigen::Matrix2Xi E = network.E, edges = edges_of(network.F);
+  const TetMesh& network = model.network;
+  const Eigen::Matrix2Xi E = model.springs->E, edges = edges_of(network.F);
   const auto n = static_cast<int>(E.cols());
   const bool is_parted = network.X.cols() >= least_parted;
   const std::vector<int> eighth = is_parted ? eighths(network.X) : std::vector<int>(network.X.cols(), 0);
@@ -43,10 +43,9 @@ void sort_springs(MassSpringModel& model) {
   std::sort(order.begin(), order.end());
   const Eigen::VectorXd stiffness = model.springs->stiffness;
   for (int s = 0; s < n; ++s) {
-    model.network.E.col(s) = E.col(order[s][3]);
+    model.springs->E.col(s) = E.col(order[s][3]);
     model.springs->stiffness(s) = stiffness(order[s][3]);
   }
-  model.springs->E = model.network.E;
   if (!is_parted) return;
   for (int range = 0; range <= 2 * n_parts; ++range)
     model.springs->first.push_back(static_cast<int>(
@@ -54,20 +53,20 @@ void sort_springs(MassSpringModel& model) {
 }
 
 template <const Blend& blend>
-void calibrate_coupled(MassSpringModel& model) {
+void calibrate_coupled(MassSpringModel& model, const Eigen::Matrix2Xi&) {
   model.tet_springs = couple_springs(model.network.X, model.network.T, lame_of(model.material), blend);
 }
 
 }  // namespace
 
 const std::vector<Calibration>& calibrations() {
-  static const std::vector<Calibration> all{{"uniform", false, calibrate_uniform},
-                                            {"affine", false, calibrate_affine},
-                                            {"van_gelder", true, calibrate_van_gelder},
-                                            {"lloyd", true, calibrate_lloyd},
-                                            {"moment", true, calibrate_moment},
-                                            {"edge_coupled", true, calibrate_coupled<edge_coupled>},
-                                            {"node_averaged", true, calibrate_coupled<node_averaged>}};
+  static const std::vector<Calibration> all{{"uniform", true, false, calibrate_uniform},
+                                            {"affine", true, false, calibrate_affine},
+                                            {"van_gelder", false, true, calibrate_van_gelder},
+                                            {"lloyd", false, true, calibrate_lloyd},
+                                            {"moment", false, true, calibrate_moment},
+                                            {"edge_coupled", false, true, calibrate_coupled<edge_coupled>},
+                                            {"node_averaged", false, true, calibrate_coupled<node_averaged>}};
   return all;
 }
 
@@ -83,16 +82,19 @@ const Calibration& find_calibration(const std::string& name) {
 
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
                           const Calibration& calibration) {
-  if (calibration.needs_tetrahedra && network.T.cols() == 0)
-    throw std::runtime_error("network.calibration = '" + calibration.name +
-                             "': the network has no tetrahedra, expected some");
+  const auto refuse = [&](const char* missing) {
+    throw std::runtime_error("network.calibration = '" + calibration.name + "': the network has no " +
+                             missing + ", expected some");
+  };
+  if (calibration.needs_links && network.E.cols() == 0) refuse("links");
+  if (calibration.needs_tetrahedra && network.T.cols() == 0) refuse("tetrahedra");
   MassSpringModel model;
-  model.network = network;
+  model.network = {network.X, network.T, network.F, network.n_surface};
   model.material = material;
   model.mass = network.T.cols() > 0
                    ? lumped_mass(network.X, network.T, material.rho)
                    : masses_without_tetrahedra(network, material.rho * volume(network.X, network.F));
-  calibration.set_stiffness(model);
+  calibration.set_stiffness(model, network.E);
   if (model.springs) sort_springs(model);
   return model;
 }
@@ -116,13 +118,11 @@ MassSpringModel calibrate_with_links(const SpringNetwork& network, const Materia
                              " springs: they are not coupled");
   const MassSpringModel links = calibrate(network, linked, find_calibration("uniform"));
   model.springs = links.springs;
-  model.network.E = links.network.E;
   model.material = material;
   return model;
 }
 
 void set_springs(MassSpringModel& model, const Eigen::Matrix2Xi& E, const Eigen::VectorXd& stiffness) {
-  model.network.E = E;
   model.springs = Springs{E, stiffness, 0};
 }
 

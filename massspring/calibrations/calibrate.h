@@ -10,9 +10,10 @@ namespace testbed::massspring {
 
 struct Calibration {
   std::string name;
+  bool needs_links;  ///< springs are those that join the nodes of the network
   bool needs_tetrahedra;
-  void (*set_stiffness)(
-      MassSpringModel& model);  ///< fills springs and tet_springs of a model with its network
+  /// Fills springs and tet_springs of a model that has its nodes, and links (2 x n) where they are needed.
+  void (*set_stiffness)(MassSpringModel& model, const Eigen::Matrix2Xi& links);
 };
 
 /// Every spring model there is.
@@ -21,9 +22,9 @@ const std::vector<Calibration>& calibrations();
 /// @throws std::runtime_error listing the known names.
 const Calibration& find_calibration(const std::string& name);
 
-/// The mass-spring solid that stands for `material` on `network` (with tetrahedra where the calibration needs
-/// them). The model's springs may differ from the network's, and follow another order.
-/// @throws std::runtime_error when tetrahedra are missing or the calibration refuses material or network.
+/// The mass-spring solid that stands for `material` on `network`, which has links and tetrahedra where the
+/// calibration needs them. The model's springs follow an order of their own.
+/// @throws std::runtime_error when links or tetrahedra are missing or the calibration refuses the material.
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
                           const Calibration& calibration);
 

@@ -48,7 +48,7 @@ const std::vector<std::array<int, 4>>& moments() {
 }
 
 /// Pairs of nodes within two tetrahedra edges, each node's nearest ones.
-Eigen::Matrix2Xi candidate_springs(const SpringNetwork& network) {
+Eigen::Matrix2Xi candidate_springs(const TetMesh& network) {
   const int n = static_cast<int>(network.X.cols());
   std::vector<std::set<int>> next(n);
   for (const auto& t : network.T.colwise())
@@ -78,8 +78,7 @@ struct Fit {
 };
 
 /// Rows over mu times a power of the node's volume, so that they have no unit; columns times k_affine.
-Fit moment_rows(const SpringNetwork& network, const Eigen::Matrix2Xi& E, const VectorXd& k_affine,
-                double mu) {
+Fit moment_rows(const TetMesh& network, const Eigen::Matrix2Xi& E, const VectorXd& k_affine, double mu) {
   const Eigen::Matrix3Xd& X = network.X;
   const int n = static_cast<int>(X.cols());
   const VectorXd V = lumped_mass(X, network.T, 1);
@@ -181,9 +180,9 @@ VectorXd fit_non_negative(const Fit& fit) {
 
 }  // namespace
 
-void calibrate_moment(MassSpringModel& model) {
+void calibrate_moment(MassSpringModel& model, const Eigen::Matrix2Xi&) {
   const double mu = lame_of(model.material).mu;
-  const SpringNetwork& network = model.network;
+  const TetMesh& network = model.network;
   const Eigen::Matrix2Xi E = candidate_springs(network);
   const VectorXd V = lumped_mass(network.X, network.T, 1);
   VectorXd degree = VectorXd::Zero(V.size());

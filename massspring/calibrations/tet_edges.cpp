@@ -33,12 +33,12 @@ void sum_over_tetrahedra(MassSpringModel& model, const Stiffness& stiffness) {
 
 }  // namespace
 
-void calibrate_van_gelder(MassSpringModel& model) {
+void calibrate_van_gelder(MassSpringModel& model, const Eigen::Matrix2Xi&) {
   const double mu = lame_of(model.material).mu;
   sum_over_tetrahedra(model, [=](double V, double r2) { return 2.5 * mu * V / r2; });
 }
 
-void calibrate_lloyd(MassSpringModel& model) {
+void calibrate_lloyd(MassSpringModel& model, const Eigen::Matrix2Xi&) {
   const double E_0 = 2.5 * lame_of(model.material).mu;
   sum_over_tetrahedra(model, [=](double V, double) {
     return 2 * std::sqrt(2.) / 25 * E_0 * std::cbrt(6 * std::sqrt(2.) * V);

@@ -196,7 +196,8 @@ constexpr double kStillSpeed = 0.1;  // ranges per second that are no motion
 
 Barrier::Barrier(const MassSpringModel& model, const Forces& forces, const std::vector<RigidBody>& bodies)
     : bodies_(bodies) {
-  const auto& [X, F, E, T, n_surface] = model.network;
+  const Matrix3Xd& X = model.network.X;
+  const Eigen::Matrix2Xi E = model.springs ? model.springs->E : edges_of(model.network.F);
   constexpr double kRange = 1e-3;
   range_ = kRange * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
   double length = 0;

@@ -66,7 +66,8 @@ class Touches {
 /// motion to the eye.
 class Barrier {
  public:
-  /// Nodes that supports hold are left alone. kappa = E times the mean edge, D a thousandth of the box's
+  /// Nodes that supports hold are left alone. kappa = E times the mean length of springs or, without, of the
+  /// surface's edges, D a thousandth of the box's
   /// diagonal.
   Barrier(const MassSpringModel& model, const Forces& forces, const std::vector<RigidBody>& bodies);
 

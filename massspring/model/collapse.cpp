@@ -6,7 +6,7 @@
 namespace testbed::massspring {
 namespace {
 
-double box_scale(const SpringNetwork& network) {
+double box_scale(const TetMesh& network) {
   const auto surface = network.X.leftCols(network.n_surface);
   return (surface.rowwise().maxCoeff() - surface.rowwise().minCoeff()).minCoeff();
 }

@@ -1,6 +1,8 @@
 #include "massspring/model/model.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <map>
 #include <stdexcept>
@@ -19,7 +21,8 @@ State initial_state(const MassSpringModel& model) {
   state.x = model.network.X;
   state.v = Eigen::Matrix3Xd::Zero(3, state.x.cols());
   state.target_volume = volume(state.x, model.network.F);
-  const auto& E = model.network.E;
+  if (!model.springs) return state;
+  const Eigen::Matrix2Xi& E = model.springs->E;
   state.rest_length.resize(E.cols());
   for (int s = 0; s < E.cols(); ++s)
     state.rest_length(s) = (state.x.col(E(0, s)) - state.x.col(E(1, s))).norm();
@@ -27,7 +30,7 @@ State initial_state(const MassSpringModel& model) {
 }
 
 Forces forces_of(const Scene& scene, const MassSpringModel& model) {
-  const SpringNetwork& network = model.network;
+  const TetMesh& network = model.network;
   const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F};
   Forces forces;
   forces.mass_damping = scene.material.damping;
@@ -87,10 +90,10 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
 }
 
 void add_skin(const Skin& skin, MassSpringModel& model) {
-  const auto& [X, F, E, T, n_surface] = model.network;
+  const auto& [X, T, F, n_surface] = model.network;
   if (skin.stiffness > 0) {
     const Eigen::Index n_edges = F.cols() * 3 / 2;  // of the surface, which come first
-    if (!model.springs) model.springs = Springs{E.leftCols(n_edges), Eigen::VectorXd::Zero(n_edges)};
+    if (!model.springs) model.springs = Springs{edges_of(F), Eigen::VectorXd::Zero(n_edges)};
     std::map<std::pair<int, int>, double> areas;
     for (const auto& t : F.colwise()) {
       const double area = (X.col(t(1)) - X.col(t(0))).cross(X.col(t(2)) - X.col(t(0))).norm() / 2;
@@ -216,6 +219,37 @@ void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix
   if (model.tet_springs) add_hessian(*model.tet_springs, state.x, K, curvature, state.patch_scale);
   if (model.bending) add_hessian(*model.bending, state.x, K);
   if (model.local_volume) add_hessian(*model.local_volume, state.x, K);
+}
+
+Eigen::Index n_stiffness_blocks(const MassSpringModel& model) {
+  if (is_springs_alone(model)) return model.network.X.cols() + 2 * model.springs->E.cols();
+  return static_cast<Eigen::Index>(stiffness_pattern(model).block.size());
+}
+
+double largest_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& x) {
+  double largest = 0;
+  for (const auto& t : T.colwise()) {
+    Eigen::Matrix3d rest, now;
+    for (int k = 0; k < 3; ++k) {
+      rest.col(k) = X.col(t[k + 1]) - X.col(t[0]);
+      now.col(k) = x.col(t[k + 1]) - x.col(t[0]);
+    }
+    const Eigen::Matrix3d F = now * rest.inverse(), C = F.transpose() * F;
+    // |s - 1| <= |s^2 - 1| of a stretch s: most tetrahedra need no eigenvalues.
+    if ((C - Eigen::Matrix3d::Identity()).norm() <= largest) continue;
+    const Eigen::Array3d squares =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(C, Eigen::EigenvaluesOnly).eigenvalues();
+    largest = std::max(largest, (squares.max(0).sqrt() - 1).abs().maxCoeff());
+  }
+  return largest;
+}
+
+double largest_strain(const Springs& springs, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& x) {
+  double largest = 0;
+  for (const auto& s : springs.E.colwise())
+    largest = std::max(largest,
+                       std::abs((x.col(s(0)) - x.col(s(1))).norm() / (X.col(s(0)) - X.col(s(1))).norm() - 1));
+  return largest;
 }
 
 bool is_springs_alone(const MassSpringModel& model) {

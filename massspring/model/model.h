@@ -19,7 +19,7 @@
 namespace testbed::massspring {
 
 struct MassSpringModel {
-  SpringNetwork network;
+  TetMesh network;  ///< the nodes, and tetrahedra where a part of the model needs them
   Material material;
   Eigen::VectorXd mass;                     ///< kg per node
   std::optional<SpreadMass> spread_mass;    ///< what of it lies between the nodes; coupled springs only
@@ -37,7 +37,7 @@ struct State {
   double t = 0;                 ///< s; static scenes: load factor
   Eigen::Matrix3Xd x;           ///< positions (m)
   Eigen::Matrix3Xd v;           ///< velocities (m/s)
-  Eigen::VectorXd rest_length;  ///< m per spring
+  Eigen::VectorXd rest_length;  ///< m per independent spring
   Eigen::VectorXd patch_scale;  ///< length of the rest shape of each patch of coupled springs; empty: ones
   double target_volume = 0;     ///< of the global volume force (m3)
 };
@@ -87,6 +87,15 @@ Eigen::Matrix3Xd momenta(const MassSpringModel& model, const Eigen::Matrix3Xd& v
 
 /// v^T M v / 2 (J).
 double kinetic_energy(const MassSpringModel& model, const Eigen::Matrix3Xd& v);
+
+/// Largest |principal stretch - 1| of the tetrahedra T, X (3 x n, m) at rest, at positions x.
+double largest_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& x);
+
+/// Largest |l/L - 1| of independent springs, L their lengths at positions X.
+double largest_strain(const Springs& springs, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& x);
+
+/// Blocks of the model's stiffness that are not zero: what a step that forms it must hold.
+Eigen::Index n_stiffness_blocks(const MassSpringModel& model);
 
 /// Everything that acts on the model in a scene.
 struct Forces {

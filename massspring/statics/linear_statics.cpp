@@ -25,7 +25,7 @@ BlockMatrix stiffness_at_rest(const MassSpringModel& model, const std::vector<Co
 /// Factor of K, the model's stiffness, or where coupled springs are not P1 already of that of P1.
 BlockCholesky preconditioner_of(const MassSpringModel& model, const std::vector<Constraint>& constraints,
                                 const BlockMatrix& K) {
-  const auto& [X, F, E, T, n_surface] = model.network;
+  const auto& [X, T, F, n_surface] = model.network;
   if (model.springs || !model.tet_springs || model.tet_springs->n_patches() == T.cols())
     return BlockCholesky(K);
   MassSpringModel p1;

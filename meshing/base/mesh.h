@@ -17,15 +17,16 @@ struct SurfaceMesh {
 struct SpringNetwork {
   Eigen::Matrix3Xd X;  ///< 3 x n node positions at rest (m), surface vertices first
   Eigen::Matrix3Xi F;  ///< 3 x m surface triangles
-  Eigen::Matrix2Xi E;  ///< 2 x n_springs node pairs (i < j), surface edges first
+  Eigen::Matrix2Xi E;  ///< 2 x n_springs node pairs (i < j), surface edges first; empty unless asked for
   Eigen::Matrix4Xi T;  ///< 4 x n_tets, positively oriented; empty unless asked for
   int n_surface = 0;
 };
 
-/// Straight-sided tetrahedra filling a surface. Node i < n_surface is surface vertex i, bit for bit.
+/// Nodes in and on a surface, and straight-sided tetrahedra that fill it. Node i < n_surface is surface
+/// vertex i, bit for bit.
 struct TetMesh {
   Eigen::Matrix3Xd X;  ///< 3 x n node positions (m), surface vertices first
-  Eigen::Matrix4Xi T;  ///< 4 x n_tets node indices, positive volume
+  Eigen::Matrix4Xi T;  ///< 4 x n_tets node indices, positive volume; empty where none are asked for
   Eigen::Matrix3Xi F;  ///< 3 x m boundary triangles: exactly those of the surface
   int n_surface = 0;
 };

@@ -97,7 +97,7 @@ void Recorder::finish(nlohmann::ordered_json record) {
   write_file(folder_ / "run.json", record.dump(2) + "\n");
 }
 
-nlohmann::ordered_json environment_record(const std::string& program, std::optional<int> n_threads) {
+nlohmann::ordered_json environment_record(const std::string& program, int n_threads) {
   std::istringstream cpuinfo(fs::exists("/proc/cpuinfo") ? read_file("/proc/cpuinfo") : "");
   std::string processor = "unknown";
   for (std::string line; std::getline(cpuinfo, line);)
@@ -108,19 +108,17 @@ nlohmann::ordered_json environment_record(const std::string& program, std::optio
   char date[32];
   const std::time_t now = std::time(nullptr);
   std::strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
-  nlohmann::ordered_json record{
-      {"program", program},
-      {"date", date},
-      {"program_hash", program_hash()},
-      {"compiler", TESTBED_COMPILER},
-      {"build", TESTBED_BUILD},
-      {"eigen", std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
-                    std::to_string(EIGEN_MINOR_VERSION)},
-      {"vtk", TESTBED_VTK},
-      {"processor", processor},
-      {"cores", std::thread::hardware_concurrency()}};
-  if (n_threads) record["threads"] = *n_threads;
-  return record;
+  return {{"program", program},
+          {"date", date},
+          {"program_hash", program_hash()},
+          {"compiler", TESTBED_COMPILER},
+          {"build", TESTBED_BUILD},
+          {"eigen", std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
+                        std::to_string(EIGEN_MINOR_VERSION)},
+          {"vtk", TESTBED_VTK},
+          {"processor", processor},
+          {"cores", std::thread::hardware_concurrency()},
+          {"threads", n_threads}};
 }
 
 nlohmann::ordered_json to_json(const TetQuality& quality) {

@@ -69,10 +69,8 @@ class Recorder {
 };
 
 /// What is the same in every run.json: program, versions, compiler and flags, machine, date.
-/// @param n_threads  that the solve may use; only the program knows, as libraries keep idle ones (VTK one of
-/// its
-///                   own); not recorded if absent
-nlohmann::ordered_json environment_record(const std::string& program, std::optional<int> n_threads = {});
+/// @param n_threads  that the solve may use, as only the program knows
+nlohmann::ordered_json environment_record(const std::string& program, int n_threads);
 
 /// The measures by their names.
 nlohmann::ordered_json to_json(const TetQuality& quality);

@@ -42,19 +42,20 @@ TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, b
   return nodes;
 }
 
-SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
-                            TetReport* report) {
+SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_links,
+                            bool needs_tetrahedra) {
+  TetMesh nodes = place_nodes(surface, options, needs_tetrahedra);
+  if (!needs_links) return {nodes.X, nodes.F, {}, nodes.T, nodes.n_surface};
   ConnectOptions how;
   how.connectivity = connectivity_of(options.connectivity);
   how.pcp.multiplicity = options.multiplicity;
   how.neighbours = options.neighbours;
-  const TetMesh nodes = place_nodes(surface, options, needs_tetrahedra, report);
   SpringNetwork network = connect(surface, nodes.X.rightCols(nodes.X.cols() - nodes.n_surface), how);
   if (needs_tetrahedra) {
     if (network.X.cols() != nodes.X.cols())
       throw std::runtime_error("network.connectivity = '" + options.connectivity +
                                "' leaves out internal nodes that are corners of tetrahedra");
-    network.T = nodes.T;
+    network.T = std::move(nodes.T);
   }
   return network;
 }

@@ -15,10 +15,10 @@ namespace testbed::meshing {
 TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
                     TetReport* report = nullptr);
 
-/// These nodes joined by springs as the table says; with their tetrahedra where wanted.
+/// These nodes, joined by springs as the table says and with their tetrahedra, each where wanted.
 /// @throws std::runtime_error as place_nodes, or for a connectivity that is not known or leaves out corners
 /// of tetrahedra.
-SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
-                            TetReport* report = nullptr);
+SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_links,
+                            bool needs_tetrahedra);
 
 }  // namespace testbed::meshing

@@ -179,7 +179,6 @@ struct ComparisonOptions {
 struct OutputOptions {
   int frames_every = 1;  ///< load or time steps between frames; 0: none but the last
   bool curves = true;
-  std::vector<std::string> fields{"displacement", "velocity"};
 };
 
 /// The film of the deflation played backwards is an inflation [paper 4].

@@ -38,7 +38,6 @@ inline const std::vector<std::string> kSpringLaws{"hooke", "definite"};
 inline const std::vector<std::string> kLaws{"small_strain", "st_venant_kirchhoff", "neo_hookean"};
 inline const std::vector<std::string> kMasses{"consistent", "lumped"};
 inline const std::vector<std::string> kWarps{"constant", "elastic", "explode", "custom"};
-inline const std::vector<std::string> kFields{"displacement", "velocity"};
 
 /// The times in front ascend.
 template <class Rows>
@@ -259,7 +258,6 @@ template <class V>
 void describe(V& v, OutputOptions& o) {
   v("frames_every", o.frames_every, kNotNegative, "steps between frames; 0: only the last");
   v("curves", o.curves, "write curves.csv");
-  v.choice("fields", o.fields, kFields, "in the frames: displacement, velocity");
 }
 
 template <class V>

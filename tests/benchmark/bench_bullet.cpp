@@ -75,7 +75,7 @@ void bullet(benchmark::State& bench, const Table1& row, double E, bool is_implic
     for (int i = 0; i < n; ++i)
       x[i] = btVector3(model.network.X(0, i), model.network.X(1, i), model.network.X(2, i));
     auto* body = new btSoftBody(&world.getWorldInfo(), n, x.data(), nullptr);
-    for (const auto& s : model.network.E.colwise()) body->appendLink(s(0), s(1));
+    for (const auto& s : model.springs->E.colwise()) body->appendLink(s(0), s(1));
     for (int i = 0; i < n; ++i) body->setMass(i, is_held(model, i) ? 0 : model.mass(i));
     world.addSoftBody(body);
     return body;

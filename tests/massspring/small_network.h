@@ -26,12 +26,12 @@ inline MassSpringModel small_model(double stiffness = 40) {
   model.network.F << 0, 0, 0, 1,  //
       2, 1, 3, 2,                 //
       1, 3, 2, 3;
-  model.network.E.resize(2, 10);
-  model.network.E << 0, 0, 0, 1, 1, 2, 0, 1, 2, 3,  //
+  Eigen::Matrix2Xi E(2, 10);
+  E << 0, 0, 0, 1, 1, 2, 0, 1, 2, 3,  //
       1, 2, 3, 2, 3, 3, 4, 4, 4, 4;
   model.network.n_surface = 4;
   model.mass = (Eigen::VectorXd(5) << 1, 1.5, 2, 0.5, 1).finished();
-  model.springs = Springs{model.network.E, Eigen::VectorXd::LinSpaced(10, stiffness, 2 * stiffness), 0};
+  model.springs = Springs{E, Eigen::VectorXd::LinSpaced(10, stiffness, 2 * stiffness), 0};
   return model;
 }
 
@@ -48,13 +48,13 @@ inline MassSpringModel crossing_triangles(double angle, double gap) {
   model.network.F << 0, 3,  //
       1, 4,                 //
       2, 5;
-  model.network.E.resize(2, 6);
-  model.network.E << 0, 1, 2, 3, 4, 5,  //
+  Eigen::Matrix2Xi E(2, 6);
+  E << 0, 1, 2, 3, 4, 5,  //
       1, 2, 0, 4, 5, 3;
   model.network.n_surface = 6;
   model.material.E = 1e3;
   model.mass = Eigen::VectorXd::LinSpaced(6, 1, 2);
-  model.springs = Springs{model.network.E, Eigen::VectorXd::LinSpaced(6, 40, 80), 0};
+  model.springs = Springs{E, Eigen::VectorXd::LinSpaced(6, 40, 80), 0};
   return model;
 }
 

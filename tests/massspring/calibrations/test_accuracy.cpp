@@ -25,7 +25,7 @@ SpringNetwork network_of(const std::string& file) {
   source.normalise = true;
   NetworkOptions nodes;
   nodes.sampling = "mesher";
-  return build_network(load_surface(source), nodes, true);
+  return build_network(load_surface(source), nodes, true, true);
 }
 
 class RealMesh : public testing::TestWithParam<const char*> {

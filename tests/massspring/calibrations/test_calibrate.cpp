@@ -98,7 +98,7 @@ TEST(Calibrate, SumOfStiffnessTimesSquaredLengthIsThatOfTheContinuum) {
     const MassSpringModel model = model_of(name);
     const double V = lumped_mass(model.network.X, model.network.T, 1).sum(), mu = model.material.E / 2.5;
     EXPECT_NEAR(
-        model.springs->stiffness.dot(squared_lengths(model.network.X, model.network.E)) / (15 * V * mu), 1,
+        model.springs->stiffness.dot(squared_lengths(model.network.X, model.springs->E)) / (15 * V * mu), 1,
         rounding)
         << name;
   }
@@ -214,8 +214,8 @@ TEST(Calibrate, MomentFitIsThatOfItsEquationsWrittenOut) {
   const MassSpringModel model = calibrate(network, material_of(0.25), find_calibration("moment"));
   const MomentFit fit = moment_fit(network, model.material.E / 2.5);
   std::map<std::pair<int, int>, double> found;
-  for (int s = 0; s < model.network.E.cols(); ++s)
-    found[std::minmax(model.network.E(0, s), model.network.E(1, s))] = model.springs->stiffness[s];
+  for (int s = 0; s < model.springs->E.cols(); ++s)
+    found[std::minmax(model.springs->E(0, s), model.springs->E(1, s))] = model.springs->stiffness[s];
   std::vector<int> used, unused;
   for (int s = 0; s < fit.E.cols(); ++s)
     (found.count({fit.E(0, s), fit.E(1, s)}) ? used : unused).push_back(s);

@@ -38,7 +38,6 @@ struct Cube {
     network.T = mesh.T;
     network.n_surface = static_cast<int>(mesh.X.cols());
     model = calibrate(network, {E, 0.25, 1000, 0}, find_calibration("node_averaged"));
-    model.network.E = pairs_of(*model.tet_springs);
     forces.load = gravity * model.mass.transpose();
     for (const Obstacle& obstacle : obstacles) contacts.bodies.emplace_back(obstacle);
     state = initial_state(model);
@@ -181,11 +180,9 @@ struct Column {
   explicit Column(double friction) {
     model.network.X.setZero(3, 2);
     model.network.X(1, 1) = 1;
-    model.network.E.resize(2, 1);
-    model.network.E << 0, 1;
     model.network.F.resize(3, 0);
     model.mass = Eigen::Vector2d(1, 2);
-    model.springs = Springs{model.network.E, Eigen::VectorXd::Constant(1, 2e4), 0};
+    model.springs = Springs{Eigen::Vector2i(0, 1), Eigen::VectorXd::Constant(1, 2e4), 0};
     forces = no_forces(model);
     forces.load = Vector3d(0, -10, 0) * model.mass.transpose();
     forces.mass_damping = 1;

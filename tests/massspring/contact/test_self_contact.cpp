@@ -266,7 +266,7 @@ TEST(SurfaceContact, StiffnessIsTheSlopeOfTheForceAlsoOfNearlyParallelEdges) {
     const double slope = (lift(0.04 - step) - lift(0.04 + step)) / (2 * step);
     EXPECT_NEAR(pairs[0].stiffness, slope, 1e-9 * slope) << angle;  // the force is linear
     double mean_edge = 0;
-    for (const auto& e : model.network.E.colwise())
+    for (const auto& e : model.springs->E.colwise())
       mean_edge += (model.network.X.col(e(0)) - model.network.X.col(e(1))).norm() / 6;
     // 2 q - q^2 of the squared sine q over its bound of 0.01
     const double share = angle > 0.1 ? 1 : 100 * std::pow(std::sin(angle), 2);
@@ -278,12 +278,12 @@ TEST_F(TwoBalls, BounceInsteadOfPassingThrough) {
   for (const Integrator integrator :
        {Integrator::SymplecticEuler, Integrator::ImplicitEuler, Integrator::MinimisingEuler}) {
     MassSpringModel body = model;
-    body.network.E = Eigen::Matrix2Xi(2, 2 * n * (n - 1) / 2);
+    Eigen::Matrix2Xi pairs(2, 2 * n * (n - 1) / 2);
     int s = 0;
     for (int ball = 0; ball < 2; ++ball)
       for (int i = 0; i < n; ++i)
-        for (int j = 0; j < i; ++j) body.network.E.col(s++) << ball * n + i, ball * n + j;
-    body.springs = Springs{body.network.E, Eigen::VectorXd::Constant(s, 200.0)};
+        for (int j = 0; j < i; ++j) pairs.col(s++) << ball * n + i, ball * n + j;
+    body.springs = Springs{pairs, Eigen::VectorXd::Constant(s, 200.0)};
     body.mass.setConstant(0.02);  // light enough for the penalty to stop it within the thickness
     const Forces forces = no_forces(body);
     const Contacts contacts{{}, thickness};

@@ -26,7 +26,7 @@ class EverySpringLaw : public testing::TestWithParam<SpringLaw> {
     return f;
   }
   Eigen::MatrixXd hessian(const Matrix3Xd& x, Curvature curvature = Curvature::Projected) const {
-    BlockMatrix K = make_block_matrix(5, model.network.E);
+    BlockMatrix K = make_block_matrix(5, model.springs->E);
     add_blocks(springs, massspring::hessian(springs, rest, x, 1, curvature), K);
     return dense(K);
   }
@@ -155,7 +155,7 @@ TEST(Springs, DampingMatrixIsMinusForceGradientByVelocityAndItsPowerIsLost) {
   Matrix3Xd f = Matrix3Xd::Zero(3, 5);
   add_damping_forces(springs, x, v, f);
   ASSERT_GT(f.norm(), 0.1);
-  BlockMatrix D = make_block_matrix(5, model.network.E);
+  BlockMatrix D = make_block_matrix(5, model.springs->E);
   constexpr double scale = 2.5;
   add_blocks(springs, damping_matrix(springs, x, scale), D);
   EXPECT_LT((dense(D) * v.reshaped() + scale * f.reshaped()).norm(), rounding * scale * f.norm());

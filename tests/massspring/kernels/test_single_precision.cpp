@@ -100,7 +100,7 @@ TEST(SinglePrecision, SpringsInRowsAndRoundedBlocksApplyAsTheMatrix) {
   const Matrix3Xd x = 1.2 * model.network.X + random_points(5, 0.1, 5), p = random_points(5, 1, 6),
                   start = random_points(5, 1, 7);
   const SpringBlocks B = hessian(*model.springs, initial_state(model).rest_length, x);
-  BlockMatrix K = make_block_matrix(5, model.network.E);
+  BlockMatrix K = make_block_matrix(5, model.springs->E);
   add_blocks(*model.springs, B, K);
   const Matrix3Xd expected = start + (dense(K) * p.reshaped()).reshaped(3, 5);
   PaddedField single_p, in_rows, by_blocks;

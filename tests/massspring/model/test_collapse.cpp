@@ -14,7 +14,7 @@ constexpr double kRounding = 1e-14;
 /// The unit tetrahedron; its bounding box measures 1 m a side, so that distances are the normalised ones.
 MassSpringModel tetrahedron() {
   MassSpringModel model;
-  SpringNetwork& network = model.network;
+  TetMesh& network = model.network;
   network.X.resize(3, 4);
   network.X << 0, 1, 0, 0,  //
       0, 0, 1, 0,           //
@@ -23,13 +23,13 @@ MassSpringModel tetrahedron() {
   network.F << 0, 0, 0, 1,  //
       2, 1, 3, 2,           //
       1, 3, 2, 3;
-  network.E.resize(2, 6);
-  network.E << 0, 0, 0, 1, 1, 2,  //
+  Eigen::Matrix2Xi E(2, 6);
+  E << 0, 0, 0, 1, 1, 2,  //
       1, 2, 3, 2, 3, 3;
   network.T = Eigen::Vector4i(0, 1, 2, 3);
   network.n_surface = 4;
   model.mass = Eigen::VectorXd::Ones(4);
-  model.springs = Springs{network.E, Eigen::VectorXd::Ones(6)};
+  model.springs = Springs{E, Eigen::VectorXd::Ones(6)};
   model.tet_springs = couple_springs(network.X, network.T, {1, 1}, edge_coupled);
   return model;
 }
@@ -38,7 +38,8 @@ const Eigen::Vector3d kPivot(0.5, 0, -1);
 
 TEST(Collapse, FallsOffWithTheDistanceFromPivotToSegmentAndToThePatchesCentre) {
   const MassSpringModel model = tetrahedron();
-  const auto& [X, F, E, T, n_surface] = model.network;
+  const Eigen::Matrix3Xd& X = model.network.X;
+  const Eigen::Matrix2Xi& E = model.springs->E;
   // From (0.5, 0, -1): 1 to the edge along x, whose middle is nearest; sqrt(1.25) to the one along y, whose
   // end is.
   const Eigen::VectorXd w = fall_off(kPivot, E, X, 1);
@@ -170,7 +171,7 @@ TEST(Relaxation, ShortensEdgesByTheShareOfTheLargestBendingForceAtTheirEnds) {
   constexpr double coefficient = 0.5, seconds = 2;
   relax_surface(coefficient, model, seconds, state);
   const Eigen::Vector4d share(1, 0, 0.5, 0.5);
-  const Eigen::Matrix2Xi& E = model.network.E;
+  const Eigen::Matrix2Xi& E = model.springs->E;
   for (int s = 0; s < 6; ++s) {
     const double mean = (share(E(0, s)) + share(E(1, s))) / 2;
     EXPECT_NEAR(state.rest_length(s), kEdges(s) * std::pow(1 - coefficient * mean, seconds), 1e-12) << s;

@@ -1,7 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/SVD>
 #include <cmath>
+#include <set>
 
 #include "massspring/model/model.h"
 #include "tests/massspring/small_network.h"
@@ -19,7 +22,7 @@ constexpr double rounding = 1e-12;
 MassSpringModel box() {
   const TetMesh mesh = box_tets(1, 2, 3, 1);
   MassSpringModel model;
-  model.network = {mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface};
+  model.network = mesh;
   model.mass = Eigen::VectorXd::LinSpaced(mesh.X.cols(), 1, 2);
   return model;
 }
@@ -78,6 +81,58 @@ TEST(ForcesOf, LoadsAreWeightAndPressureAndTractionTimesAreas) {
       if ((t.array() == i).any() && (model.network.X.row(2)(t).array() == 3).all()) area += 0.5 / 3;
     EXPECT_LT((on_top.col(i) - area * per_area).norm(), rounding) << i;
   }
+}
+
+TEST(LargestStrain, IsThatOfTheTetrahedronThatIsStretchedMost) {
+  const TetMesh mesh = box_tets(2, 2, 2, 0.5, 0.2);
+  const Eigen::Matrix3d rotation = Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()).matrix();
+  const Vector3d stretch(1.1, 0.7, 1.2);  // 0.3 is the largest difference from one
+  Matrix3Xd x = rotation * stretch.asDiagonal() * mesh.X;
+  EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x), 0.3, rounding);
+  // The first tetrahedron alone is twice as long as it was in a direction of its own, its neighbours less.
+  x = mesh.X;
+  Eigen::Index corner = 0;
+  x.col(corner) += Vector3d(-0.4, 0, 0);
+  double expected = 0;
+  for (const auto& t : mesh.T.colwise()) {
+    Eigen::Matrix3d rest, now;
+    for (int k = 0; k < 3; ++k) {
+      rest.col(k) = mesh.X.col(t[k + 1]) - mesh.X.col(t[0]);
+      now.col(k) = x.col(t[k + 1]) - x.col(t[0]);
+    }
+    const Vector3d s = Eigen::JacobiSVD<Eigen::Matrix3d>(now * rest.inverse()).singularValues();
+    expected = std::max(expected, (s.array() - 1).abs().maxCoeff());
+  }
+  ASSERT_GT(expected, 0.3);
+  EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x), expected, rounding);
+}
+
+TEST(LargestStrain, OfSpringsIsThatOfTheirLengths) {
+  const MassSpringModel model = small_model();
+  Matrix3Xd x = 1.2 * model.network.X;
+  EXPECT_NEAR(largest_strain(*model.springs, model.network.X, x), 0.2, rounding);
+  x.col(4) = model.network.X.col(4);
+  x.col(0) = 0.5 * (x.col(0) + x.col(4));
+  double expected = 0;
+  for (const auto& e : model.springs->E.colwise()) {
+    const auto length = [&](const Matrix3Xd& at) { return (at.col(e(0)) - at.col(e(1))).norm(); };
+    expected = std::max(expected, std::abs(length(x) - length(model.network.X)) / length(model.network.X));
+  }
+  EXPECT_NEAR(largest_strain(*model.springs, model.network.X, x), expected, rounding);
+}
+
+TEST(StiffnessBlocks, AreThoseOfThePatternOfTheMatrix) {
+  MassSpringModel model = small_model();
+  EXPECT_EQ(n_stiffness_blocks(model), 5 + 2 * 10);
+  const TetMesh mesh = box_tets(1, 2, 3, 1);
+  model = MassSpringModel();
+  model.network = mesh;
+  model.tet_springs = couple_springs(mesh.X, mesh.T, {1, 1}, edge_coupled);
+  std::set<std::pair<int, int>> blocks;
+  for (const auto& t : mesh.T.colwise())
+    for (int i : t)
+      for (int j : t) blocks.insert({i, j});
+  EXPECT_EQ(n_stiffness_blocks(model), static_cast<Eigen::Index>(blocks.size()));
 }
 
 // Matrices of springs alone leave out whatever else there is.

@@ -18,14 +18,14 @@ constexpr double solver_tolerance = 1e-12;  // below it
 
 MassSpringModel solid(const TetMesh& mesh, double nu, const Blend& blend) {
   MassSpringModel model;
-  model.network = {mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface};
+  model.network = mesh;
   model.material.nu = nu;
   model.tet_springs = couple_springs(mesh.X, mesh.T, lame_of(model.material), blend);
   return model;
 }
 
 double field_error(const std::string& name, const MassSpringModel& model) {
-  const auto& [X, F, E, T, n_surface] = model.network;
+  const auto& [X, T, F, n_surface] = model.network;
   const ExactField field = exact_field(name, lame_of(model.material), X.rowwise().mean());
   Matrix3Xd u;
   const SolveReport report = LinearStatics(model, hold_rigid_motion(X))

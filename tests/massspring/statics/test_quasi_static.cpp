@@ -15,7 +15,7 @@ constexpr double kTolerance = 1e-6;  // the solver's balance of forces is 1e-8 o
 /// Springs of equal stiffness between the nodes, each of 1 kg.
 MassSpringModel springs_between(const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& E) {
   MassSpringModel model;
-  model.network = {X, Eigen::Matrix3Xi(3, 0), E, Eigen::Matrix4Xi(4, 0), static_cast<int>(X.cols())};
+  model.network = {X, Eigen::Matrix4Xi(4, 0), Eigen::Matrix3Xi(3, 0), static_cast<int>(X.cols())};
   model.mass = Eigen::VectorXd::Ones(X.cols());
   model.springs.emplace();
   model.springs->E = E;

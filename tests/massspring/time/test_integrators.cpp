@@ -48,11 +48,9 @@ struct Oscillator {
   Oscillator() {
     model.network.X.setZero(3, 2);
     model.network.X(0, 1) = 1;
-    model.network.E.resize(2, 1);
-    model.network.E << 0, 1;
     model.network.F.resize(3, 0);
     model.mass = Eigen::Vector2d(1, 2);
-    model.springs = Springs{model.network.E, Eigen::VectorXd::Constant(1, 2 * omega * omega), 0};
+    model.springs = Springs{Eigen::Vector2i(0, 1), Eigen::VectorXd::Constant(1, 2 * omega * omega), 0};
     forces = no_forces(model);
     forces.constraints.push_back({0, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
     start = initial_state(model);

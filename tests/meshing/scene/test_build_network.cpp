@@ -42,17 +42,30 @@ TEST(BuildNetwork, SampledNodesKeepTheirPlacesAndGetTetrahedra) {
   sample.seed = 3;
   const Eigen::Matrix3Xd darts = sample_interior(surface, sample);
   ASSERT_GT(darts.cols(), 50);
-  const SpringNetwork network = build_network(surface, options, true);
+  const SpringNetwork network = build_network(surface, options, true, true);
   EXPECT_EQ(network.X.middleCols(162, darts.cols()), darts);
   EXPECT_LT(network.X.cols() - 162, 4 * darts.cols() / 3) << "few are added";
   EXPECT_NO_THROW(check_tetrahedra({network.X, network.T, network.F, network.n_surface}, surface));
+}
+
+TEST(BuildNetwork, HasLinksOnlyWhereTheyAreAskedFor) {
+  const SurfaceMesh surface = make_shape("ball", 42);
+  for (const bool needs_tetrahedra : {false, true}) {
+    const SpringNetwork with = build_network(surface, {}, true, needs_tetrahedra),
+                        without = build_network(surface, {}, false, needs_tetrahedra);
+    EXPECT_GT(with.E.cols(), 0);
+    EXPECT_EQ(without.E.cols(), 0);
+    EXPECT_EQ(without.X, with.X);
+    EXPECT_EQ(without.T, with.T);
+    EXPECT_EQ(without.T.cols() > 0, needs_tetrahedra);
+  }
 }
 
 TEST(BuildNetwork, PcpLinksTheMeshersNodes) {
   const SurfaceMesh surface = make_shape("torus", 300);
   NetworkOptions options;
   options.sampling = "mesher";
-  const SpringNetwork network = build_network(surface, options, true);
+  const SpringNetwork network = build_network(surface, options, true, true);
   const Eigen::Index n_inner = network.X.cols() - network.n_surface;
   ASSERT_GT(n_inner, 0);
   EXPECT_EQ(network.E, link_pcp(surface, network.X.rightCols(n_inner), {}).E);
@@ -63,8 +76,8 @@ TEST(BuildNetwork, SpringsAloneTakeTheMeshersNodesToo) {
   const SurfaceMesh surface = make_shape("ball", 162);
   NetworkOptions options;
   options.sampling = "mesher";
-  const SpringNetwork network = build_network(surface, options, false);
-  EXPECT_EQ(network.X, build_network(surface, options, true).X);
+  const SpringNetwork network = build_network(surface, options, true, false);
+  EXPECT_EQ(network.X, build_network(surface, options, true, true).X);
   EXPECT_EQ(network.T.cols(), 0);
 }
 
@@ -74,7 +87,7 @@ TEST(BuildNetwork, ThinBodiesGetLayers) {
   for (const char* sampling : {"darts", "mesher"}) {
     NetworkOptions options;
     options.sampling = sampling;
-    EXPECT_GE(n_tetrahedra_along(build_network(plate, options, true), x, 2), 4) << sampling;
+    EXPECT_GE(n_tetrahedra_along(build_network(plate, options, true, true), x, 2), 4) << sampling;
   }
 }
 
@@ -86,7 +99,7 @@ TEST(BuildNetwork, SpacingSetsTheDensityInside) {
   coarse.spacing = 0.8;
   fine.spacing = 0.4;
   const auto inner = [&](const NetworkOptions& options) {
-    const SpringNetwork network = build_network(surface, options, true);
+    const SpringNetwork network = build_network(surface, options, true, true);
     return static_cast<double>(network.X.cols() - network.n_surface);
   };
   EXPECT_GT(inner(fine), 2.5 * inner(coarse));
@@ -95,7 +108,7 @@ TEST(BuildNetwork, SpacingSetsTheDensityInside) {
 TEST(BuildNetwork, RefusesConnectivityThatLosesCorners) {
   NetworkOptions options;
   options.connectivity = "central";
-  EXPECT_THROW(build_network(make_shape("ball", 162), options, true), std::runtime_error);
+  EXPECT_THROW(build_network(make_shape("ball", 162), options, true, true), std::runtime_error);
 }
 
 TEST(BuildNetwork, FollowsTheScenesTable) {
@@ -103,13 +116,13 @@ TEST(BuildNetwork, FollowsTheScenesTable) {
   NetworkOptions options;
   options.k = 50;
   options.connectivity = "complete";
-  EXPECT_EQ(build_network(ball, options, false).E.cols(), 212 * 211 / 2);
+  EXPECT_EQ(build_network(ball, options, true, false).E.cols(), 212 * 211 / 2);
   options.connectivity = "pcp";
-  const SpringNetwork darts = build_network(ball, options, false);
+  const SpringNetwork darts = build_network(ball, options, true, false);
   options.sampling = "relaxed";
-  EXPECT_NE(build_network(ball, options, false).X, darts.X);
+  EXPECT_NE(build_network(ball, options, true, false).X, darts.X);
   options.sampling = "random";
-  EXPECT_THROW(build_network(ball, options, false), std::runtime_error);
+  EXPECT_THROW(build_network(ball, options, true, false), std::runtime_error);
 }
 
 TEST(BuildNetwork, CompletedPcpHasAsManyNeighboursAsTheTableSays) {
@@ -119,7 +132,7 @@ TEST(BuildNetwork, CompletedPcpHasAsManyNeighboursAsTheTableSays) {
     options.connectivity = "completed_pcp";
     options.k = 150;
     options.neighbours = neighbours;
-    const SpringNetwork network = build_network(ball, options, false);
+    const SpringNetwork network = build_network(ball, options, true, false);
     Eigen::VectorXi n_springs = Eigen::VectorXi::Zero(network.X.cols());
     for (int v : network.E.reshaped()) ++n_springs[v];
     return n_springs.tail(network.X.cols() - network.n_surface).minCoeff();

@@ -246,9 +246,6 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
             "scene.toml:2: surface.shape = \"bal\": unknown name, did you mean ball? (known: ball, "
             "hollow_ball, torus, bar, "
             "handle, head)");
-  EXPECT_EQ(error_of(ball + "[output]\nfields = [\"displacment\"]\n"),
-            "scene.toml:4: output.fields = \"displacment\": unknown name, did you mean displacement? (known: "
-            "displacement, velocity)");
   EXPECT_EQ(error_of("gravity = [0, 0, -9.81]\n"),
             "scene.toml: surface.file and surface.shape are both missing, expected one of them");
   EXPECT_EQ(error_of(ball + "file = \"" SCENE_FOLDER "/sag.toml\"\n"),
@@ -412,7 +409,6 @@ std::vector<std::string> others_than(const std::string& value) {
                             kLaws,
                             kMasses,
                             kWarps,
-                            kFields,
                             {"x", "some text"}})
     for (const std::string& name : names) others.push_back(toml_text(name));
   return others;
