@@ -1,99 +1,52 @@
 // The reference program: scene in, frames, curves and a record out.
-#include <CLI/CLI.hpp>
-#include <algorithm>
-#include <cmath>
-#include <iostream>
-#include <map>
-#include <optional>
-
 #include "fem_reference/base/memory.h"
 #include "fem_reference/base/processes.h"
-#include "fem_reference/solid/dynamics.h"
-#include "fem_reference/solid/elasticity.h"
 #include "fem_reference/solid/problem.h"
 #include "fem_reference/solid/richardson.h"
-#include "meshing/base/files.h"
-#include "meshing/base/stage_timer.h"
-#include "meshing/run/exit_status.h"
-#include "meshing/run/hash.h"
-#include "meshing/run/progress.h"
-#include "meshing/run/record.h"
-#include "meshing/scene/scene.h"
-#include "meshing/surface/surface.h"
+#include "fem_reference/solid/simulation.h"
+#include "meshing/run/session.h"
 #include "meshing/tetrahedra/tetrahedralize.h"
 
 namespace testbed::fem {
 namespace {
 
-struct Arguments {
-  std::string scene, out = "out/fem_reference";
-  std::vector<std::string> overrides;
-  int n_levels = 0, n_frequencies = 0;
-  bool is_quiet = false, is_forced = false;
+struct Arguments : SessionOptions {
+  int n_levels = 0;
 };
-
-/// Load factors to solve for: one where the solution is proportional to it.
-struct LoadPath {
-  bool is_proportional;
-  int n_solves;
-  explicit LoadPath(const Scene& scene)
-      : is_proportional(fem::is_proportional(scene)), n_solves(is_proportional ? 1 : scene.time.load_steps) {}
-  double factor(int n) const { return static_cast<double>(n) / n_solves; }
-};
-
-/// Parts of the scene that the reference does not model; empty: none.
-std::string unsolved_part(const Scene& scene) {
-  if (!scene.obstacles.empty() || scene.self_contact.is_on)
-    return "obstacles or self_contact: the reference has no contact";
-  if (scene.volume || scene.skin) return "volume or skin: the reference is the solid alone";
-  if (scene.collapse)
-    for (const Pivot& pivot : scene.collapse->pivots)
-      if (!pivot.motion.empty() || pivot.end)
-        return "collapse.pivots with motion or end: the reference's stay";
-  const bool is_static = scene.time.mode == TimeMode::Static;
-  if (scene.reference.inertia_relief && (!is_static || scene.reference.law != ElasticLaw::SmallStrain))
-    return "reference.inertia_relief: for static scenes at small strain";
-  if (is_static) return "";
-  if (scene.collapse)
-    return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
-  if (scene.reference.law != ElasticLaw::SmallStrain && scene.material.stiffness_damping > 0)
-    return "material.stiffness_damping at finite strain: it would hold back rotations";
-  return "";
-}
 
 /// What several processes do not solve together; empty: nothing.
-std::string undivided_part(const Scene& scene, const Arguments& arguments) {
+std::string undivided_part(const Scene& scene, bool has_frequencies) {
   if (processes().n == 1) return "";
   const std::string allowed = " under mpirun, expected linear statics";
   if (scene.time.mode != TimeMode::Static) return "time.mode = \"dynamic\"" + allowed;
   if (scene.reference.law != ElasticLaw::SmallStrain)
     return "reference.law other than small_strain" + allowed;
   if (scene.reference.inertia_relief) return "reference.inertia_relief" + allowed + " without it";
-  if (arguments.n_frequencies > 0) return "--frequencies" + allowed;
+  if (has_frequencies) return "--frequencies" + allowed;
   return "";
 }
 
 /// Full-load displacement of the surface's vertices on finer and finer meshes, and the error of the first
 /// that they tell.
-nlohmann::ordered_json study_convergence(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh,
-                                         int n_levels, Progress& progress) {
+nlohmann::ordered_json study_convergence(Session& session, const TetMesh& mesh, int n_levels) {
+  const Scene& scene = session.scene;
   nlohmann::ordered_json levels = nlohmann::ordered_json::array();
   std::vector<Eigen::Matrix3Xd> u;
   Scene refined = scene;
   for (int level = 0; level < n_levels; ++level, ++refined.reference.refine) {
-    ElasticSolid solid = assemble_scene(refined, surface, mesh);
-    progress.stage("reference: refinement " + std::to_string(refined.reference.refine) + ", " +
-                   std::to_string(solid.n_dofs()) + " unknowns");
-    const LoadPath path(scene);
+    ElasticSolid solid = assemble_scene(refined, session.surface, mesh);
+    session.progress.stage("reference: refinement " + std::to_string(refined.reference.refine) + ", " +
+                           std::to_string(solid.n_dofs()) + " unknowns");
+    const int n_solves = is_proportional(scene) ? 1 : scene.time.load_steps;
     ElasticReport report;
-    for (int n = 1; n <= path.n_solves; ++n) report = solid.solve(path.factor(n));
+    for (int n = 1; n <= n_solves; ++n) report = solid.solve(static_cast<double>(n) / n_solves);
     if (!report.is_converged) return {{"status", "not_converged"}};
     levels.push_back({{"refine", refined.reference.refine},
                       {"n_dofs", solid.n_dofs()},
                       {"elastic_energy", report.elastic_energy}});
     u.push_back(solid.displacement().leftCols(mesh.n_surface));
   }
-  const RefinementError error = richardson(u, surface);
+  const RefinementError error = richardson(u, session.surface);
   return {{"status", "ok"},
           {"levels", levels},
           {"error_ratio", error.ratio},
@@ -102,250 +55,104 @@ nlohmann::ordered_json study_convergence(const Scene& scene, const SurfaceMesh& 
           {"estimated_error_l2_finest", error.of_last}};
 }
 
-/// The row of curves.csv of a state whose surface vertices are at x.
-std::vector<std::pair<std::string, double>> curve_row(double time, double load_factor,
-                                                      const SurfaceMesh& surface, const Eigen::Matrix3Xd& u,
-                                                      double kinetic, double elastic, double max_strain) {
-  const Eigen::Matrix3Xd x = surface.X + u.leftCols(surface.X.cols());
-  return {{"time", time},
-          {"load_factor", load_factor},
-          {"volume", volume(x, surface.F)},
-          {"area", area(x, surface.F)},
-          {"kinetic_energy", kinetic},
-          {"elastic_energy", elastic},
-          {"max_displacement", u.colwise().norm().maxCoeff()},
-          {"max_strain", max_strain}};
-}
-
-struct Run {
-  const Scene& scene;
-  const SurfaceMesh& surface;
-  ElasticSolid& solid;
-  std::optional<Recorder>& recorder;  // of the first process
-  StageTimer& timer;
-  Progress& progress;
-  nlohmann::ordered_json& record;
-
-  bool is_frame(int n, int last) const {
-    const int every = scene.output.frames_every;
-    return n == last || (every > 0 && n % every == 0);
-  }
-};
-
-void run_static(Run& run) {
-  const LoadPath path(run.scene);
-  const int n_steps = run.scene.time.load_steps;
-  ElasticReport report;
-  report.is_converged = true;
-  int newton_iterations = 0, linear_iterations = 0, n = 0;
-  run.progress.stage("reference: solve");
-  for (; n <= n_steps; ++n) {
-    const double s = static_cast<double>(n) / n_steps;
-    if (n > 0 && (n == 1 || !path.is_proportional)) {
-      report = run.solid.solve(path.is_proportional ? 1 : s, &run.timer);
-      newton_iterations += report.newton_iterations;
-      linear_iterations += report.linear_iterations;
-      if (!report.is_converged) break;
-    }
-    run.timer.start("output");
-    const double scale = path.is_proportional ? s : 1;  // of the solution at full load
-    const Eigen::Matrix3Xd u = scale * run.solid.displacement();
-    if (run.recorder && run.scene.output.curves)
-      run.recorder->add_row(curve_row(s, s, run.surface, u, 0, scale * scale * report.elastic_energy,
-                                      scale * report.max_strain));
-    if (run.recorder && run.is_frame(n, n_steps)) run.recorder->add_frame(s, run.solid.X(), u);
-    run.progress.update(s);
-  }
-  run.timer.stop();
-  run.record["solver"] = report.solver;
-  run.record["newton_iterations"] = newton_iterations;
-  run.record["linear_iterations"] = linear_iterations;
-  run.record["residual"] = report.residual;
-  run.record["tolerance"] = report.tolerance;
-  run.record["load_factor_reached"] = report.is_converged ? 1.0 : static_cast<double>(n - 1) / n_steps;
-  run.record["status"] = report.is_converged ? "ok" : "not_converged";
-}
-
-/// Full loads from rest at t = 0.
-void run_dynamic(Run& run) {
-  constexpr int kDefaultSteps = 400;
-  const double end = run.scene.time.end;
-  const double step = run.scene.time.step > 0 ? run.scene.time.step : end / kDefaultSteps;
-  const int n_steps = meshing::n_steps(run.scene.time, step);
-  const bool is_linear = run.scene.reference.law == ElasticLaw::SmallStrain;
-  run.timer.start("assemble");
-  Dynamics system;
-  system.K = run.solid.stiffness();
-  system.M = run.solid.mass(run.scene.reference.mass);
-  system.damping = run.scene.material.damping;
-  system.stiffness_damping = run.scene.material.stiffness_damping;
-  system.load = run.solid.load();
-  std::map<int, int> held;  // the last of the held components of an unknown
-  for (size_t k = 0; k < run.solid.held().size(); ++k) {
-    const HeldComponent& h = run.solid.held()[k];
-    held[3 * h.node + h.component] = static_cast<int>(k);
-  }
-  for (const auto& [unknown, k] : held) system.held.push_back(unknown);
-  if (run.scene.material.damping_ratio > 0) {
-    constexpr int kOneVibration = 7;  // behind at most six rigid motions
-    const Modes modes = natural_modes(system.K, system.M, system.held, kOneVibration);
-    system.damping += 2 * run.scene.material.damping_ratio * 2 * M_PI * modes.frequency[modes.n_rigid];
-  }
-  run.record["mass_damping"] = system.damping;
-  system.held_motion = [&](double t) {
-    Eigen::VectorXd u(static_cast<Eigen::Index>(held.size()));
-    Eigen::Index i = 0;
-    for (const auto& [unknown, k] : held) u(i++) = run.solid.held_displacement(k, t);
-    return u;
-  };
-  if (!is_linear)
-    system.linearise = [&](const Eigen::VectorXd& u, bool with_tangent) {
-      return run.solid.linearise(u.reshaped(3, run.solid.X().cols()), 1, with_tangent);
-    };
-  run.timer.start("solve");
-  run.progress.stage("reference: solve");
-  const std::optional<double> radius = run.scene.reference.spectral_radius;
-  TimeIntegrator motion(std::move(system), step, radius ? generalised_alpha(*radius) : newmark);
-  bool is_converged = true;
-  for (int n = 0; n <= n_steps; ++n) {
-    run.timer.start("solve");
-    is_converged = n == 0 || motion.step();
-    if (!is_converged) break;
-    run.timer.start("output");
-    const Eigen::Matrix3Xd u = motion.u().reshaped(3, run.solid.X().cols());
-    if (run.scene.output.curves)
-      run.recorder->add_row(curve_row(motion.t(), 1, run.surface, u, motion.kinetic_energy(),
-                                      motion.elastic_energy(), run.solid.max_strain(u)));
-    if (run.is_frame(n, n_steps))
-      run.recorder->add_frame(motion.t(), run.solid.X(), u, {{"velocity", motion.v().reshaped(3, u.cols())}});
-    run.progress.update(static_cast<double>(n) / n_steps);
-  }
-  run.timer.stop();
-  run.record["solver"] = std::string(radius ? "generalised-alpha" : "Newmark (average acceleration)") +
-                         (is_linear ? "" : ", Newton") + ", Cholesky";
-  run.record["step"] = step;
-  run.record["n_steps"] = n_steps;
-  if (!is_linear) run.record["newton_iterations"] = motion.n_newton_iterations();
-  run.record["factorisations"] = motion.n_factorisations();
-  run.record["time_reached"] = motion.t();
-  run.record["status"] = is_converged ? "ok" : "not_converged";
-}
-
-ExitStatus run(const Arguments& arguments) {
-  const Scene scene = read_scene(arguments.scene, arguments.overrides);
-  const std::filesystem::path out = arguments.out;
-  const bool is_first = processes().rank == 0;
-  if (is_first) {
-    std::filesystem::create_directories(out);
-    write_file(out / "scene.toml", to_toml(scene));
-  }
-  const auto status_of = [&](const nlohmann::ordered_json& record) {
-    return is_first ? tell_status(arguments.scene, record) : kSolved;  // one tells it for all
-  };
-  if (const std::string part = undivided_part(scene, arguments); !part.empty())
-    throw std::runtime_error(arguments.scene + ": " + part);
-  if (const std::string part = unsolved_part(scene); !part.empty()) {
-    const nlohmann::ordered_json record{{"status", "not_solved"}, {"reason", part}};
-    if (is_first) write_file(out / "run.json", record.dump(2) + "\n");
-    return status_of(record);
-  }
-  Progress progress(arguments.is_quiet || !is_first);
-  StageTimer timer;
-  timer.start("mesh");
-  progress.stage("reference: mesh");
-  const SurfaceMesh surface = load_surface(scene.surface);
-  timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
-  const std::string hash =
-      hash_of(input_hash(scene, surface, {"network"}) + ' ' + std::to_string(arguments.n_levels) + ' ' +
-              std::to_string(arguments.n_frequencies));
-  if (const auto stored = stored_record(out, hash); stored && !arguments.is_forced) return status_of(*stored);
-  timer.start("mesh");
-  TetOptions options;
-  options.interior_size = scene.reference.interior_size;
-  const TetMesh mesh = from_first_process(is_first ? tetrahedralize(surface, options) : TetMesh());
-  const bool is_factor = scene.time.mode == TimeMode::Dynamic || arguments.n_frequencies > 0;
-  check_memory(mesh.T.cols(), scene.reference.refine + std::max(0, arguments.n_levels - 1),
-               scene.reference.degree, is_factor ? Memory::Factor : Memory::Iterations, memory_available());
-
-  timer.start("setup");
-  progress.stage("reference: setup");
-  ElasticSolid solid = assemble_scene(scene, surface, mesh);
-  timer.stop();
-  const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
-  // The surface as it was given, refined or not, so that every run of it can be compared vertex by vertex.
-  std::optional<Recorder> recorder;
-  if (is_first)
-    recorder.emplace(out, std::vector<CellBlock>{{5, surface.F}, {vtk_type, solid.cells()}}, mesh.n_surface);
-
-  nlohmann::ordered_json record = environment_record("fem_reference", processes().n_threads);
+void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
+  const ElasticSolid& solid = simulation.solid();
   record["processes"] = processes().n;
-  record["name"] = scene.name;
-  record["input_hash"] = hash;
-  record["mesh_hash"] =
-      hash_of({reinterpret_cast<const char*>(mesh.X.data()), mesh.X.size() * sizeof(double)});
-  record["n_surface"] = mesh.n_surface;
-  record["n_nodes"] = solid.X().cols();
   record["n_tetrahedra"] = solid.mesh().T.cols();
   record["n_dofs"] = solid.n_dofs();
   record["degree"] = scene.reference.degree;
   record["is_free"] = solid.n_free_rigid_motions() > 0;
-  Run parts{scene, surface, solid, recorder, timer, progress, record};
-  if (scene.time.mode == TimeMode::Static) {
-    run_static(parts);
-    if (arguments.n_levels > 0 && record["status"] == "ok")
-      record["convergence"] = study_convergence(scene, surface, mesh, arguments.n_levels, progress);
+}
+
+void report(const Simulation& simulation, nlohmann::ordered_json& record) {
+  record["solver"] = simulation.solver();
+  if (const auto& motion = simulation.motion()) {
+    record["mass_damping"] = simulation.damping();
+    record["step"] = simulation.step();
+    record["n_steps"] = simulation.n_steps();
+    if (motion->n_newton_iterations() > 0) record["newton_iterations"] = motion->n_newton_iterations();
+    record["factorisations"] = motion->n_factorisations();
+    record["time_reached"] = motion->t();
   } else {
-    run_dynamic(parts);
+    const ElasticReport& equilibrium = simulation.equilibrium();
+    record["newton_iterations"] = equilibrium.newton_iterations;
+    record["linear_iterations"] = equilibrium.linear_iterations;
+    record["residual"] = equilibrium.residual;
+    record["tolerance"] = equilibrium.tolerance;
+    record["load_factor_reached"] = static_cast<double>(simulation.n_done()) / simulation.n_steps();
   }
-  if (arguments.n_frequencies > 0) {
-    std::vector<int> held;
-    for (const HeldComponent& h : solid.held()) held.push_back(3 * h.node + h.component);
-    const Modes modes =
-        natural_modes(solid.stiffness(), solid.mass(scene.reference.mass), held, arguments.n_frequencies);
-    record["natural_frequencies"] = std::vector<double>(modes.frequency.begin(), modes.frequency.end());
-    record["n_rigid_modes"] = modes.n_rigid;
-  }
-  for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
-  if (recorder) recorder->finish(record);
-  return status_of(record);
+  record["status"] = simulation.is_converged() ? "ok" : "not_converged";
+}
+
+void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann::ordered_json& record) {
+  std::vector<int> held;
+  for (const HeldComponent& h : solid.held()) held.push_back(3 * h.node + h.component);
+  const Modes modes = natural_modes(solid.stiffness(), solid.mass(mass), held, n);
+  record["natural_frequencies"] = std::vector<double>(modes.frequency.begin(), modes.frequency.end());
+  record["n_rigid_modes"] = modes.n_rigid;
+}
+
+ExitStatus run(const Arguments& arguments) {
+  const bool is_first = processes().rank == 0;
+  Session session("fem_reference", arguments, is_first);
+  const Scene& scene = session.scene;
+  if (const std::string part = undivided_part(scene, arguments.n_frequencies > 0); !part.empty())
+    throw std::runtime_error(arguments.scene + ": " + part);
+  if (const std::string part = unmodelled_part(scene); !part.empty()) return session.refuse(part);
+  const std::string options =
+      std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies);
+  if (const auto status = session.stored_status({"network"}, options)) return *status;
+
+  session.start("mesh");
+  TetOptions tets;
+  tets.interior_size = scene.reference.interior_size;
+  const TetMesh mesh = from_first_process(is_first ? tetrahedralize(session.surface, tets) : TetMesh());
+  const bool is_factor = scene.time.mode == TimeMode::Dynamic || arguments.n_frequencies > 0;
+  check_memory(mesh.T.cols(), scene.reference.refine + std::max(0, arguments.n_levels - 1),
+               scene.reference.degree, is_factor ? Memory::Factor : Memory::Iterations, memory_available());
+
+  session.start("setup");
+  Simulation simulation(scene, session.surface, mesh, session.timer);
+  session.timer.stop();
+  // The surface as it was given, refined or not, so that every run of it can be compared vertex by vertex.
+  const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
+  const ElasticSolid& solid = simulation.solid();
+  session.open(solid.X(), {{5, session.surface.F}, {vtk_type, solid.cells()}}, processes().n_threads);
+  describe(simulation, scene, session.record);
+  take_steps(simulation, session);
+  report(simulation, session.record);
+  if (arguments.n_levels > 0 && scene.time.mode == TimeMode::Static && simulation.is_converged())
+    session.record["convergence"] = study_convergence(session, mesh, arguments.n_levels);
+  if (arguments.n_frequencies > 0)
+    add_frequencies(solid, scene.reference.mass, arguments.n_frequencies, session.record);
+  return session.finish();
 }
 
 }  // namespace
 }  // namespace testbed::fem
 
 int main(int argc, char** argv) {
-  testbed::fem::Arguments arguments;
+  using namespace testbed;
+  fem::Arguments arguments;
+  arguments.out = "out/fem_reference";
   CLI::App app(
       "Solves a scene by finite elements on tetrahedra of the same surface: the reference.\n\n"
       "Examples:\n"
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
       "  fem_reference scene.toml --converge 2\n"
-      "  mpirun -np 8 fem_reference scene.toml        (linear statics)\n\n"
-      "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
-      "with its\n"
-      "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n");
-  app.add_option("scene", arguments.scene, "scene file (.toml)")->required();
-  app.add_option("--set", arguments.overrides, "key=value: overrides a key of the scene; may be repeated")
-      ->allow_extra_args(false);
-  app.add_option("--out", arguments.out, "output folder")->capture_default_str();
+      "  mpirun -np 8 fem_reference scene.toml        (linear statics)\n");
   app.add_option(
          "--converge", arguments.n_levels,
          "also solve on this many meshes, each refined once more, and write the estimated error of the "
          "result into run.json")
       ->check(CLI::Range(2, 6));
-  app.add_option("--frequencies", arguments.n_frequencies,
-                 "also find so many of the lowest natural frequencies (Hz) and write them into run.json")
-      ->check(CLI::Range(1, 1000));
-  app.add_flag("--quiet", arguments.is_quiet, "no progress on stderr");
-  app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
-  app.footer(testbed::kExitStatusHelp);
-  if (const auto status = testbed::parse(app, argc, argv)) return *status;
-  try {
-    return testbed::fem::run(arguments);
-  } catch (const std::exception& error) {
-    if (testbed::fem::processes().n > 1) testbed::fem::abort_processes(error.what());
-    std::cerr << "error: " << error.what() << '\n';
-    return testbed::kError;
-  }
+  return run_program(app, argc, argv, arguments, [&] {
+    try {
+      return fem::run(arguments);
+    } catch (const std::exception& error) {
+      if (fem::processes().n > 1) fem::abort_processes(error.what());
+      throw;
+    }
+  });
 }

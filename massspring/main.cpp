@@ -1,37 +1,18 @@
 // The mass-spring program: scene in, frames, curves and a record out.
 #include <omp.h>
 
-#include <CLI/CLI.hpp>
-#include <algorithm>
-#include <iostream>
-#include <sstream>
-
 #include "massspring/calibrations/calibrate.h"
-#include "massspring/model/collapse.h"
+#include "massspring/simulation.h"
 #include "massspring/statics/diagnostics.h"
 #include "massspring/statics/frequencies.h"
-#include "massspring/statics/quasi_static.h"
-#include "massspring/time/implicit_stage.h"
-#include "massspring/time/integrators.h"
-#include "meshing/base/files.h"
-#include "meshing/base/stage_timer.h"
-#include "meshing/run/exit_status.h"
-#include "meshing/run/hash.h"
-#include "meshing/run/progress.h"
-#include "meshing/run/record.h"
+#include "meshing/run/session.h"
 #include "meshing/scene/build_network.h"
-#include "meshing/scene/scene.h"
-#include "meshing/surface/surface.h"
-#include "meshing/tetrahedra/tet_mesh.h"
 
 namespace testbed::massspring {
 namespace {
 
-struct Arguments {
-  std::string scene, out = "out/massspring";
-  std::vector<std::string> overrides;
-  int n_frequencies = 0;
-  bool is_quiet = false, is_forced = false, is_undiagnosed = false;
+struct Arguments : SessionOptions {
+  bool is_undiagnosed = false;
 };
 
 /// What exerts force, behind the surface.
@@ -42,289 +23,103 @@ std::vector<CellBlock> cells_of(const MassSpringModel& model) {
   return cells;
 }
 
-std::vector<std::pair<std::string, double>> curve_row(const MassSpringModel& model, const State& state,
-                                                      double load_factor) {
-  const auto& [X, T, F, n_surface] = model.network;
-  const Eigen::Matrix3Xd x = state.x.leftCols(n_surface);
-  std::vector<std::pair<std::string, double>> row{
-      {"time", state.t},
-      {"load_factor", load_factor},
-      {"volume", volume(x, F)},
-      {"area", area(x, F)},
-      {"kinetic_energy", kinetic_energy(model, state.v)},
-      {"elastic_energy", elastic_energy(model, state)},
-      {"max_displacement", (state.x - X).colwise().norm().maxCoeff()}};
-  if (T.cols() > 0) row.emplace_back("max_strain", largest_strain(X, T, state.x));
-  if (model.springs) row.emplace_back("max_spring_strain", largest_strain(*model.springs, X, state.x));
-  return row;
-}
-
-nlohmann::ordered_json to_json(const Diagnostics& diagnostics) {
-  return {{"pressure_error", diagnostics.pressure_error},
-          {"uniaxial_error", diagnostics.uniaxial_error},
-          {"bending_compliance", diagnostics.bending_compliance},
-          {"torsion_compliance", diagnostics.torsion_compliance}};
-}
-
-/// How far the model can be trusted on this mesh goes into the record; its error in bending and torsion at
-/// every node is returned, empty where the model has no answer, as a mechanism has none.
-Eigen::VectorXd add_diagnostics(const MassSpringModel& model, nlohmann::ordered_json& record) {
-  try {
-    const Diagnostics diagnostics = diagnose(model);
-    record["diagnostics"] = to_json(diagnostics);
-    return diagnostics.node_error;
-  } catch (const std::runtime_error& error) {
-    record["diagnostics"] = {{"refused", error.what()}};
-    return {};
-  }
-}
-
-/// The solid of a scene, with its skin and volumes.
-/// @throws std::runtime_error when parts of the scene do not go together.
-MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const Calibration& calibration) {
-  const double share = scene.network.link_share;
-  MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
-                                    : calibrate(network, scene.material, calibration);
-  const bool is_explicit_run = scene.time.mode == TimeMode::Dynamic && is_explicit(scene.time.integrator);
-  if (model.tet_springs && scene.network.mass == MassMatrix::Consistent && !is_explicit_run)
-    model.spread_mass = spread_mass(network.X, network.T, scene.material.rho);
-  if (model.springs) {
-    model.springs->law = scene.network.spring_law;
-    model.springs->damping = scene.network.spring_damping;
-  }
-  if (scene.skin) {
-    add_skin(*scene.skin, model);
-    if (scene.skin->relaxation > 0 && !(model.bending && model.springs))
-      throw std::runtime_error(
-          "skin.relaxation = " + std::to_string(scene.skin->relaxation) +
-          ", expected skin.bending > 0 to drive it and springs along the surface (skin.stiffness > 0)");
-  }
-  if (scene.volume && scene.volume->local > 0) {
-    if (network.T.cols() == 0)
-      throw std::runtime_error("volume.local = " + std::to_string(scene.volume->local) +
-                               ", expected 0 with " + calibration.name +
-                               " springs: their network has no tetrahedra");
-    model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
-    for (Eigen::Index t = 0; t < network.T.cols(); ++t)
-      model.local_volume->rest_volume(t) = rest_volume(network.X, network.T.col(t));
-  }
-  return model;
-}
-
-ExitStatus run(const Arguments& arguments) {
-  const Scene scene = read_scene(arguments.scene, arguments.overrides);
-  const Calibration& calibration = find_calibration(scene.network.calibration);
-  const bool is_static = scene.time.mode == TimeMode::Static;
-  if (is_static && (!scene.obstacles.empty() || scene.self_contact.is_on))
-    throw std::runtime_error(arguments.scene +
-                             ": obstacles or self_contact, expected none with time.mode = static");
-  if (!is_static && scene.material.stiffness_damping > 0)
-    throw std::runtime_error(arguments.scene +
-                             ": material.stiffness_damping > 0, expected 0: only the reference has it");
-
-  Progress progress(arguments.is_quiet);
-  StageTimer timer;
-  timer.start("mesh");
-  progress.stage("mass-spring: mesh");
-  const SurfaceMesh surface = load_surface(scene.surface);
-  timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
-  const std::string hash = input_hash(scene, surface, {"reference"}) +
-                           (arguments.is_undiagnosed ? " undiagnosed" : "") + ' ' +
-                           std::to_string(arguments.n_frequencies);
-  const std::filesystem::path out = arguments.out;
-  std::filesystem::create_directories(out);
-  write_file(out / "scene.toml", to_toml(scene));
-  if (const auto stored = stored_record(out, hash); stored && !arguments.is_forced)
-    return tell_status(arguments.scene, *stored);
-  timer.start("mesh");
-  const SpringNetwork nodes =
-      build_network(surface, scene.network, calibration.needs_links || scene.network.link_share > 0,
-                    calibration.needs_tetrahedra);
-
-  timer.start("setup");
-  progress.stage("mass-spring: setup");
-  MassSpringModel model = model_of(scene, nodes, calibration);
-  const TetMesh& network = model.network;
-  Forces forces = forces_of(scene, model);
-  const Contacts contacts = contacts_of(scene, surface);
-  if (model.spread_mass) {
-    std::vector<int> driven;
-    for (const Constraint& c : forces.constraints)
-      if (!c.displacement.isZero(0) || c.motion[0] || c.motion[1] || c.motion[2]) driven.push_back(c.node);
-    std::sort(driven.begin(), driven.end());
-    gather(driven, *model.spread_mass);
-  }
-  if (!is_static && scene.material.damping_ratio > 0)
-    forces.mass_damping += damping_of_ratio(model, forces.constraints, scene.material.damping_ratio);
-  State state = initial_state(model);
-  const double rest_volume = state.target_volume;
-  constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
-  constexpr int kDefaultSteps = 100;
-  double h = scene.time.step;
-  if (!is_static && h == 0)
-    h = is_explicit(scene.time.integrator) ? kSafety * stable_step(model, forces, state)
-                                           : scene.time.end / kDefaultSteps;
-  const int n_steps = is_static ? scene.time.load_steps : meshing::n_steps(scene.time, h);
-  Recorder recorder(out, cells_of(model), network.n_surface);
-
-  nlohmann::ordered_json record = environment_record("massspring", omp_get_max_threads());
-  record["name"] = scene.name;
-  record["calibration"] = calibration.name;
+void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
+  const MassSpringModel& model = simulation.model();
+  const Eigen::Matrix4Xi& T = model.network.T;
+  record["calibration"] = scene.network.calibration;
   record["mass"] = model.spread_mass ? "consistent" : "lumped";
-  record["mass_damping"] = forces.mass_damping;
-  record["input_hash"] = hash;
-  record["mesh_hash"] =
-      hash_of({reinterpret_cast<const char*>(network.X.data()), network.X.size() * sizeof(double)});
-  record["n_surface"] = network.n_surface;
-  record["n_nodes"] = network.X.cols();
+  record["mass_damping"] = simulation.forces().mass_damping;
   record["n_springs"] = model.springs ? model.springs->E.cols() : 0;
   record["n_patches"] = model.tet_springs ? model.tet_springs->n_patches() : 0;
-  record["n_tetrahedra"] = network.T.cols();
-  if (network.T.cols() > 0) record["tetrahedra"] = to_json(tet_quality(network.X, network.T));
+  if (simulation.is_static() || !is_explicit(scene.time.integrator))
+    record["n_blocks"] = n_stiffness_blocks(model);
+  record["n_tetrahedra"] = T.cols();
+  if (T.cols() > 0) record["tetrahedra"] = to_json(tet_quality(model.network.X, T));
   record["is_free"] = false;
-
-  timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
-  if (is_static || !is_explicit(scene.time.integrator)) record["n_blocks"] = n_stiffness_blocks(model);
-  Eigen::VectorXd node_error;
-  if (!arguments.is_undiagnosed) {
-    progress.stage("mass-spring: diagnose");
-    node_error = add_diagnostics(model, record);
-  }
-  if (arguments.n_frequencies > 0) {
-    const Eigen::VectorXd found = natural_frequencies(model, forces.constraints, arguments.n_frequencies);
-    record["natural_frequencies"] = std::vector<double>(found.begin(), found.end());
-  }
-
-  timer.start("setup");
-  std::unique_ptr<QuasiStaticSolver> equilibrium;
-  std::unique_ptr<TimeStepper> stepper;
-  if (is_static) {
-    equilibrium = std::make_unique<QuasiStaticSolver>(model, forces);
+  if (const QuasiStaticSolver* equilibrium = simulation.equilibrium()) {
     record["is_free"] = equilibrium->n_free_rigid_motions() > 0;
     record["n_floppy_motions"] = equilibrium->n_floppy_motions();
     record["floppy_load_share"] = equilibrium->floppy_load_share();
   } else {
-    IntegratorOptions options;
-    options.gradients = {scene.time.volume_gradient, scene.time.bend_gradient};
-    options.linear_solver = scene.time.linear_solver;
-    options.tolerance = scene.time.tolerance;
-    options.sleep_below = scene.time.sleep_below;
-    stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end, options,
-                                            contacts);
-    record["step"] = h;
-    if (scene.time.integrator == Integrator::ImplicitEuler)
-      record["tolerance"] = options.linear_tolerance;
-    else if (!is_explicit(scene.time.integrator))
-      record["tolerance"] = ImplicitStage::kStepTolerance;
+    record["step"] = simulation.step();
   }
-  record["n_steps"] = n_steps;
+}
 
-  const auto write_frame = [&] {
-    timer.start("output");
-    std::vector<Field> fields;
-    if (!is_static) fields.push_back({"velocity", state.v});
-    if (node_error.size() > 0) fields.push_back({"node_error", node_error.transpose()});
-    recorder.add_frame(state.t, network.X, state.x - network.X, fields);
-  };
-  const auto write_row = [&] {
-    timer.start("output");
-    if (scene.output.curves) recorder.add_row(curve_row(model, state, is_static ? state.t : 1));
-  };
-
-  const auto set_target_volume = [&](double t) {
-    if (!scene.volume) return;
-    if (!scene.volume->target.empty())
-      state.target_volume = rest_volume * value_at(scene.volume->target, t);
-    else if (scene.collapse)  // [paper 4.4]
-      state.target_volume = volume(state.x, network.F);
-  };
-  const int every = scene.output.frames_every;
-  if (every > 0) write_frame();
-  write_row();
-  progress.stage("mass-spring: solve");
-  StepReport report;
-  int newton_iterations = 0, linear_iterations = 0, n_done = 0, n_at_rest = 0, n_halved = 0;
-  Status status = Status::Ok;
-  const auto has_ended = [&] {
-    return n_done == n_steps || status == Status::Diverged || (is_static && status == Status::NotConverged);
-  };
-  while (!has_ended()) {
-    timer.start("solve");
-    if (is_static) {
-      const double load_factor = static_cast<double>(n_done + 1) / n_steps;
-      if (scene.collapse) collapse_to(*scene.collapse, model, load_factor, state);
-      set_target_volume(load_factor);
-      report = equilibrium->solve(load_factor, state);
-      state.t = load_factor;
-    } else {
-      if (scene.collapse) collapse(*scene.collapse, model, h, state);
-      if (scene.skin && scene.skin->relaxation > 0) relax_surface(scene.skin->relaxation, model, h, state);
-      set_target_volume(state.t + h);
-      report = stepper->step(state, h);
-    }
-    if (report.status != Status::Ok) status = report.status;
-    newton_iterations += report.newton_iterations;
-    linear_iterations += report.linear_iterations;
-    n_at_rest += report.is_at_rest;
-    n_halved += report.is_halved;
-    ++n_done;
-    write_row();
-    if (has_ended() || (every > 0 && n_done % every == 0)) write_frame();
-    progress.update(static_cast<double>(n_done) / n_steps);
+/// How far the model can be trusted on this mesh goes into the record and its error in bending and torsion at
+/// every node into the frames, unless the model has no answer, as a mechanism has none.
+void add_diagnostics(const MassSpringModel& model, Session& session) {
+  session.progress.stage("massspring: diagnose");
+  nlohmann::ordered_json& found = session.record["diagnostics"];
+  try {
+    const Diagnostics diagnostics = diagnose(model);
+    found = {{"pressure_error", diagnostics.pressure_error},
+             {"uniaxial_error", diagnostics.uniaxial_error},
+             {"bending_compliance", diagnostics.bending_compliance},
+             {"torsion_compliance", diagnostics.torsion_compliance}};
+    session.fields.push_back({"node_error", diagnostics.node_error.transpose()});
+  } catch (const std::runtime_error& error) {
+    found = {{"refused", error.what()}};
   }
-  timer.stop();
+}
 
-  record["n_steps_done"] = n_done;
-  if (scene.time.sleep_below > 0) record["n_steps_at_rest"] = n_at_rest;
-  if (n_halved > 0) record["n_steps_halved"] = n_halved;
-  record["newton_iterations"] = newton_iterations;
-  record["linear_iterations"] = linear_iterations;
+void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
+  const SimulationReport& report = simulation.report();
+  record["n_steps"] = report.n_steps;
+  record["n_steps_done"] = report.n_done;
+  if (scene.time.sleep_below > 0) record["n_steps_at_rest"] = report.n_at_rest;
+  if (report.n_halved > 0) record["n_steps_halved"] = report.n_halved;
+  record["newton_iterations"] = report.newton_iterations;
+  record["linear_iterations"] = report.linear_iterations;
   record["residual"] = report.residual;
-  if (is_static) record["tolerance"] = QuasiStaticSolver::kTolerance;
-  if (stepper && !stepper->solver_choice().empty()) record["solver"] = stepper->solver_choice();
-  for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
-  record["status"] = name_of(status);
-  if (is_static && status != Status::Ok) {
-    std::ostringstream reason;
-    reason << "load factor " << state.t << ", step " << n_done << " of " << n_steps << ": "
-           << (report.reason.empty() ? name_of(status) : report.reason);
-    record["reason"] = reason.str();
+  if (report.tolerance) record["tolerance"] = *report.tolerance;
+  if (!report.solver.empty()) record["solver"] = report.solver;
+  record["status"] = name_of(report.status);
+  if (!report.reason.empty()) record["reason"] = report.reason;
+}
+
+ExitStatus run(const Arguments& arguments) {
+  Session session("massspring", arguments);
+  const Scene& scene = session.scene;
+  const Calibration& calibration = find_calibration(scene.network.calibration);
+  const std::string options =
+      (arguments.is_undiagnosed ? "undiagnosed " : "") + std::to_string(arguments.n_frequencies);
+  if (const auto status = session.stored_status({"reference"}, options)) return *status;
+
+  session.start("mesh");
+  const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
+  const SpringNetwork network =
+      build_network(session.surface, scene.network, needs_links, calibration.needs_tetrahedra);
+  session.start("setup");
+  Simulation simulation(scene, network);
+  session.timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
+  const MassSpringModel& model = simulation.model();
+  session.open(model.network.X, cells_of(model), omp_get_max_threads());
+  describe(simulation, scene, session.record);
+  if (!arguments.is_undiagnosed) add_diagnostics(model, session);
+  if (arguments.n_frequencies > 0) {
+    const Eigen::VectorXd found =
+        natural_frequencies(model, simulation.forces().constraints, arguments.n_frequencies);
+    session.record["natural_frequencies"] = std::vector<double>(found.begin(), found.end());
   }
-  recorder.finish(record);
-  return tell_status(arguments.scene, record);
+  take_steps(simulation, session);
+  report(simulation, scene, session.record);
+  return session.finish();
 }
 
 }  // namespace
 }  // namespace testbed::massspring
 
 int main(int argc, char** argv) {
-  testbed::massspring::Arguments arguments;
+  using namespace testbed;
+  massspring::Arguments arguments;
+  arguments.out = "out/massspring";
   CLI::App app(
       "Simulates a closed surface as a mass-spring solid.\n\n"
       "Examples:\n"
       "  massspring analysis/scenes/ball_pressure.toml\n"
-      "  massspring scene.toml --set network.calibration=uniform --set material.nu=0.3 --out out/soft\n\n"
-      "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
-      "with its\n"
-      "value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n");
-  app.add_option("scene", arguments.scene, "scene file (.toml)")->required();
-  app.add_option("--set", arguments.overrides, "key=value: overrides a key of the scene; may be repeated")
-      ->allow_extra_args(false);
-  app.add_option("--out", arguments.out, "output folder")->capture_default_str();
-  app.add_option("--frequencies", arguments.n_frequencies,
-                 "also find so many of the lowest natural frequencies (Hz) and write them into run.json")
-      ->check(CLI::Range(1, 1000));
-  app.add_flag("--quiet", arguments.is_quiet, "no progress on stderr");
+      "  massspring scene.toml --set network.calibration=uniform --set material.nu=0.3 --out out/soft\n");
   app.add_flag(
       "--no-diagnostics", arguments.is_undiagnosed,
       "do not measure the model against exact fields, which takes longer than the run of a large one");
-  app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
-  app.footer(testbed::kExitStatusHelp);
-  if (const auto status = testbed::parse(app, argc, argv)) return *status;
-  try {
-    return testbed::massspring::run(arguments);
-  } catch (const std::exception& error) {
-    std::cerr << "error: " << error.what() << '\n';
-    return testbed::kError;
-  }
+  return run_program(app, argc, argv, arguments, [&] { return massspring::run(arguments); });
 }

@@ -4,52 +4,36 @@
 #include <stdexcept>
 
 #include "fem_reference/elements/refine.h"
+#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::fem {
 namespace {
 
 /// Children of triangle f of the surface are the mesh's boundary triangles n f ... n f + n - 1.
-ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, int n_children) {
+ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
+                      int n_children) {
   ElasticLoads loads;
   if (scene.gravity)
     loads.body_force = [f = Eigen::Vector3d(scene.material.rho * *scene.gravity)](const Eigen::Vector3d&) {
       return f;
     };
   if (!scene.loads.empty()) {
-    const bool is_finite = scene.reference.law != ElasticLaw::SmallStrain;
-    bool has_follower = false;
-    Eigen::VectorXd follower = Eigen::VectorXd::Zero(surface.F.cols());
-    Eigen::Matrix3Xd traction = Eigen::Matrix3Xd::Zero(3, surface.F.cols());
-    std::vector<std::vector<StressTerm>> stress(surface.F.cols());
     const Eigen::Matrix3Xd normals = area_vectors(surface.X, surface.F).colwise().normalized();
-    for (size_t l = 0; l < scene.loads.size(); ++l) {
-      const Load& load = scene.loads[l];
-      const std::vector<int> triangles = triangles_in(load.region, surface);
-      if (triangles.empty())
-        throw std::runtime_error("loads." + std::to_string(l) +
-                                 ": no triangle of the surface lies in its region");
-      if (load.is_follower && !is_closed(surface.F(Eigen::all, triangles)))
-        throw std::runtime_error(
-            "loads." + std::to_string(l) +
-            ".follower = true, expected a region that holds whole components of the surface");
-      const bool is_follower = load.is_follower && is_finite;  // small strain knows one surface only
-      has_follower = has_follower || is_follower;
-      for (int f : triangles) {
-        traction.col(f) += load.traction;
-        stress[f].insert(stress[f].end(), load.stress.begin(), load.stress.end());
-        if (is_follower)
-          follower(f) += load.pressure;
-        else
-          traction.col(f) -= load.pressure * normals.col(f);
-      }
-    }
+    Eigen::Matrix3Xd traction = problem.traction;
+    if (scene.reference.law == ElasticLaw::SmallStrain)  // knows one surface only
+      traction -= normals * problem.follower_pressure.asDiagonal();
+    else if (!problem.follower_pressure.isZero(0))
+      loads.follower_pressure = [n_children, follower = problem.follower_pressure](int f) {
+        return follower(f / n_children);
+      };
+    std::vector<std::vector<StressTerm>> stress(surface.F.cols());
+    for (const auto& [triangles, terms] : problem.stressed)
+      for (const int f : triangles) stress[f].insert(stress[f].end(), terms.begin(), terms.end());
     loads.traction = [=](const Eigen::Vector3d& x, int child) -> Eigen::Vector3d {
       const int f = child / n_children;
       return traction.col(f) + stress_at(stress[f], x) * normals.col(f);
     };
-    if (has_follower)
-      loads.follower_pressure = [follower, n_children](int f) { return follower(f / n_children); };
   }
   if (scene.collapse) {
     const double scale = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).minCoeff();
@@ -65,25 +49,15 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, int n_chil
   return loads;
 }
 
-/// Displacement (m) of a support at a load factor or, dynamic, a time (s).
-Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time, double t) {
-  if (!support.motion.empty()) return position_at(support.motion, t);
-  return (time.mode == TimeMode::Dynamic ? t / time.end : t) * support.displacement;
-}
-
 /// Supports go into the loads where they move in time, and into `held`.
 /// @param boundaries  boundary triangles with the middles of their edges (6 nodes), from the coarsest mesh to
 /// the finest
-std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceMesh& surface,
+std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceProblem& problem,
                                    const std::vector<Eigen::MatrixXi>& boundaries, ElasticLoads& loads) {
   std::vector<HeldComponent> held;
   std::vector<int> support_of;
-  for (size_t s = 0; s < scene.supports.size(); ++s) {
-    const Support& support = scene.supports[s];
-    const std::vector<int> vertices = vertices_in(support.region, surface);
-    if (vertices.empty())
-      throw std::runtime_error("supports." + std::to_string(s) +
-                               ": no node of the surface lies in its region");
+  for (size_t s = 0; s < problem.held.size(); ++s) {
+    const auto& [vertices, support] = problem.held[s];
     std::set<int> nodes(vertices.begin(), vertices.end());
     for (const Eigen::MatrixXi& faces : boundaries)
       for (const auto& face : faces.colwise())
@@ -125,8 +99,9 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   }
   ElasticSolid solid(fine, scene.reference.degree);
   if (scene.reference.degree == 2) boundaries.push_back(solid.faces());
-  ElasticLoads loads = loads_of(scene, surface, n_children);
-  const std::vector<HeldComponent> held = held_by(scene, surface, boundaries, loads);
+  const SurfaceProblem problem = discretise(scene, surface);
+  ElasticLoads loads = loads_of(scene, surface, problem, n_children);
+  const std::vector<HeldComponent> held = held_by(scene, problem, boundaries, loads);
   solid.assemble(scene.material, scene.reference.law, loads, held);
   if (scene.reference.inertia_relief) solid.relieve_inertia();
   solid.set_tolerance(scene.reference.tolerance);

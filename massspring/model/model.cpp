@@ -9,6 +9,7 @@
 
 #include "massspring/energies/tractions.h"
 #include "massspring/kernels/parts.h"
+#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -32,48 +33,29 @@ State initial_state(const MassSpringModel& model) {
 Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   const TetMesh& network = model.network;
   const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F};
+  const SurfaceProblem problem = discretise(scene, surface);
   Forces forces;
   forces.mass_damping = scene.material.damping;
   if (scene.volume && scene.volume->coefficient > 0) forces.volume_pressure = scene.volume->coefficient;
   forces.load = Eigen::Matrix3Xd::Zero(3, network.X.cols());
   if (scene.gravity) forces.load += *scene.gravity * model.mass.transpose();
-
-  const Eigen::Matrix3Xd areas = area_vectors(surface.X, surface.F);
-  for (size_t l = 0; l < scene.loads.size(); ++l) {
-    const Load& load = scene.loads[l];
-    const std::vector<int> triangles = triangles_in(load.region, surface);
-    if (triangles.empty())
-      throw std::runtime_error("loads." + std::to_string(l) +
-                               ": no triangle of the surface lies in its region");
-    if (load.is_follower) {
-      FollowerPressure follower{load.pressure, Eigen::Matrix3Xi(3, triangles.size())};
-      for (size_t i = 0; i < triangles.size(); ++i) follower.F.col(i) = surface.F.col(triangles[i]);
-      if (!is_closed(follower.F))
-        throw std::runtime_error(
-            "loads." + std::to_string(l) +
-            ".follower = true, expected a region that holds whole components of the surface");
-      forces.followers.push_back(std::move(follower));
-    }
-    if (!load.stress.empty())
-      forces.load.leftCols(network.n_surface) +=
-          traction_forces([&load](const Eigen::Vector3d& x) { return stress_at(load.stress, x); }, surface.X,
-                          surface.F(Eigen::all, triangles));
-    const double dead_pressure = load.is_follower ? 0 : load.pressure;
-    for (int f : triangles) {
-      const Eigen::Vector3d third = (areas.col(f).norm() * load.traction - dead_pressure * areas.col(f)) / 3;
-      for (int i : surface.F.col(f)) forces.load.col(i) += third;
-    }
+  const Eigen::VectorXd areas = area_vectors(surface.X, surface.F).colwise().norm();
+  std::map<double, std::vector<int>> followers;
+  for (int f = 0; f < surface.F.cols(); ++f) {
+    for (const int i : surface.F.col(f)) forces.load.col(i) += areas(f) / 3 * problem.traction.col(f);
+    if (problem.follower_pressure(f) != 0) followers[problem.follower_pressure(f)].push_back(f);
   }
+  for (const auto& [triangles, terms] : problem.stressed)
+    forces.load.leftCols(network.n_surface) +=
+        traction_forces([&terms = terms](const Eigen::Vector3d& x) { return stress_at(terms, x); }, surface.X,
+                        surface.F(Eigen::all, triangles));
+  for (const auto& [pressure, triangles] : followers)
+    forces.followers.push_back({pressure, surface.F(Eigen::all, triangles)});
 
   std::map<int, Constraint> of_node;
-  for (size_t s = 0; s < scene.supports.size(); ++s) {
-    const Support& support = scene.supports[s];
-    const std::vector<int> nodes = vertices_in(support.region, surface);
+  for (const auto& [vertices, support] : problem.held) {
     const auto motion = support.motion.empty() ? nullptr : std::make_shared<const Path>(support.motion);
-    if (nodes.empty())
-      throw std::runtime_error("supports." + std::to_string(s) +
-                               ": no node of the surface lies in its region");
-    for (int i : nodes) {
+    for (const int i : vertices) {
       Constraint& c =
           of_node.try_emplace(i, Constraint{i, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()})
               .first->second;

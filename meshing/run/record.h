@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "meshing/base/snapshot.h"
 #include "meshing/tetrahedra/tet_mesh.h"
 
 namespace testbed::meshing {
@@ -25,12 +26,6 @@ namespace testbed::meshing {
 struct CellBlock {
   int vtk_type;
   Eigen::MatrixXi nodes;  ///< nodes per cell x n_cells
-};
-
-/// A value per node: components x n_nodes.
-struct Field {
-  std::string name;
-  Eigen::MatrixXd values;
 };
 
 /// Writes an unstructured grid (.vtu, raw appended, LZ4) to a temporary name and renames it. Point data

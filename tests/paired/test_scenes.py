@@ -27,6 +27,8 @@ def test_ball_pressure(tmp_path):
     experiment = run_pair("ball_pressure", tmp_path)
     comparison = write_results(experiment)
     assert comparison["status"] == "ok"
+    folders = [experiment.reference_folder, *map(experiment.massspring_folder, LAST_SEEN)]
+    assert len({load_run(folder).record["problem_hash"] for folder in folders}) == 1
 
     # u = -(1 - 2 nu) p x / E is in the finite elements' space, so what is left is the linear solver's tolerance.
     material, pressure = experiment.scene["material"], experiment.scene["loads"][0]["pressure"]

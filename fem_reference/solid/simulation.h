@@ -1,0 +1,53 @@
+// A scene's solid under growing load or in time. Knows no files and no command line.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "fem_reference/solid/dynamics.h"
+#include "fem_reference/solid/elasticity.h"
+#include "meshing/base/snapshot.h"
+#include "meshing/scene/scene.h"
+
+namespace testbed::fem {
+
+/// The part of a scene that the reference does not model; empty: it models all.
+std::string unmodelled_part(const Scene& scene);
+
+class Simulation {
+ public:
+  /// @param timer  told what of the steps is assembly
+  Simulation(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh, StageTimer& timer);
+
+  Simulation(const Simulation&) = delete;
+
+  /// Takes the next load step or time step. Returns whether it converged, without which it has ended.
+  bool advance();
+  bool has_ended() const { return n_done_ == n_steps_ || !is_converged_; }
+  bool is_converged() const { return is_converged_; }
+  int n_done() const { return n_done_; }  ///< that converged
+  int n_steps() const { return n_steps_; }
+  Snapshot snapshot() const;
+
+  const ElasticSolid& solid() const { return solid_; }
+  const ElasticReport& equilibrium() const { return equilibrium_; }        ///< of statics: sums over steps
+  const std::optional<TimeIntegrator>& motion() const { return motion_; }  ///< in time
+  double step() const { return step_; }                                    ///< of time (s)
+  double damping() const { return damping_; }                              ///< mass-proportional (1/s)
+  std::string solver() const;
+
+ private:
+  void set_in_motion();
+  double load_factor() const { return static_cast<double>(n_done_) / n_steps_; }
+
+  const Scene scene_;
+  StageTimer& timer_;
+  ElasticSolid solid_;
+  bool is_proportional_, is_converged_ = true;
+  int n_steps_, n_done_ = 0;
+  double step_ = 0, damping_ = 0;
+  ElasticReport equilibrium_;
+  std::optional<TimeIntegrator> motion_;
+};
+
+}  // namespace testbed::fem

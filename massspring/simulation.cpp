@@ -1,0 +1,154 @@
+#include "massspring/simulation.h"
+
+#include <algorithm>
+#include <sstream>
+#include <stdexcept>
+
+#include "massspring/calibrations/calibrate.h"
+#include "massspring/model/collapse.h"
+#include "massspring/statics/frequencies.h"
+#include "massspring/time/implicit_stage.h"
+#include "meshing/surface/surface.h"
+
+namespace testbed::massspring {
+namespace {
+
+/// The solid of a scene, with its skin and volumes.
+MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
+  const Calibration& calibration = find_calibration(scene.network.calibration);
+  const double share = scene.network.link_share;
+  MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
+                                    : calibrate(network, scene.material, calibration);
+  const bool is_explicit_run = scene.time.mode == TimeMode::Dynamic && is_explicit(scene.time.integrator);
+  if (model.tet_springs && scene.network.mass == MassMatrix::Consistent && !is_explicit_run)
+    model.spread_mass = spread_mass(network.X, network.T, scene.material.rho);
+  if (model.springs) {
+    model.springs->law = scene.network.spring_law;
+    model.springs->damping = scene.network.spring_damping;
+  }
+  if (scene.skin) {
+    add_skin(*scene.skin, model);
+    if (scene.skin->relaxation > 0 && !(model.bending && model.springs))
+      throw std::runtime_error(
+          "skin.relaxation = " + std::to_string(scene.skin->relaxation) +
+          ", expected skin.bending > 0 to drive it and springs along the surface (skin.stiffness > 0)");
+  }
+  if (scene.volume && scene.volume->local > 0) {
+    if (network.T.cols() == 0)
+      throw std::runtime_error("volume.local = " + std::to_string(scene.volume->local) +
+                               ", expected 0 with " + calibration.name +
+                               " springs: their network has no tetrahedra");
+    model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
+    for (Eigen::Index t = 0; t < network.T.cols(); ++t)
+      model.local_volume->rest_volume(t) = rest_volume(network.X, network.T.col(t));
+  }
+  return model;
+}
+
+/// Ascending nodes whose motion is prescribed.
+std::vector<int> driven_nodes(const std::vector<Constraint>& constraints) {
+  std::vector<int> driven;
+  for (const Constraint& c : constraints)
+    if (!c.displacement.isZero(0) || c.motion[0] || c.motion[1] || c.motion[2]) driven.push_back(c.node);
+  std::sort(driven.begin(), driven.end());
+  return driven;
+}
+
+}  // namespace
+
+Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
+    : scene_(scene), model_(model_of(scene, network)), forces_(forces_of(scene, model_)) {
+  const TetMesh& nodes = model_.network;
+  contacts_ = contacts_of(scene, {nodes.X.leftCols(nodes.n_surface), nodes.F});
+  if (model_.spread_mass) gather(driven_nodes(forces_.constraints), *model_.spread_mass);
+  state_ = initial_state(model_);
+  rest_volume_ = state_.target_volume;
+  const TimeOptions& time = scene.time;
+  if (time.mode == TimeMode::Static) {
+    equilibrium_ = std::make_unique<QuasiStaticSolver>(model_, forces_);
+    report_.n_steps = time.load_steps;
+    report_.tolerance = QuasiStaticSolver::kTolerance;
+    return;
+  }
+  if (scene.material.damping_ratio > 0)
+    forces_.mass_damping += damping_of_ratio(model_, forces_.constraints, scene.material.damping_ratio);
+  constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
+  constexpr int kDefaultSteps = 100;
+  step_ = time.step;
+  if (step_ == 0)
+    step_ = is_explicit(time.integrator) ? kSafety * stable_step(model_, forces_, state_)
+                                         : time.end / kDefaultSteps;
+  report_.n_steps = meshing::n_steps(time, step_);
+  IntegratorOptions options;
+  options.gradients = {time.volume_gradient, time.bend_gradient};
+  options.linear_solver = time.linear_solver;
+  options.tolerance = time.tolerance;
+  options.sleep_below = time.sleep_below;
+  stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options, contacts_);
+  if (time.integrator == Integrator::ImplicitEuler)
+    report_.tolerance = options.linear_tolerance;
+  else if (!is_explicit(time.integrator))
+    report_.tolerance = ImplicitStage::kStepTolerance;
+}
+
+bool Simulation::has_ended() const {
+  return report_.n_done == report_.n_steps || report_.status == Status::Diverged ||
+         (is_static() && report_.status == Status::NotConverged);
+}
+
+void Simulation::set_target_volume(double t) {
+  if (!scene_.volume) return;
+  if (!scene_.volume->target.empty())
+    state_.target_volume = rest_volume_ * value_at(scene_.volume->target, t);
+  else if (scene_.collapse)  // [paper 4.4]
+    state_.target_volume = volume(state_.x, model_.network.F);
+}
+
+StepReport Simulation::take_step() {
+  if (is_static()) {
+    const double load_factor = static_cast<double>(report_.n_done + 1) / report_.n_steps;
+    if (scene_.collapse) collapse_to(*scene_.collapse, model_, load_factor, state_);
+    set_target_volume(load_factor);
+    StepReport step = equilibrium_->solve(load_factor, state_);
+    state_.t = load_factor;
+    return step;
+  }
+  if (scene_.collapse) collapse(*scene_.collapse, model_, step_, state_);
+  if (scene_.skin && scene_.skin->relaxation > 0)
+    relax_surface(scene_.skin->relaxation, model_, step_, state_);
+  set_target_volume(state_.t + step_);
+  return stepper_->step(state_, step_);
+}
+
+bool Simulation::advance() {
+  const StepReport step = take_step();
+  ++report_.n_done;
+  report_.newton_iterations += step.newton_iterations;
+  report_.linear_iterations += step.linear_iterations;
+  report_.n_at_rest += step.is_at_rest;
+  report_.n_halved += step.is_halved;
+  report_.residual = step.residual;
+  if (stepper_) report_.solver = stepper_->solver_choice();
+  if (step.status == Status::Ok) return true;
+  report_.status = step.status;
+  if (!is_static()) return true;
+  std::ostringstream reason;
+  reason << "load factor " << state_.t << ", step " << report_.n_done << " of " << report_.n_steps << ": "
+         << (step.reason.empty() ? name_of(step.status) : step.reason);
+  report_.reason = reason.str();
+  return true;
+}
+
+Snapshot Simulation::snapshot() const {
+  const Eigen::Matrix3Xd &X = model_.network.X, &x = state_.x;
+  Snapshot snapshot{
+      state_.t, load_factor(), x - X, kinetic_energy(model_, state_.v), elastic_energy(model_, state_), {}};
+  if (model_.network.T.cols() > 0)
+    snapshot.strains.emplace_back("max_strain", largest_strain(X, model_.network.T, x));
+  if (model_.springs)
+    snapshot.strains.emplace_back("max_spring_strain", largest_strain(*model_.springs, X, x));
+  if (!is_static()) snapshot.fields.push_back({"velocity", state_.v});
+  return snapshot;
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,67 @@
+// A scene's body under growing load or in time: the order of a step. Knows no files and no command line.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "massspring/statics/quasi_static.h"
+#include "massspring/time/integrators.h"
+#include "meshing/base/snapshot.h"
+
+namespace testbed::massspring {
+
+struct SimulationReport {
+  Status status = Status::Ok;
+  std::string reason;  ///< why it ended early
+  int n_steps = 0, n_done = 0;
+  int n_at_rest = 0, n_halved = 0;  ///< of the steps done
+  int newton_iterations = 0, linear_iterations = 0;
+  double residual = 0;              ///< of the last step
+  std::optional<double> tolerance;  ///< of the residual or, of schemes that minimise, of a step over the body
+  std::string solver;               ///< of linear systems, and why; empty where there are none
+};
+
+class Simulation {
+ public:
+  /// The body at rest, on a network with links and tetrahedra where the scene's calibration needs them.
+  /// @throws std::runtime_error when parts of the scene do not go together
+  Simulation(const Scene& scene, const SpringNetwork& network);
+  Simulation(const Simulation&) = delete;
+
+  /// Takes the next load step or time step. Returns whether there is a state to show for it, as there always
+  /// is.
+  bool advance();
+  /// All steps are done, or one found no state to go on from.
+  bool has_ended() const;
+
+  const MassSpringModel& model() const { return model_; }
+  const Forces& forces() const { return forces_; }
+  const State& state() const { return state_; }
+  const SimulationReport& report() const { return report_; }
+  int n_done() const { return report_.n_done; }
+  int n_steps() const { return report_.n_steps; }
+  Snapshot snapshot() const;
+  bool is_static() const { return equilibrium_ != nullptr; }
+  /// Of the loads that act on the state: 1 in time.
+  double load_factor() const { return is_static() ? state_.t : 1; }
+  double step() const { return step_; }                                        ///< of time (s); 0 in statics
+  const QuasiStaticSolver* equilibrium() const { return equilibrium_.get(); }  ///< of statics
+
+ private:
+  void set_target_volume(double t);
+  StepReport take_step();
+
+  Scene scene_;
+  MassSpringModel model_;
+  Forces forces_;
+  Contacts contacts_;
+  State state_;
+  double rest_volume_;  ///< m3
+  double step_ = 0;
+  SimulationReport report_;
+  std::unique_ptr<QuasiStaticSolver> equilibrium_;
+  std::unique_ptr<TimeStepper> stepper_;
+};
+
+}  // namespace testbed::massspring

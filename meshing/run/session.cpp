@@ -1,0 +1,119 @@
+#include "meshing/run/session.h"
+
+#include <iostream>
+
+#include "meshing/base/files.h"
+#include "meshing/run/hash.h"
+#include "meshing/scene/surface_problem.h"
+#include "meshing/surface/surface.h"
+
+namespace testbed::meshing {
+
+int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
+                const std::function<ExitStatus()>& run) {
+  app.add_option("scene", options.scene, "scene file (.toml)")->required();
+  app.add_option("--set", options.overrides, "key=value: overrides a key of the scene; may be repeated")
+      ->allow_extra_args(false);
+  app.add_option("--out", options.out, "output folder")->capture_default_str();
+  app.add_option("--frequencies", options.n_frequencies,
+                 "also find so many of the lowest natural frequencies (Hz) and write them into run.json")
+      ->check(CLI::Range(1, 1000));
+  app.add_flag("--quiet", options.is_quiet, "no progress on stderr");
+  app.add_flag("--force", options.is_forced, "run even when nothing has changed");
+  app.footer(
+      "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
+      "with\n"
+      "its value and meaning) and, last, run.json. A run whose inputs have not changed is not repeated.\n\n" +
+      std::string(kExitStatusHelp));
+  if (const auto status = parse(app, argc, argv)) return *status;
+  try {
+    return run();
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << '\n';
+    return kError;
+  }
+}
+
+Session::Session(const std::string& program, const SessionOptions& options, bool is_first)
+    : scene(read_scene(options.scene, options.overrides)),
+      progress(options.is_quiet || !is_first),
+      program_(program),
+      file_(options.scene),
+      out_(options.out),
+      is_forced_(options.is_forced),
+      is_first_(is_first) {
+  if (!is_first) return;
+  std::filesystem::create_directories(out_);
+  write_file(out_ / "scene.toml", to_toml(scene));
+}
+
+ExitStatus Session::tell(const nlohmann::ordered_json& result) const {
+  return is_first_ ? tell_status(file_, result) : kSolved;  // one tells it for all
+}
+
+ExitStatus Session::refuse(const std::string& reason) {
+  const nlohmann::ordered_json refusal{{"status", "not_solved"}, {"reason", reason}};
+  if (is_first_) write_file(out_ / "run.json", refusal.dump(2) + "\n");
+  return tell(refusal);
+}
+
+std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>& ignored,
+                                                 const std::string& options) {
+  timer.start("mesh");
+  surface = load_surface(scene.surface);
+  timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
+  hash_ = hash_of(input_hash(scene, surface, ignored) + ' ' + options);
+  const auto stored = stored_record(out_, hash_);
+  if (!stored || is_forced_) return {};
+  return tell(*stored);
+}
+
+void Session::start(const std::string& name) {
+  timer.start(name);
+  progress.stage(program_ + ": " + name);
+}
+
+void Session::open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int n_threads) {
+  const auto n_surface = static_cast<int>(surface.X.cols());
+  X_ = X;
+  if (is_first_) recorder_.emplace(out_, std::move(cells), n_surface);
+  nlohmann::ordered_json head = environment_record(program_, n_threads);
+  head["name"] = scene.name;
+  head["input_hash"] = hash_;
+  head["mesh_hash"] = hash_of({reinterpret_cast<const char*>(X.data()), X.size() * sizeof(double)});
+  head["problem_hash"] = hash_of(bytes_of(discretise(scene, surface)));
+  head["n_surface"] = n_surface;
+  head["n_nodes"] = X.cols();
+  record.update(head);
+}
+
+void Session::add(const Snapshot& snapshot, int n, int n_steps, bool is_last) {
+  const Eigen::Matrix3Xd x = surface.X + snapshot.u.leftCols(surface.X.cols());
+  if (recorder_ && scene.output.curves) {
+    std::vector<std::pair<std::string, double>> row{
+        {"time", snapshot.time},
+        {"load_factor", snapshot.load_factor},
+        {"volume", volume(x, surface.F)},
+        {"area", area(x, surface.F)},
+        {"kinetic_energy", snapshot.kinetic_energy},
+        {"elastic_energy", snapshot.elastic_energy},
+        {"max_displacement", snapshot.u.colwise().norm().maxCoeff()}};
+    row.insert(row.end(), snapshot.strains.begin(), snapshot.strains.end());
+    recorder_->add_row(row);
+  }
+  const int every = scene.output.frames_every;
+  if (recorder_ && (is_last || (every > 0 && n % every == 0))) {
+    std::vector<Field> all = snapshot.fields;
+    all.insert(all.end(), fields.begin(), fields.end());
+    recorder_->add_frame(snapshot.time, X_, snapshot.u, all);
+  }
+  progress.update(static_cast<double>(n) / n_steps);
+}
+
+ExitStatus Session::finish() {
+  for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
+  if (recorder_) recorder_->finish(record);
+  return tell(record);
+}
+
+}  // namespace testbed::meshing

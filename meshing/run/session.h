@@ -1,0 +1,93 @@
+// A run of a program on a scene, from its command line to its record: what is the same for both solvers.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "meshing/base/stage_timer.h"
+#include "meshing/run/exit_status.h"
+#include "meshing/run/progress.h"
+#include "meshing/run/record.h"
+#include "meshing/scene/scene.h"
+
+namespace testbed::meshing {
+
+struct SessionOptions {
+  std::string scene, out;
+  std::vector<std::string> overrides;
+  int n_frequencies = 0;
+  bool is_quiet = false, is_forced = false;
+};
+
+/// Reads both programs' common options, and further ones that are in `app`, and calls `run`.
+/// @return the exit status of the program
+int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
+                const std::function<ExitStatus()>& run);
+
+class Session {
+ public:
+  /// Reads the scene, writes it with all its keys to the output folder and loads its surface.
+  /// @param is_first  of the processes that solve it together: it alone writes and speaks
+  Session(const std::string& program, const SessionOptions& options, bool is_first = true);
+
+  /// Writes a record that says why the program does not model the scene.
+  ExitStatus refuse(const std::string& reason);
+
+  /// The status of a finished run of the same inputs, if there is one that may stand.
+  /// @param ignored  keys of the scene that the program does not read
+  /// @param options  of the command line that its results depend on
+  std::optional<ExitStatus> stored_status(const std::vector<std::string>& ignored,
+                                          const std::string& options);
+
+  /// Begins a stage: its time counts as that of `name`.
+  void start(const std::string& name);
+
+  /// Frames hold these cells, the surface's triangles first, over nodes X (3 x n, m) at rest.
+  /// @param n_threads  that the solver may use
+  void open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int n_threads);
+
+  /// Adds a row of curves.csv and, where it is due or the last, a frame.
+  /// @param n  steps done, of n_steps
+  void add(const Snapshot& snapshot, int n, int n_steps, bool is_last);
+
+  /// Writes curves and record.
+  ExitStatus finish();
+
+  const Scene scene;
+  SurfaceMesh surface;
+  Progress progress;
+  StageTimer timer;
+  nlohmann::ordered_json record;
+  std::vector<Field> fields;  ///< that every frame shows besides its snapshot's
+
+ private:
+  ExitStatus tell(const nlohmann::ordered_json& result) const;
+
+  std::string program_, file_, hash_;
+  std::filesystem::path out_;
+  bool is_forced_, is_first_;
+  Eigen::Matrix3Xd X_;
+  std::optional<Recorder> recorder_;  ///< of the first process
+};
+
+/// Takes all steps of a simulation, each of which leaves a snapshot where advance() says that there is a new
+/// state.
+template <class Simulation>
+void take_steps(Simulation& simulation, Session& session) {
+  const auto add = [&] {
+    session.timer.start("output");
+    session.add(simulation.snapshot(), simulation.n_done(), simulation.n_steps(), simulation.has_ended());
+  };
+  session.start("solve");
+  add();
+  while (!simulation.has_ended()) {
+    session.timer.start("solve");
+    if (simulation.advance()) add();
+  }
+  session.timer.stop();
+}
+
+}  // namespace testbed::meshing

@@ -1,0 +1,38 @@
+// What a scene prescribes on its surface, in numbers: made once, for both solvers.
+#pragma once
+
+#include "meshing/scene/scene.h"
+
+namespace testbed::meshing {
+
+struct SurfaceProblem {
+  /// A support and the vertices that it holds, ascending. Where several hold a component, the last prescribes
+  /// it.
+  struct Held {
+    std::vector<int> vertices;
+    Support support;
+  };
+  std::vector<Held> held;
+  Eigen::Matrix3Xd traction;  ///< dead, of pressure also, on each triangle at rest (Pa), 3 x m
+  /// Further traction of triangles at rest: the sum of the stress's terms times the outward normal.
+  struct Stressed {
+    std::vector<int> triangles;
+    std::vector<StressTerm> terms;
+  };
+  std::vector<Stressed> stressed;
+  Eigen::VectorXd
+      follower_pressure;  ///< on each deformed triangle (Pa), m; triangles of one value are closed
+};
+
+/// The scene's supports and loads on its surface.
+/// @throws std::runtime_error when a support or load meets no vertex or triangle, or a follower pressure a
+/// part of a component of the surface.
+SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface);
+
+/// Displacement (m) that a support prescribes at a time (s), in static scenes at a load factor.
+Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time, double t);
+
+/// The numbers as bytes, to compare what two programs solve.
+std::string bytes_of(const SurfaceProblem& problem);
+
+}  // namespace testbed::meshing

@@ -1,0 +1,112 @@
+// Springs and elements are given the same problem on the surface.
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "fem_reference/solid/problem.h"
+#include "massspring/calibrations/calibrate.h"
+#include "meshing/scene/surface_problem.h"
+#include "tests/meshing/box_tets.h"
+
+namespace testbed {
+namespace {
+
+using Eigen::Vector3d;
+
+/// A box of 2 m x 1 m x 1 m with two loads and two supports that overlap, one of them moving.
+struct Boxed {
+  TetMesh mesh = box_tets(4, 2, 2, 0.5);
+  SurfaceMesh surface{mesh.X, mesh.F};
+  Scene scene;
+
+  Boxed() {
+    scene.gravity = Vector3d(1, -9, 2);
+    Load top, all;
+    top.region.shape = Box{{0.5, 0, 1}, {2, 1, 1}};
+    top.pressure = 30;
+    top.traction = {4, 5, 6};
+    StressTerm shear = StressTerm::Zero();
+    shear(1) = 1;  // times y
+    shear(8) = 7;  // Pa of xy
+    top.stress = {shear};
+    all.pressure = 11;
+    scene.loads = {top, all};
+    Support end, under;
+    end.region.shape = Box{{0, 0, 0}, {0, 1, 1}};
+    end.displacement = {0, 0.25, 0};
+    under.region.shape = Box{{0, 0, 0}, {1, 1, 0}};
+    under.fixed = {{false, true, true}};
+    under.motion = {{0, 0, 0, 0}, {0.5, 0, 0.125, 0.5}, {1, 0, 0, 0}};
+    scene.supports = {end, under};
+    scene.reference.degree = 1;
+  }
+
+  massspring::Forces springs() const {
+    const SpringNetwork network{mesh.X, mesh.F, {}, mesh.T, static_cast<int>(mesh.X.cols())};
+    return forces_of(scene, calibrate(network, scene.material, massspring::find_calibration("edge_coupled")));
+  }
+  fem::ElasticSolid elements() const { return fem::assemble_scene(scene, surface, mesh); }
+};
+
+TEST(SameProblem, LinearElementsTakeTheNodalLoadsOfTheSprings) {
+  const Boxed box;
+  const Eigen::VectorXd springs = box.springs().load.reshaped(), elements = box.elements().load();
+  ASSERT_GT(springs.norm(), 100);
+  EXPECT_LT((springs - elements).norm(), 1e-13 * springs.norm());
+}
+
+TEST(SameProblem, SupportsHoldTheSameComponentsAndMoveThemAlike) {
+  const Boxed box;
+  const fem::ElasticSolid solid = box.elements();
+  for (const double t : {0.25, 0.5, 0.75, 1.}) {
+    std::map<std::pair<int, int>, double> springs, elements;
+    for (const massspring::Constraint& c : box.springs().constraints)
+      for (int k = 0; k < 3; ++k)
+        if (c.S(k, k) == 0) springs[{c.node, k}] = prescribed(c, t, 1)(k);
+    for (size_t k = 0; k < solid.held().size(); ++k)  // the last support prescribes
+      elements[{solid.held()[k].node, solid.held()[k].component}] =
+          solid.held_displacement(static_cast<int>(k), t);
+    ASSERT_EQ(springs.size(), 9u * 3 + 6 * 2);  // the end, and what else the underside's half has
+    EXPECT_EQ(springs, elements) << t;
+  }
+}
+
+TEST(SameProblem, FollowersAreWholeShellsAndPressSpringsAndElementsAtFiniteStrain) {
+  Boxed box;
+  Load follower;
+  follower.pressure = 5;
+  follower.is_follower = true;
+  box.scene.loads.push_back(follower);
+  box.scene.loads.push_back(follower);
+  const massspring::Forces forces = box.springs();
+  ASSERT_EQ(forces.followers.size(), 1u);
+  EXPECT_EQ(forces.followers[0].pressure, 10);
+  EXPECT_EQ(forces.followers[0].F, box.mesh.F);
+  // At small strain the elements take it for a dead load, as which it adds nothing to the others' resultant.
+  const Eigen::VectorXd with = box.elements().load();
+  box.scene.loads.resize(2);
+  const Eigen::VectorXd without = box.elements().load();
+  EXPECT_GT((with - without).norm(), 1);
+  EXPECT_LT((with - without).reshaped(3, with.size() / 3).rowwise().sum().norm(), 1e-12 * with.norm());
+  box.scene.loads[0].region.shape = Box{{0.5, 0, 1}, {2, 1, 1}};
+  box.scene.loads[0].is_follower = true;
+  EXPECT_THROW(discretise(box.scene, box.surface), std::runtime_error) << "a part of a shell";
+}
+
+TEST(SameProblem, ItsBytesTellEveryNumberFromOthers) {
+  const Boxed box;
+  const std::string bytes = bytes_of(discretise(box.scene, box.surface));
+  EXPECT_EQ(bytes, bytes_of(discretise(box.scene, box.surface)));
+  std::vector<Scene> others(7, box.scene);
+  others[0].loads[0].pressure = 31;
+  others[1].loads[0].traction.x() = 3;
+  others[2].loads[0].stress[0](8) = 8;
+  others[3].loads[1].is_follower = true;
+  others[4].supports[0].displacement.y() = 0.5;
+  others[5].supports[1].motion[1](3) = 0.25;
+  others[6].supports[1].fixed[0] = true;
+  for (const Scene& other : others) EXPECT_NE(bytes_of(discretise(other, box.surface)), bytes);
+}
+
+}  // namespace
+}  // namespace testbed
