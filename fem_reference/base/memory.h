@@ -9,7 +9,7 @@ namespace testbed::fem {
 /// frequencies) holds far more.
 enum class Memory { Iterations, Factor };
 
-/// Bytes that a mesh of tetrahedra takes at most, by figures measured on balls (README).
+/// Bytes that a mesh of tetrahedra takes at most, by figures measured on balls (analysis/RESULTS.md, 9).
 double memory_needed(double n_tetrahedra, int degree, Memory kind);
 
 /// Free memory of the machine or of the container that holds us (byte).

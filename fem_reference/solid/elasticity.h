@@ -53,8 +53,8 @@ struct Linearisation {
   double energy = 0;                    ///< elastic (J); infinite where the law has none
 };
 
-/// Equilibrium of -div P(grad u) = f [method 7]. Nodes: the vertices of the mesh in their order, then
-/// (degree 2) the middles of its edges.
+/// Equilibrium of -div P(grad u) = f [fem_reference/README.md (1)]. Nodes:
+/// the vertices of the mesh in their order, then (degree 2) the middles of its edges.
 class ElasticSolid {
  public:
   /// @throws std::runtime_error when a tetrahedron has no positive volume.

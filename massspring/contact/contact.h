@@ -61,7 +61,7 @@ class Touches {
 };
 
 /// Schemes that minimise: an energy that rises without bound towards the bodies' surfaces,
-///   kappa sum_i b(d_i), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0,
+///   kappa sum_i b(d_i), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0, [(26)]
 /// d_i the gap of node i, and friction as the lagged potential of a force smoothed below a speed that is no
 /// motion to the eye.
 class Barrier {

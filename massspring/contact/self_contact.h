@@ -16,9 +16,9 @@ struct NearPair {
   double stiffness = 0;    ///< N/m
 };
 
-/// Energy 1/2 k (D - d)^2 of every pair closer than the thickness D, d their distance, negative where they
-/// have passed through each other since they met. Pairs that share a node or are as close at rest do not
-/// count.
+/// Energy 1/2 k (D - d)^2 [(27)] of every pair closer than the thickness D,
+/// d their distance, negative where they have passed through each other since
+/// they met. Pairs that share a node or are as close at rest do not count.
 class SurfaceContact {
  public:
   /// @param thickness  D (m); k is Young's modulus times the surface's mean edge
