@@ -9,7 +9,7 @@ namespace testbed::meshing {
 
 /// Directions span space at a node when the least eigenvalue of the sum of n n^T over its springs is above
 /// this; three orthogonal springs have 1.
-constexpr double least_bracing = 0.05;
+constexpr double kLeastBracing = 0.05;
 
 /// Nodes with fewer than 6 springs or whose springs do not span space.
 std::vector<int> weak_nodes(const SpringNetwork& network);

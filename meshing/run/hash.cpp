@@ -51,13 +51,13 @@ std::string hash_of(const std::string& bytes) {
 }
 
 std::string program_hash() {
-  static const std::string hash = [] {
+  static const std::string kHash = [] {
     const fs::path program = "/proc/self/exe", folder = fs::read_symlink(program).parent_path();
     std::string hashes = hash_of_file(program);
     for (const char* worker : {"gmsh_worker", "tetgen_worker"}) hashes += hash_of_file(folder / worker);
     return hash_of(hashes);
   }();
-  return hash;
+  return kHash;
 }
 
 std::string input_hash(const Scene& scene, const SurfaceMesh& surface,

@@ -18,7 +18,7 @@ namespace {
 
 /// Edges inside are as long as wanted at the surface nearby, or this part of the distance to it: three layers
 /// are fine.
-constexpr double growth = 0.3;
+constexpr double kGrowth = 0.3;
 
 /// One volume of gmsh: an outward shell and the cavities in it.
 struct Solid {
@@ -144,7 +144,7 @@ TetNodes mesh_task(const TetTask& task, int algorithm, double angle_tolerance) {
     const Eigen::Vector3i corners = task.surface.F.col(nearest.triangle);
     const auto weights = barycentric(nearest.point, task.surface.X(Eigen::all, corners));
     const double size = weights.dot(task.size(corners));
-    return std::min(longest, std::max(size, growth * nearest.distance));
+    return std::min(longest, std::max(size, kGrowth * nearest.distance));
   });
   gmsh::model::mesh::generate(3);
   return collect(task.surface.X.cols() + task.interior.cols());
