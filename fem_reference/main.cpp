@@ -73,8 +73,8 @@ std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   return "";
 }
 
-/// Full-load displacement of the surface's vertices on finer and finer meshes, and the error of the first
-/// that they tell.
+/// Full-load displacement of the surface's vertices on finer
+/// and finer meshes, and the error of the first that they tell.
 nlohmann::ordered_json study_convergence(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh,
                                          int n_levels, Progress& progress) {
   nlohmann::ordered_json levels = nlohmann::ordered_json::array();

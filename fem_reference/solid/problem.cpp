@@ -72,8 +72,8 @@ Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time,
 }
 
 /// Supports go into the loads where they move in time, and into `held`.
-/// @param boundaries  boundary triangles with the middles of their edges (6 nodes), from the coarsest mesh to
-/// the finest
+/// @param boundaries  boundary triangles with the middles of
+/// their edges (6 nodes), from the coarsest mesh to the finest
 std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceMesh& surface,
                                    const std::vector<Eigen::MatrixXi>& boundaries, ElasticLoads& loads) {
   std::vector<HeldComponent> held;

@@ -11,8 +11,8 @@ namespace testbed::massspring {
 struct Calibration {
   std::string name;
   bool needs_tetrahedra;
-  void (*set_stiffness)(
-      MassSpringModel& model);  ///< fills springs and tet_springs of a model with its network
+  /// Fills springs and tet_springs of a model with its network.
+  void (*set_stiffness)(MassSpringModel& model);
 };
 
 /// Every spring model there is.
@@ -27,10 +27,10 @@ const Calibration& find_calibration(const std::string& name);
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
                           const Calibration& calibration);
 
-/// The same with coupled springs, whose network's links, all of one stiffness, stand beside them for a share
-/// of the shear modulus mu and, as springs do, as much of lambda.
-/// @throws std::runtime_error as calibrate, and for springs that are not coupled or a share that takes more
-/// than lambda
+/// The same with coupled springs, beside which the network's links stand, all of one stiffness.
+/// They take a share of the shear modulus mu and, as springs do, as much of lambda.
+/// @throws std::runtime_error as calibrate, and for springs
+/// that are not coupled or a share that takes more than lambda
 MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
                                      const Calibration& calibration, double share);
 

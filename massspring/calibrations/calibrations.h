@@ -18,13 +18,13 @@ void calibrate_affine(MassSpringModel& model);
 /// @throws std::runtime_error for nu below 1/4.
 void calibrate_van_gelder(MassSpringModel& model);
 
-/// As van_gelder with k = sum_T (2 sqrt(2)/25) E_0 a_T, a_T the edge of the regular tetrahedron of T's
-/// volume, E_0 = 5/2 mu [(17), Lloyd, Szekely & Harders 2007].
+/// As van_gelder with k = sum_T (2 sqrt(2)/25) E_0 a_T and E_0 = 5/2 mu [(17), Lloyd, Szekely & Harders
+/// 2007]. The regular tetrahedron of T's volume has the edge a_T.
 void calibrate_lloyd(MassSpringModel& model);
 
-/// Springs between nodes at most two tetrahedra edges apart, whose stiffnesses
-/// k >= 0 fit the moments that linear (and, softly, quadratic) fields must
-/// balance at every node [(18)]; and a dilatation term at nodes for nu > 1/4.
+/// Springs between nodes at most two tetrahedra edges apart, and a dilatation term at nodes for nu > 1/4.
+/// Stiffnesses k >= 0 fit the moments that linear and, softly, quadratic fields must balance
+/// at every node [(18)].
 /// @throws std::runtime_error for nu below 1/4, and when no non-negative k fits.
 void calibrate_moment(MassSpringModel& model);
 

@@ -39,16 +39,16 @@ class RigidPart {
     grow();
   }
 
-  /// Is content with less independent directions from now on: in a narrow wedge of the body there are no
-  /// better ones.
+  /// Is content with less independent directions from now on:
+  /// in a narrow wedge of the body there are no better ones.
   void lower_bracing() {
     enough_ /= 10;
     for (size_t i = 0; i < n_ties_.size(); ++i)
       if (!is_tied_[i] && n_ties_[i] > 0) frontier_.push_back(static_cast<int>(i));
   }
 
-  /// Links nodes of the finished part until six springs hold each in independent directions, as far as the
-  /// body allows.
+  /// Links nodes of the finished part until six springs hold
+  /// each in independent directions, as far as the body allows.
   void strengthen() {
     enough_ = kLeastBracing;
     least_ties_ = 6;

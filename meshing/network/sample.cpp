@@ -72,8 +72,8 @@ struct OpenCell {
   int n_missed;
 };
 
-/// Collects the cells of the block [from, to) that reach down to the depth psi, halving blocks that are
-/// neither wholly in nor out.
+/// Collects the cells of the block [from, to) that reach down to
+/// the depth psi, halving blocks that are neither wholly in nor out.
 void collect_open_cells(const HashGrid& grid, const SurfaceTree& tree, double psi, const Eigen::Array3i& from,
                         const Eigen::Array3i& to, std::vector<OpenCell>& open) {
   const Eigen::Vector3d low = grid.corner(from), high = grid.corner(to);
@@ -94,8 +94,8 @@ void collect_open_cells(const HashGrid& grid, const SurfaceTree& tree, double ps
   collect_open_cells(grid, tree, psi, middle_from, to, open);
 }
 
-/// The points along a Morton curve: neighbours in space are neighbours in memory, which doubles the speed of
-/// all that comes after.
+/// The points along a Morton curve: neighbours in space are neighbours
+/// in memory, which doubles the speed of all that comes after.
 Eigen::Matrix3Xd in_morton_order(const std::vector<Eigen::Vector3d>& points, const Eigen::AlignedBox3d& box) {
   constexpr int kBits = 21;
   std::vector<std::pair<std::uint64_t, int>> order;

@@ -31,8 +31,8 @@ struct Fnv1a {
   }
 };
 
-/// Piece by piece: a program of 80 MB read whole would be most of what a small run takes of memory. A missing
-/// file counts as empty.
+/// Piece by piece: a program of 80 MB read whole would be most of
+/// what a small run takes of memory. A missing file counts as empty.
 std::string hash_of_file(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
   std::vector<char> piece(1 << 16);

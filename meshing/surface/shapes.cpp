@@ -21,8 +21,8 @@ SurfaceMesh to_mesh(const std::vector<Eigen::Vector3d>& points,
   return mesh;
 }
 
-/// Geodesic sphere of radius 1: every side of the icosahedron in `frequency` parts, 10 frequency^2 + 2
-/// vertices.
+/// Geodesic sphere of radius 1: every side of the icosahedron
+/// in `frequency` parts, 10 frequency^2 + 2 vertices.
 SurfaceMesh make_ball(int n_vertices) {
   const int frequency = std::max(1, static_cast<int>(std::lround(std::sqrt((n_vertices - 2) / 10.0))));
   const double g = (1 + std::sqrt(5.0)) / 2;
@@ -101,8 +101,8 @@ SurfaceMesh make_torus(int n_vertices) {
   return to_mesh(points, triangles);
 }
 
-/// Box of cells as cubic as the size allows, a corner at the origin; diagonals join the even points of the
-/// lattice.
+/// Box of cells as cubic as the size allows, a corner at the origin;
+/// diagonals join the even points of the lattice.
 SurfaceMesh make_bar(int n_vertices, const Eigen::Vector3d& size) {
   auto count = [](const Eigen::Vector3i& n) { return 2 * (n[0] * n[1] + n[1] * n[2] + n[2] * n[0]) + 2; };
   Eigen::Vector3i cells(1, 1, 1);
@@ -142,9 +142,9 @@ SurfaceMesh make_bar(int n_vertices, const Eigen::Vector3d& size) {
   return to_mesh(points, triangles);
 }
 
-/// Closed surface of rings between two poles (vertices 0 and last); ring k holds sizes[k] points, from
-/// `point(k, angle)` with the angle turning counter-clockwise seen from the last pole. Neighbouring rings are
-/// zipped by angle.
+/// Closed surface of rings between two poles (vertices 0 and last);
+/// ring k holds sizes[k] points, from `point(k, angle)` with the angle turning
+/// counter-clockwise seen from the last pole. Neighbouring rings are zipped by angle.
 SurfaceMesh zip_rings(const std::vector<int>& sizes, const std::function<Eigen::Vector3d(int, double)>& point,
                       const Eigen::Vector3d& first_pole, const Eigen::Vector3d& last_pole) {
   std::vector<Eigen::Vector3d> points{first_pole};
@@ -203,8 +203,8 @@ SurfaceMesh make_handle(int n_vertices) {
 
 /// Sizes of rings that cover a sphere evenly with n vertices, poles included.
 std::vector<int> even_rings(int n) {
-  // Rings are as far apart as the points of a ring: (pi/n_rings)^2 = area per point = 4 pi/n, a little less
-  // for triangles.
+  // Rings are as far apart as the points of a ring:
+  // (pi/n_rings)^2 = area per point = 4 pi/n, a little less for triangles.
   const int n_rings = std::max(1, static_cast<int>(std::lround(std::sqrt(n * kPi / 4 * 1.1547))) - 1);
   double total = 0;
   for (int k = 0; k < n_rings; ++k) total += std::sin(kPi * (k + 1) / (n_rings + 1));
@@ -220,8 +220,8 @@ std::vector<int> even_rings(int n) {
   return sizes;
 }
 
-/// A head on its neck, about 2 m high, looking along x: a level set of a sum of Gaussians, star-shaped about
-/// the origin.
+/// A head on its neck, about 2 m high, looking along x:
+/// a level set of a sum of Gaussians, star-shaped about the origin.
 SurfaceMesh make_head(int n_vertices) {
   struct Blob {
     Eigen::Vector3d centre, radii;

@@ -14,8 +14,8 @@ namespace testbed::meshing {
 
 namespace {
 
-/// A triangle is degenerate when its height is below this fraction of its longest edge: some thousand
-/// rounding errors.
+/// A triangle is degenerate when its height is below this
+/// fraction of its longest edge: some thousand rounding errors.
 constexpr double kDegenerateHeight = 1e-12;
 
 struct HalfEdge {

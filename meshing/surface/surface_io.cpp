@@ -1,5 +1,5 @@
-// Readers of our own but for VTK's files: VTK's return float32, split vertices at OBJ normals and know no
-// OFF.
+// Readers of our own but for VTK's files: VTK's return
+// float32, split vertices at OBJ normals and know no OFF.
 #include "meshing/surface/surface_io.h"
 
 #include <algorithm>

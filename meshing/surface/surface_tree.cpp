@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kLeafSize = 4;
 
-/// Where on a triangle a nearest point lies: in it (-1), on the edge from corner c to c + 1 (c), or at corner
-/// c (3 + c).
+/// Where on a triangle a nearest point lies: in it (-1),
+/// on the edge from corner c to c + 1 (c), or at corner c (3 + c).
 struct OnTriangle {
   Eigen::Vector3d point;
   int feature;

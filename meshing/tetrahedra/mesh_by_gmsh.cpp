@@ -16,8 +16,8 @@ namespace testbed::meshing {
 
 namespace {
 
-/// Edges inside are as long as wanted at the surface nearby, or this part of the distance to it: three layers
-/// are fine.
+/// Edges inside are as long as wanted at the surface nearby,
+/// or this part of the distance to it: three layers are fine.
 constexpr double kGrowth = 0.3;
 
 /// One volume of gmsh: an outward shell and the cavities in it.
@@ -61,9 +61,9 @@ std::vector<Solid> add_surface(const SurfaceMesh& surface, const std::vector<She
   return solids;
 }
 
-/// Gives gmsh the points that lie in each solid (the one that the triangle nearest to it bounds), as one
-/// discrete entity: one for each point takes time as the square of their number. Nodes get the tags from
-/// `first_tag` on.
+/// Gives gmsh the points that lie in each solid (the one that the triangle nearest to it bounds),
+/// as one discrete entity: one for each point takes time as the
+/// square of their number. Nodes get the tags from `first_tag` on.
 void add_points(const Eigen::Matrix3Xd& points, std::size_t first_tag, const SurfaceTree& tree,
                 const std::vector<Shell>& shells, const std::vector<Solid>& solids) {
   std::map<int, int> solid_of;  // by triangle
