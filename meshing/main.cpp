@@ -19,7 +19,7 @@ using namespace testbed::meshing;
 
 namespace {
 
-constexpr int vtk_line = 3, vtk_triangle = 5, vtk_tetra = 10;
+constexpr int kVtkLine = 3, kVtkTriangle = 5, kVtkTetra = 10;
 
 /// Nodes and cells for ParaView; n_surface as field data.
 void write_cells(const std::string& file, const Eigen::Matrix3Xd& X, const std::vector<CellBlock>& cells,
@@ -112,12 +112,12 @@ void print_network(const SpringNetwork& network, const SurfaceMesh& surface) {
   for (long s = n_edges; s < network.E.cols(); ++s)
     n_outside += !is_inside(tree, network.X, network.n_surface, network.E(0, s), network.E(1, s));
   std::printf("links outside the solid %ld\n", n_outside);
-  constexpr int most_nodes = 20000;  // the factorisation takes a minute there
-  if (network.X.cols() <= most_nodes)
+  constexpr int kMostNodes = 20000;  // the factorisation takes a minute there
+  if (network.X.cols() <= kMostNodes)
     std::printf("floppy modes %d\n", count_floppy_modes(network));
   else
     std::printf("floppy modes not counted above %d nodes (completed_pcp has none by construction)\n",
-                most_nodes);
+                kMostNodes);
 }
 
 void print_quality(const TetMesh& mesh) {
@@ -186,11 +186,11 @@ void add_network(CLI::App& app) {
     const SpringNetwork network = connect(surface, interior, arguments->connect, &report);
     print_network(network, surface);
     std::printf("PCP stages %zu\n", report.white_per_stage.size());
-    std::vector<CellBlock> cells{{vtk_triangle, network.F}, {vtk_line, network.E}};
+    std::vector<CellBlock> cells{{kVtkTriangle, network.F}, {kVtkLine, network.E}};
     if (nodes.T.cols() > 0) {
       print_attempts(attempts);
       print_quality(nodes);
-      cells.push_back({vtk_tetra, nodes.T});
+      cells.push_back({kVtkTetra, nodes.T});
     }
     if (!arguments->out.empty()) write_cells(arguments->out, network.X, cells, network.n_surface);
   });
@@ -217,7 +217,7 @@ void add_tetrahedralize(CLI::App& app) {
     std::printf("nodes %ld (surface %d)\n", mesh.X.cols(), mesh.n_surface);
     print_quality(mesh);
     if (!arguments->out.empty())
-      write_cells(arguments->out, mesh.X, {{vtk_triangle, mesh.F}, {vtk_tetra, mesh.T}}, mesh.n_surface);
+      write_cells(arguments->out, mesh.X, {{kVtkTriangle, mesh.F}, {kVtkTetra, mesh.T}}, mesh.n_surface);
   });
 }
 

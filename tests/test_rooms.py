@@ -40,13 +40,16 @@ def includes_of(text: str) -> list[str]:
 def is_allowed(room: str, included: str) -> bool:
     target = str(Path(included).parent)
     return any(
-        target == allowed or ("/" not in allowed and target.startswith(allowed + "/") and target != "meshing/run")
+        target == allowed
+        or ("/" not in allowed and target.startswith(allowed + "/") and target != "meshing/run")
         for allowed in [room, *BELOW[room]]
     )
 
 
 def test_every_folder_of_sources_is_a_room() -> None:
-    rooms = {str(folder.relative_to(ROOT)) for top in TOPS for folder in (ROOT / top).iterdir() if folder.is_dir()}
+    rooms = {
+        str(folder.relative_to(ROOT)) for top in TOPS for folder in (ROOT / top).iterdir() if folder.is_dir()
+    }
     assert rooms - {"massspring/examples"} == set(BELOW)
 
 

@@ -35,7 +35,7 @@ double memory_needed(double n_tetrahedra, int degree, Memory kind) {
 }
 
 double memory_available() {
-  const char* const kGroup = "/sys/fs/cgroup/";
+  constexpr const char* kGroup = "/sys/fs/cgroup/";
   const std::string limit = std::string(kGroup) + "memory.max", used = std::string(kGroup) + "memory.current";
   const double of_group = number_in(limit.c_str(), "", 1);
   return std::min(number_in("/proc/meminfo", "MemAvailable:", 1024),

@@ -5,11 +5,11 @@
 
 namespace testbed::fem {
 
-/// What a solution is found by: iterations hold the matrix alone, a Cholesky factor (steps in time, natural
-/// frequencies) holds far more.
+/// What a solution is found by: iterations hold the matrix alone,
+/// a Cholesky factor (steps in time, natural frequencies) holds far more.
 enum class Memory { Iterations, Factor };
 
-/// Bytes that a mesh of tetrahedra takes at most, by figures measured on balls (README).
+/// Bytes that a mesh of tetrahedra takes at most, by figures measured on balls (analysis/RESULTS.md, 9).
 double memory_needed(double n_tetrahedra, int degree, Memory kind);
 
 /// Free memory of the machine or of the container that holds us (byte).

@@ -1,5 +1,5 @@
-// Processes that solve one scene together, started by mpirun. Each holds the whole mesh and a part of the
-// cells.
+// Processes that solve one scene together, started by mpirun.
+// Each holds the whole mesh and a part of the cells.
 #pragma once
 
 #include <Eigen/Core>

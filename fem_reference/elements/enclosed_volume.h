@@ -1,5 +1,5 @@
-// The volume that a closed surface of straight or curved triangles encloses: the potential of a pressure that
-// follows it, per pressure.
+// The volume that a closed surface of straight or curved triangles encloses:
+// the potential of a pressure that follows it, per pressure.
 #pragma once
 
 #include <Eigen/Core>

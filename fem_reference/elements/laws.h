@@ -19,12 +19,11 @@ struct ElasticResponse {
   Eigen::Matrix<double, 9, 9> C;  ///< dP/dF (Pa)
 };
 
-/// Response of a law at F, of a material whose stress-free state has shrunk by the fraction s in every
-/// direction (eigenstrain -s I, or F = F_elastic (1 - s) at finite strain).
-///   small_strain         lambda/2 tr(eps)^2 + mu eps : eps, eps = sym F - I + s I        [method 7]
-///   st_venant_kirchhoff  the same in E = (F^T F - I)/2
-///   neo_hookean          mu/2 (|F|^2 - 3) + lambda/4 (J^2 - 1) - (mu + lambda/2) ln J    [Ciarlet & Geymonat
-///   1982]
+/// Response of a law at F [fem_reference/README.md]. The stress-free state has shrunk by the fraction s
+/// in every direction: an eigenstrain -s I, or F = F_elastic (1 - s) at finite strain.
+///   small_strain         lambda/2 tr(eps)^2 + mu eps : eps, eps = sym F - I + s I        [(2)]
+///   st_venant_kirchhoff  the same in E = (F^T F - I)/2                                 [(3)]
+///   neo_hookean          mu/2 (|F|^2 - 3) + lambda/4 (J^2 - 1) - (mu + lambda/2) ln J    [(4)]
 /// @param with_tangent  false: C is left unset
 ElasticResponse respond(ElasticLaw law, const LameConstants& lame, const Eigen::Matrix3d& F, double s,
                         bool with_tangent = true);

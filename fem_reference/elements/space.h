@@ -41,8 +41,8 @@ struct Nodes {
 /// Its cells are divided among the processes by their subdomain.
 dealii::Triangulation<3>& triangulate(const TetMesh& mesh, dealii::Triangulation<3>& triangulation);
 
-/// A vector-valued Lagrange space, its degrees of freedom by node and back. Those of a node follow each
-/// other.
+/// A vector-valued Lagrange space, its degrees of freedom
+/// by node and back. Those of a node follow each other.
 struct Space {
   dealii::FE_SimplexP<3> scalar_element;
   dealii::FESystem<3> element;

@@ -135,8 +135,8 @@ void ElasticSolid::Implementation::for_each_element(const Space& on, const Matri
                     });
 }
 
-/// Tangent at `at`, whose columns are the nodes. Returns the out-of-balance forces load - dW/du, less those
-/// of prescribed values.
+/// Tangent at `at`, whose columns are the nodes. Returns the
+/// out-of-balance forces load - dW/du, less those of prescribed values.
 Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatrix& into,
                                                                const Matrix3Xd& at, double load_factor,
                                                                const Tangent& tangent) const {

@@ -18,9 +18,9 @@ struct Modes {
   int n_rigid = 0;            ///< how many of them are rigid motions
 };
 
-/// The n lowest modes by Lanczos iteration on (K + s M)^-1, s > 0 small, so that free bodies are no
-/// exception. K may be singular, M must be positive definite; the unknowns `held` (ascending) stay where they
-/// are.
+/// The n lowest modes by Lanczos iteration on (K + s M)^-1, s > 0 small,
+/// so that free bodies are no exception. K may be singular, M must be
+/// positive definite; the unknowns `held` (ascending) stay where they are.
 /// @throws std::runtime_error when it does not converge.
 Modes natural_modes(const Eigen::SparseMatrix<double>& K, const Eigen::SparseMatrix<double>& M,
                     const std::vector<int>& held, int n);
@@ -44,8 +44,8 @@ struct Dynamics {
   double stiffness_damping = 0;      ///< s
   Eigen::VectorXd load;              ///< N, constant in time
   std::vector<int> held;             ///< unknowns whose motion is prescribed
-  /// Their displacement at a time (m), which gives velocity and acceleration by central differences over a
-  /// step; empty: they stay.
+  /// Their displacement at a time (m), which gives velocity and
+  /// acceleration by central differences over a step; empty: they stay.
   std::function<Eigen::VectorXd(double t)> held_motion;
   /// f and its tangent (if asked for) at finite strain; empty: K u.
   std::function<Linearisation(const Eigen::VectorXd& u, bool with_tangent)> linearise;

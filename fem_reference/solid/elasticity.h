@@ -19,11 +19,11 @@ struct ElasticLoads {
   std::function<Eigen::Vector3d(const Eigen::Vector3d& x)> body_force;  ///< N/m3
   /// On boundary triangle `f` of the mesh, at x (Pa).
   std::function<Eigen::Vector3d(const Eigen::Vector3d& x, int f)> traction;
-  /// Pressure (Pa) on boundary triangle `f` as it is deformed; whole components of the surface. At finite
-  /// strain.
+  /// Pressure (Pa) on boundary triangle `f` as it is deformed;
+  /// whole components of the surface. At finite strain.
   std::function<double(int f)> follower_pressure;
-  /// Stress-free shrinkage s(x) at a load factor, eps* = -s I: the continuum form of collapsing rest lengths
-  /// [paper eq. 8].
+  /// Stress-free shrinkage s(x) at a load factor, eps* = -s I:
+  /// the continuum form of collapsing rest lengths [paper eq. 8].
   std::function<double(const Eigen::Vector3d& x, double load_factor)> shrinkage;
   /// Displacement (m) of the k-th held component at a load factor; absent: it grows with that.
   std::function<double(int k, double load_factor)> motion;
@@ -53,8 +53,8 @@ struct Linearisation {
   double energy = 0;                    ///< elastic (J); infinite where the law has none
 };
 
-/// Equilibrium of -div P(grad u) = f [method 7]. Nodes: the vertices of the mesh in their order, then
-/// (degree 2) the middles of its edges.
+/// Equilibrium of -div P(grad u) = f [fem_reference/README.md (1)]. Nodes:
+/// the vertices of the mesh in their order, then (degree 2) the middles of its edges.
 class ElasticSolid {
  public:
   /// @throws std::runtime_error when a tetrahedron has no positive volume.
@@ -72,22 +72,22 @@ class ElasticSolid {
   /// Takes the problem over and assembles its loads.
   void assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
                 const std::vector<HeldComponent>& held);
-  /// Adds to the load the inertia of the free rigid motions that it drives: what deforms a body that moves
-  /// freely, seen from the body.
+  /// Adds to the load the inertia of the free rigid motions that it drives:
+  /// what deforms a body that moves freely, seen from the body.
   void relieve_inertia();
   /// Residual, relative to the load, at which the linear solve of small strain stops; 1e-13 unless set.
   void set_tolerance(double tolerance);
   /// Number of rigid motions that the held components leave free; they are kept out of the solution.
   int n_free_rigid_motions() const;
 
-  /// Equilibrium at a load factor, from the one found before (at first: from rest). Small strain: one linear
-  /// solve. Finite strain: Newton with line search on the potential energy, in up to 64 parts; where that
-  /// fails, displacement stays at the last equilibrium. Linear systems by conjugate gradients; degree 2
-  /// preconditioned by two levels, SOR sweeps and a correction of degree 1 by sparse Cholesky, degree 1 by
-  /// sparse Cholesky alone.
+  /// Equilibrium at a load factor, from the one found before (at first: from rest). Small strain:
+  /// one linear solve. Finite strain: Newton with line search on the potential energy,
+  /// in up to 64 parts; where that fails, displacement stays at the last equilibrium.
+  /// Linear systems by conjugate gradients; degree 2 preconditioned by two levels, SOR sweeps
+  /// and a correction of degree 1 by sparse Cholesky, degree 1 by sparse Cholesky alone.
   /// @param timer  told the stages "assemble" and "solve"
-  /// @throws std::runtime_error when rigid motions are left free and the loads drive them: names the motions,
-  /// force and torque.
+  /// @throws std::runtime_error when rigid motions are left free
+  /// and the loads drive them: names the motions, force and torque.
   ElasticReport solve(double load_factor = 1, StageTimer* timer = nullptr);
   /// 3 x n_nodes (m); orthogonal in L2 to the rigid motions that are free.
   const Eigen::Matrix3Xd& displacement() const;

@@ -16,8 +16,8 @@ RefinementError richardson(const std::vector<Eigen::Matrix3Xd>& u, const Surface
   const Eigen::Matrix3Xd last_change = finest - u[u.size() - 2];
   RefinementError error{2, false, 0, 0};
   if (u.size() > 2 && norm(last_change) > 0) {
-    // Slower than first order would mean that extrapolation has nothing to stand on; faster than the 8 of
-    // quadratic elements is chance.
+    // Slower than first order would mean that extrapolation has nothing
+    // to stand on; faster than the 8 of quadratic elements is chance.
     constexpr double kSlowest = 1.3, kFastest = 8;
     error.ratio = std::clamp(norm(u[u.size() - 2] - u[u.size() - 3]) / norm(last_change), kSlowest, kFastest);
     error.is_ratio_observed = true;

@@ -17,8 +17,8 @@ namespace testbed::fem {
 std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> make_multigrid(const Epetra_RowMatrix& matrix,
                                                                     Eigen::MatrixXd& near_null);
 
-/// A V-cycle for a symmetric matrix, as a preconditioner of conjugate gradients [Vanek, Mandel & Brezina
-/// 1996].
+/// A V-cycle for a symmetric matrix, as a preconditioner
+/// of conjugate gradients [Vanek, Mandel & Brezina 1996].
 class AlgebraicMultigrid {
  public:
   /// @param lower  the matrix's lower half, diagonal included, columns ascending; three unknowns to a node

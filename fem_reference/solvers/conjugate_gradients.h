@@ -25,8 +25,8 @@ inline Eigen::VectorXd without(const Eigen::MatrixXd& columns, const Eigen::Vect
   return v - columns * components;
 }
 
-/// Solves K x = b in the space orthogonal to `rigid`, which a tangent out of balance does not take to zero
-/// [Hestenes & Stiefel 1952].
+/// Solves K x = b in the space orthogonal to `rigid`, which a tangent
+/// out of balance does not take to zero [Hestenes & Stiefel 1952].
 /// @param product       (p, Kp): Kp = K p
 /// @param precondition  (r): a symmetric positive definite approximation of K^-1 times r
 /// @param K_norm  Frobenius norm of K

@@ -5,8 +5,8 @@
 
 namespace testbed::fem {
 
-/// Solves A x = b by conjugate gradients, preconditioned by algebraic multigrid with rigid motions as
-/// near-null space.
+/// Solves A x = b by conjugate gradients, preconditioned by
+/// algebraic multigrid with rigid motions as near-null space.
 /// @param part  this process' summand of A; the same unknowns are held in all
 /// @param rigid  free rigid motions over the degrees of freedom, orthonormal columns; kept out of x
 /// @param b  whole, as is the solution

@@ -90,8 +90,8 @@ struct TwoLevelSolver::Levels {
     return coarse_space ? cycle(fine, r) : solve_degree_1(r);
   }
 
-  /// z = (D + L)^-1 r; z += P A_1^-1 P^T (r - A z); z += (D + L)^-T (r - A z): symmetric and positive
-  /// definite.
+  /// z = (D + L)^-1 r; z += P A_1^-1 P^T (r - A z);
+  /// z += (D + L)^-T (r - A z): symmetric and positive definite.
   VectorXd cycle(const SystemMatrix& fine, const VectorXd& r) const {
     const std::vector<unsigned>&dof = fine_space.dof_of, &coarse_dof = coarse_space->dof_of;
     const Rows& A = fine.lower;

@@ -7,10 +7,10 @@
 
 namespace testbed::massspring {
 
-/// Preconditioner that moves groups of neighbouring nodes as rigid bodies, groups of groups likewise, and so
-/// on [Vanek et al. 1996; Braess 1995]: rigid motions cost no elastic energy, so that what smoothing leaves
-/// is what few rigid bodies can follow. Groups have the matrix of the system it was made of; the nodes
-/// themselves are smoothed by damped block Jacobi with the system at hand.
+/// Preconditioner that moves groups of neighbouring nodes as rigid bodies, groups of groups likewise,
+/// and so on [Vanek, Mandel & Brezina 1996; Braess 1995]: rigid motions cost no elastic energy,
+/// so that what smoothing leaves is what few rigid bodies can follow. Groups have the matrix of the system
+/// it was made of; the nodes themselves are smoothed by damped block Jacobi with the system at hand.
 class Multigrid {
  public:
   /// @param inverse  of the system's diagonal blocks

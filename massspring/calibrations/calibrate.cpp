@@ -23,9 +23,9 @@ Eigen::VectorXd masses_without_tetrahedra(const SpringNetwork& network, double t
   return mass * (total / mass.sum());
 }
 
-/// Springs along the surface before those inside, both part by part [parts.h], and in a part by ascending
-/// nodes, which follow a curve through space: whoever goes through the springs finds most of their nodes in
-/// the cache.
+/// Springs along the surface before those inside, both part by part [parts.h],
+/// and in a part by ascending nodes, which follow a curve through space:
+/// whoever goes through the springs finds most of their nodes in the cache.
 void sort_springs(MassSpringModel& model) {
   const TetMesh& network = model.network;
   const Eigen::Matrix2Xi E = model.springs->E, edges = edges_of(network.F);

@@ -28,10 +28,10 @@ const Calibration& find_calibration(const std::string& name);
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
                           const Calibration& calibration);
 
-/// The same with coupled springs, whose network's links, all of one stiffness, stand beside them for a share
-/// of the shear modulus mu and, as springs do, as much of lambda.
-/// @throws std::runtime_error as calibrate, and for springs that are not coupled or a share that takes more
-/// than lambda
+/// The same with coupled springs, beside which the network's links stand, all of one stiffness.
+/// They take a share of the shear modulus mu and, as springs do, as much of lambda.
+/// @throws std::runtime_error as calibrate, and for springs
+/// that are not coupled or a share that takes more than lambda
 MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
                                      const Calibration& calibration, double share);
 

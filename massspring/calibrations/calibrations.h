@@ -6,30 +6,30 @@
 namespace testbed::massspring {
 
 /// One stiffness for every spring of the network, scaled to Young's modulus by affine theory: E = sum k r^2 /
-/// (6 V) [the paper; method 6]. Poisson's ratio is 1/4 whatever the material says.
+/// (6 V) [the paper; (15), (16)]. Poisson's ratio is 1/4 whatever the material says.
 void calibrate_uniform(MassSpringModel& model, const Eigen::Matrix2Xi& links);
 
-/// The same scale, but every spring stands for the same volume: k ~ 1/r^2.
+/// The same scale, but every spring stands for the same volume: k ~ 1/r^2 [(16)].
 void calibrate_affine(MassSpringModel& model, const Eigen::Matrix2Xi& links);
 
-/// Springs on the edges of the tetrahedra instead of the network's, k = sum_T 5/2 mu V_T / r^2: the affine
-/// stiffness of every tetrahedron that is regular [Van Gelder 1998], and a dilatation term at nodes for nu >
-/// 1/4.
+/// Springs on the edges of the tetrahedra instead of the network's,
+/// k = sum_T 5/2 mu V_T / r^2: the affine stiffness of every tetrahedron that is
+/// regular [(17), Van Gelder 1998], and a dilatation term at nodes for nu > 1/4.
 /// @throws std::runtime_error for nu below 1/4.
 void calibrate_van_gelder(MassSpringModel& model, const Eigen::Matrix2Xi& links);
 
-/// As van_gelder with k = sum_T (2 sqrt(2)/25) E_0 a_T, a_T the edge of the regular tetrahedron of T's
-/// volume, E_0 = 5/2 mu [Lloyd, Szekely & Harders 2007].
+/// As van_gelder with k = sum_T (2 sqrt(2)/25) E_0 a_T and E_0 = 5/2 mu [(17), Lloyd, Szekely & Harders
+/// 2007]. The regular tetrahedron of T's volume has the edge a_T.
 void calibrate_lloyd(MassSpringModel& model, const Eigen::Matrix2Xi& links);
 
-/// Springs between nodes at most two tetrahedra edges apart, whose stiffnesses k >= 0 fit the moments that
-/// linear (and, softly, quadratic) fields must balance at every node; and a dilatation term at nodes for nu >
-/// 1/4.
+/// Springs between nodes at most two tetrahedra edges apart, and a dilatation term at nodes for nu > 1/4.
+/// Stiffnesses k >= 0 fit the moments that linear and, softly, quadratic fields must balance
+/// at every node [(18)].
 /// @throws std::runtime_error for nu below 1/4, and when no non-negative k fits.
 void calibrate_moment(MassSpringModel& model, const Eigen::Matrix2Xi& links);
 
-/// The dilatation term: (lambda - mu)/2 V (div u)^2 of small strain, averaged at nodes, on top of springs of
-/// shear modulus mu.
+/// The dilatation term: (lambda - mu)/2 V (div u)^2 [(19)] of small
+/// strain, averaged at nodes, on top of springs of shear modulus mu.
 /// @throws std::runtime_error for nu below 1/4.
 void add_dilatation(MassSpringModel& model);
 

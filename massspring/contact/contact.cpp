@@ -171,8 +171,8 @@ BarrierValue barrier_at(double d, double range) {
   return {-e * e * q, -2 * e * q - e * e / d, -2 * q - 4 * e / d + e * e / (d * d)};
 }
 
-/// The length s (m) that friction acts along, smoothed below `slip`: its value, s over its derivative by s,
-/// and the derivative of that.
+/// The length s (m) that friction acts along, smoothed below `slip`:
+/// its value, s over its derivative by s, and the derivative of that.
 struct SmoothLength {
   double value, norm, dnorm;
 };

@@ -1,5 +1,5 @@
-// Contact of nodes with obstacles: by projection for explicit schemes, by the constraint matrix W for the
-// linearised one [paper 3.2], by a barrier for those that minimise [Li et al. 2020].
+// Contact of nodes with obstacles. Explicit schemes project, the linearised one constrains by the matrix W
+// [paper 3.2], and those that minimise have a barrier [Li et al. 2020].
 #pragma once
 
 #include "massspring/contact/rigid_body.h"
@@ -18,15 +18,15 @@ inline const Contacts no_contacts;
 /// @throws std::runtime_error when the mesh of an obstacle cannot be read or is not closed
 Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface);
 
-/// Explicit schemes: nodes that end a step from `before` to positions x and velocities v inside a body, or
-/// went through it, are set onto its surface, lose their velocity into it and, by Coulomb's friction, of that
-/// along it as much as the blow allows. Takes energy only.
+/// Explicit schemes: nodes that end a step inside a body, or went through it, are set onto its surface.
+/// They lose their velocity into it and, by Coulomb's friction, of that along it as much as the blow allows.
+/// Takes energy only. The step leads from `before` to positions x and velocities v.
 class PushOut {
  public:
   explicit PushOut(const std::vector<RigidBody>& bodies) : bodies_(bodies), clearance_(bodies.size()) {}
 
-  /// To be called for every step in turn: nodes are not looked at while they have gone less far than a body
-  /// was away.
+  /// To be called for every step in turn: nodes are not looked
+  /// at while they have gone less far than a body was away.
   void operator()(const State& before, double h, Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
  private:
@@ -38,14 +38,14 @@ class PushOut {
 /// them, until the force that keeps them there would pull.
 class Touches {
  public:
-  /// Adds the constraints of the nodes in touch to `constraints`, and the friction of those that slide, as
-  /// known from the step before, to `friction` (N, 3 x n).
+  /// Adds the constraints of the nodes in touch to `constraints`. Adds to `friction` (N, 3 x n)
+  /// that of the nodes that slide, as known from the step before.
   void hold(const std::vector<RigidBody>& bodies, const State& state, double h,
             std::vector<Constraint>& constraints, Eigen::Matrix3Xd& friction) const;
 
-  /// Looks at the forces r = M dv/h - f (N) that the constraints took in the step from `before`: lets nodes
-  /// go where they pull, and slide or stick where friction gives or holds; then pushes out what else is
-  /// inside.
+  /// Looks at the forces r = M dv/h - f (N) that the constraints took in the
+  /// step from `before`: lets nodes go where they pull, and slide or stick
+  /// where friction gives or holds; then pushes out what else is inside.
   void settle(const std::vector<RigidBody>& bodies, const State& before, double h, const Eigen::Matrix3Xd& r,
               Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
@@ -61,18 +61,17 @@ class Touches {
 };
 
 /// Schemes that minimise: an energy that rises without bound towards the bodies' surfaces,
-///   kappa sum_i b(d_i), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0,
-/// d_i the gap of node i, and friction as the lagged potential of a force smoothed below a speed that is no
-/// motion to the eye.
+///   kappa sum_i b(d_i), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0, [(26)]
+/// d_i the gap of node i. Friction is the lagged potential of
+/// a force smoothed below a speed that is no motion to the eye.
 class Barrier {
  public:
   /// Nodes that supports hold are left alone. kappa = E times the mean length of springs or, without, of the
-  /// surface's edges, D a thousandth of the box's
-  /// diagonal.
+  /// surface's edges; D is a thousandth of the box's diagonal.
   Barrier(const MassSpringModel& model, const Forces& forces, const std::vector<RigidBody>& bodies);
 
-  /// A step begins: bodies go to their places at t + h, friction is taken from the contact forces at x (3 x
-  /// n, m).
+  /// A step begins: bodies go to their places at t + h,
+  /// friction is taken from the contact forces at x (3 x n, m).
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x);
 
   /// Moves y to where it is outside of all bodies, coming from x. Returns whether it had to.

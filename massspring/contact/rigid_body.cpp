@@ -46,7 +46,7 @@ std::function<Gap(const Vector3d&)> gap_to_mesh(const ClosedMesh& mesh) {
   const SurfaceMesh surface = load_surface(source);
   const Eigen::AlignedBox3d box(surface.X.rowwise().minCoeff(), surface.X.rowwise().maxCoeff());
   return [box, tree = std::make_shared<const SurfaceTree>(surface)](const Vector3d& x) -> Gap {
-    const Gap to_box = gap_of(Box{box.min(), box.max()}, x);
+    Gap to_box = gap_of(Box{box.min(), box.max()}, x);
     if (to_box.distance > box.diagonal().norm()) return to_box;  // far enough for a lower bound to do
     const double depth = tree->depth(x);
     const Vector3d way = x - tree->nearest(x).point;

@@ -22,9 +22,9 @@ class RigidBody {
 
   Eigen::Vector3d translation(double t) const;
 
-  /// Where the straight way from x at time t to y at time t + h, as seen from the body, first comes within
-  /// `least` of it: a point at time t + h. Found by steps as long as the gap [conservative advancement], so
-  /// that nothing is thin enough to be missed.
+  /// Where the straight way from x at time t to y at time t + h first comes within `least` of it,
+  /// as seen from the body: a point at time t + h. Found by steps as long as the gap
+  /// [conservative advancement], so that nothing is thin enough to be missed.
   std::optional<Eigen::Vector3d> first_touch(const Eigen::Vector3d& x, const Eigen::Vector3d& y, double t,
                                              double h, double least) const;
 

@@ -7,8 +7,8 @@
 
 namespace testbed::massspring {
 
-/// Four nodes and what is between them: e = sum w_a x_a joins the nearest points of two of the surface's
-/// parts.
+/// Four nodes and what is between them: e = sum w_a x_a
+/// joins the nearest points of two of the surface's parts.
 struct NearPair {
   std::array<int, 4> node;
   std::array<double, 4> weight;
@@ -16,23 +16,23 @@ struct NearPair {
   double stiffness = 0;    ///< N/m
 };
 
-/// Energy 1/2 k (D - d)^2 of every pair closer than the thickness D, d their distance, negative where they
-/// have passed through each other since they met. Pairs that share a node or are as close at rest do not
-/// count.
+/// Energy 1/2 k (D - d)^2 [(27)] of every pair closer than the thickness D. Their distance d is negative
+/// where they have passed through each other since they met. Pairs that share a node or are as close at rest
+/// do not count.
 class SurfaceContact {
  public:
   /// @param thickness  D (m); k is Young's modulus times the surface's mean edge
   SurfaceContact(const MassSpringModel& model, double thickness);
 
-  /// A step begins at positions x (3 x n, m): looks for pairs again when nodes have moved so far that new
-  /// ones may have met, and remembers on which side of each other they lie.
+  /// A step begins at positions x (3 x n, m). Remembers on which side of each other pairs lie.
+  /// Looks for pairs again when nodes have moved so far that new ones may have met.
   void begin_step(const Eigen::Matrix3Xd& x);
 
   double energy(const Eigen::Matrix3Xd& x) const;                         ///< J
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const;  ///< N
 
-  /// Pairs in contact; sum of stiffness times (w_a n)(w_b n)^T is the positive semidefinite part of the
-  /// Hessian.
+  /// Pairs in contact; sum of stiffness times (w_a n)(w_b n)^T
+  /// is the positive semidefinite part of the Hessian.
   std::vector<NearPair> touching(const Eigen::Matrix3Xd& x) const;
 
  private:

@@ -16,10 +16,10 @@ struct Bending {
 /// Every edge of a closed surface F at rest positions X (m), with bending stiffness k_b (J).
 Bending make_bending(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b);
 
-/// Energy (J) 1/2 stiffness (theta - theta_0)^2 of all hinges at positions x (3 x n, m), the difference in
-/// (-pi, pi]. Where a triangle has shrunk to t < 1 times a tenth of its area at rest, the difference counts
-/// t (2 - t) times, down to nothing: at an angle alone, triangles that crumple would push their nodes the
-/// harder the thinner they are, without bound.
+/// Energy (J) 1/2 stiffness (theta - theta_0)^2 [(9)] of all hinges at positions x (3 x n, m),
+/// the difference in (-pi, pi]. Where a triangle has shrunk to t < 1 times a tenth of its
+/// area at rest, the difference counts t (2 - t) times, down to nothing: at an angle alone,
+/// triangles that crumple would push their nodes the harder the thinner they are, without bound.
 double energy(const Bending& bending, const Eigen::Matrix3Xd& x);
 
 /// f -= gradient of the energy (N).

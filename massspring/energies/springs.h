@@ -1,4 +1,4 @@
-// Damped linear springs [paper eq. 1].
+// Damped springs [paper eq. 1]. Equations are those of massspring/README.md.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,11 +18,11 @@ struct Springs {
   std::vector<int> first = {};
 };
 
-/// Energy of all springs (J); rest lengths r (m), positions x (3 x n, m).
+/// Energy of all springs (J) [(3), (6)]; rest lengths r (m), positions x (3 x n, m).
 double energy(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x);
 
-/// f_a -= t(|l|) l/|l|, f_b the opposite (N), t the tension, l = x_a - x_b. A spring of no length has no
-/// direction and exerts no force.
+/// f_a -= t(|l|) l/|l|, f_b the opposite (N) [(2)], t the tension, l = x_a - x_b.
+/// A spring of no length has no direction and exerts no force.
 void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                 Eigen::Matrix3Xd& f);
 
@@ -31,7 +31,7 @@ void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, cons
 using SpringBlocks = Eigen::Matrix4Xd;
 
 /// Hessian of the energy (N/m) times a scale: B = t' n n^T + t/|l| (I - n n^T), n = l/|l|; projected, t is
-/// not taken below 0 [method 5].
+/// not taken below 0 [(4)].
 SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                      double scale = 1, Curvature curvature = Curvature::Projected);
 
@@ -48,7 +48,7 @@ void add_diagonal(const Springs& springs, const SpringBlocks& B, std::vector<Eig
 void add_product(const Springs& springs, const SpringBlocks& B, const Eigen::Matrix3Xd& p,
                  Eigen::Matrix3Xd& y);
 
-/// f_a -= k_d (mu . n) n, mu = v_a - v_b (N).
+/// f_a -= k_d (mu . n) n, mu = v_a - v_b (N) [(2)].
 void add_damping_forces(const Springs& springs, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,
                         Eigen::Matrix3Xd& f);
 

@@ -108,7 +108,8 @@ SingularValues singular_values(const Matrix3d& F) {
   return {U, V, s};
 }
 
-/// Parts k (E : dF)^2 of psi'': that of g'' and at most five negative eigenvalues' [Smith et al. 2019].
+/// Parts k (E : dF)^2 of psi'': that of g'' and at most
+/// five negative eigenvalues' [Smith, de Goes & Kim 2019].
 struct Modes {
   int n = 0;
   std::array<double, 6> k;

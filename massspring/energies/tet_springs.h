@@ -2,13 +2,13 @@
 //
 // A patch holds nodes j with vectors b_j, sum b_j = 0, and measures one deformation gradient F = sum_j x_j
 // b_j^T. Since
-//   F^T F = -1/2 sum_jk |x_j - x_k|^2 b_j b_k^T,
-// its energy V psi(F), psi isotropic, depends on the squared lengths of the springs among its nodes alone
-// (and, through det F, on which of two mirror images it is): coupled springs [Delingette 2008, Kikuuwe et al.
-// 2009]. Patches of one tetrahedron are P1 elasticity, which is too stiff. Patches that average F over the
-// tetrahedra around a node are too soft, those around an edge (around each spring) a little too stiff [node-
-// and edge-based smoothed finite elements, Liu et al. 2009]. Any blend of them keeps linear fields exact; one
-// with node patches does not lock, because incompressibility then acts on nodes alone.
+//   F^T F = -1/2 sum_jk |x_j - x_k|^2 b_j b_k^T, [(10)]
+// its energy V psi(F), psi isotropic, depends on the squared lengths of the springs among its nodes
+// alone (and, through det F, on which of two mirror images it is): coupled springs [Delingette 2008, Kikuuwe
+// et al. 2009]. Patches of one tetrahedron are P1 elasticity, which is too stiff. Patches that average F over
+// the tetrahedra around a node are too soft, those around an edge (around each spring) a little too stiff
+// [(11), node- and edge-based smoothed finite elements, Liu et al. 2009]. Any blend of them keeps linear
+// fields exact; one with node patches does not lock, because incompressibility then acts on nodes alone.
 #pragma once
 
 #include <Eigen/Core>
@@ -44,7 +44,7 @@ struct TetSprings {
 };
 
 /// Parts of the energy that act on the strain of single tetrahedra, and on its averages around edges and
-/// around nodes. Sum 1.
+/// around nodes [(13)]. Sum 1.
 struct Blend {
   double tetrahedra, edges, nodes;
 };
@@ -56,13 +56,13 @@ inline constexpr Blend node_averaged{0, 0.9, 0.1};
 
 /// Patches of a blend, those of tetrahedra, edges and nodes in this order, each kind in the order of the
 /// parts of a body that is large enough. X 3 x n (m), T 4 x m of positive volume. With node patches, what
-/// lambda exceeds mu by acts on them alone.
+/// lambda exceeds mu by acts on them alone [(14)].
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
                           const Blend& blend);
 
 /// Elastic energy (J) at positions x (3 x n, m), the rest shape of patch p shrunk by scale(p): its energy is
 /// scale^3 V psi(F / scale). An empty scale stands for ones.
-///   psi(F) = mu/2 (|F|^2 - 3) + g(J), J = det F,
+///   psi(F) = mu/2 (|F|^2 - 3) + g(J), J = det F, [(12)]
 ///   g(J) = lambda/4 (J^2 - 1) - (mu + lambda/2) ln J for J >= J_0 = 0.1, its second-order expansion about
 ///   J_0 below.
 /// Polyconvex [Ciarlet & Geymonat 1982], so it never softens to collapse; linear elasticity at small strain;

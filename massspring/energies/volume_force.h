@@ -10,11 +10,11 @@ namespace testbed::massspring {
 /// last one of F: a third of the area vector A n of each triangle to each vertex.
 double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient);
 
-/// Energy (J) 1/2 P (V - V_1)^2 / V_1 of the volume V enclosed by the triangles F at positions x (m), with
-/// pressure coefficient P (Pa) and target volume V_1 (m3).
+/// Energy (J) 1/2 P (V - V_1)^2 / V_1 [(7)] of the volume V enclosed by the triangles
+/// F at positions x (m), with pressure coefficient P (Pa) and target volume V_1 (m3).
 double volume_energy(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x);
 
-/// f -= gradient of the energy (N): on each triangle P (V_1 - V)/V_1 A n, a third to each vertex.
+/// f -= gradient of the energy (N) [(7)]: on each triangle P (V_1 - V)/V_1 A n, a third to each vertex.
 void add_volume_forces(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
                        Eigen::Matrix3Xd& f);
 
@@ -34,7 +34,7 @@ struct LocalVolume {
   Eigen::VectorXd rest_volume;  ///< V_T0 (m3)
 };
 
-/// Energy (J) sum_T 1/2 kappa (V_T - V_T0)^2 / V_T0.
+/// Energy (J) sum_T 1/2 kappa (V_T - V_T0)^2 / V_T0 [(8)].
 double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x);
 
 /// f -= gradient of the energy (N).

@@ -18,13 +18,13 @@ Eigen::VectorXd fall_off(const Eigen::Vector3d& pivot, const TetSprings& springs
 /// shrink by prod_pivots (1 - R w s), w at rest, s growing linearly from 0 at the pivot's start to 1.
 void collapse_to(const Collapse& collapse, const MassSpringModel& model, double load_factor, State& state);
 
-/// Collapses rest lengths, and the rest shapes of patches, by every pivot at work at state.t, for h seconds:
-/// r <- r (1 - R w)^h, so that the result does not hang on the step, or per step r <- r (1 - R w). Springs
-/// along the surface come first among the model's.
+/// Collapses rest lengths, and the rest shapes of patches, by every pivot at work at state.t,
+/// for h seconds: r <- r (1 - R w)^h [(21)], so that the result does not hang on the step,
+/// or per step r <- r (1 - R w). Springs along the surface come first among the model's.
 void collapse(const Collapse& collapse, const MassSpringModel& model, double h, State& state);
 
 /// Relaxes the springs along the surface's edges, which come first, for h seconds:
-/// r_ij <- r_ij (1 - R' (f_i + f_j) / (2 max f))^h, f_i the mean bending force of the edges at node i.
+/// r_ij <- r_ij (1 - R' (f_i + f_j) / (2 max f))^h [(22)], f_i the mean bending force of the edges at node i.
 void relax_surface(double coefficient, const MassSpringModel& model, double h, State& state);
 
 }  // namespace testbed::massspring

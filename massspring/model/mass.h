@@ -9,7 +9,7 @@
 namespace testbed::massspring {
 
 /// What tells the consistent mass matrix of linear tetrahedra from masses m at nodes:
-///   M = diag(m) - R,  R = sum over edges ij of r (d_i - d_j)(d_i - d_j)^T,
+///   M = diag(m) - R,  R = sum over edges ij of r (d_i - d_j)(d_i - d_j)^T, [(20)]
 /// r a twentieth of the mass of the tetrahedra around the edge. Total mass and momentum are the same; the
 /// inertia that nodes exaggerate, as they lie at the corners of what they stand for, is not.
 struct SpreadMass {

@@ -148,11 +148,11 @@ void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix
 /// Springs are all that add_stiffness adds, so that no step needs the matrix.
 bool is_springs_alone(const MassSpringModel& model);
 
-/// y_i <- S_i y_i at every constrained node.
+/// y_i <- S_i y_i at every constrained node [(25)].
 void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y);
 
-/// A <- S A S + (I - S) d, d the largest diagonal entry: the matrix on the constrained space, regular where A
-/// is on that space.
+/// A <- S A S + (I - S) d [(25)], d the largest diagonal entry:
+/// the matrix on the constrained space, regular where A is on that space.
 void filter(const std::vector<Constraint>& constraints, BlockMatrix& A);
 
 /// Moves constrained nodes from rest to where they are prescribed at t, along the directions taken away only.

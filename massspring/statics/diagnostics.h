@@ -8,13 +8,13 @@
 namespace testbed::massspring {
 
 struct Diagnostics {
-  double
-      pressure_error;  ///< patch test under uniform pressure: relative L2 displacement error at the surface
+  /// Patch test under uniform pressure: relative L2 displacement error at the surface.
+  double pressure_error;
   double uniaxial_error;      ///< the same under uniaxial tension
   double bending_compliance;  ///< work of the tractions over the exact work: 1 is exact, less is too stiff
   double torsion_compliance;
-  Eigen::VectorXd
-      node_error;  ///< per node: larger error of bending and torsion over the field's largest displacement
+  /// Per node: larger error of bending and torsion over the field's largest displacement.
+  Eigen::VectorXd node_error;
 };
 
 /// Solves the four exact fields with the model as built.

@@ -13,8 +13,8 @@ namespace testbed::massspring {
 /// at rest, renewed where that has become a poor guide.
 ///
 /// Motions that cost no energy at rest are kept out of the solution: rigid ones that the supports leave free,
-/// and those of a network that is a mechanism, as the paper's is [accuracy 1]. Nothing would stop the latter;
-/// the share of the load on them is reported.
+/// and those of a network that is a mechanism, as the paper's is [massspring/README.md, section 1].
+/// Nothing would stop the latter; the share of the load on them is reported.
 class QuasiStaticSolver {
  public:
   /// Of the balance of forces, relative to the largest met on the way, or else to rounding.

@@ -5,7 +5,7 @@
 
 namespace testbed::massspring {
 
-/// Solves v = w + a M^-1 f(x, v), x = y + a v on the free directions as the minimum over x of
+/// Solves v = w + a M^-1 f(x, v), x = y + a v on the free directions as the minimum over x [(24)] of
 ///   1/(2 a^2) |x - y - a w|_M^2 + potential(x) + a R((x - y)/a),
 /// R the power that damping takes, springs damped along their directions at the start [Martin et al. 2011].
 /// Newton's method with a positive semidefinite Hessian, inexact linear solves and backtracking, so that

@@ -8,7 +8,7 @@ namespace {
 using Eigen::Matrix3Xd;
 
 /// (M - h df/dv - h^2 df/dx) dv = h (f + h df/dx v) on the free directions, dx = h (v + dv) [paper eq. 7,
-/// method 5]. With A the matrix on the left and f_0 the forces without damping, the right-hand side is
+/// (23)]. With A the matrix on the left and f_0 the forces without damping, the right-hand side is
 /// h f_0 + M v - A v.
 class LinearisedEuler : public Scheme {
  public:

@@ -14,8 +14,6 @@
 
 #include "meshing/base/files.h"
 
-extern char** environ;
-
 namespace testbed::meshing {
 
 namespace {

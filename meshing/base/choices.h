@@ -18,7 +18,8 @@ enum class Integrator {
 };
 /// Method for the linear systems of the linearised implicit step.
 enum class Krylov { Cg, BiCgStab };
-/// Tension of an independent spring compressed below its rest length r; above it both are Hooke's.
+/// Tension of an independent spring compressed below its rest length r; above it both are
+/// Hooke's [massspring/README.md (3) to (6)].
 enum class SpringLaw {
   Hooke,    ///< k_s (l - r): a network of such springs loses ellipticity at 20 % hydrostatic compression
   Definite  ///< k_s r/4 (1 - (r/l)^4): the same stiffness at rest, without bound as l -> 0

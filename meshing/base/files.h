@@ -11,8 +11,8 @@ namespace testbed::meshing {
 /// The bytes of a file. @throws std::runtime_error when it cannot be read.
 std::string read_file(const std::filesystem::path& file);
 
-/// Writes `text` to a temporary name beside `file` and renames it, so that a half-written file is never
-/// found.
+/// Writes `text` to a temporary name beside `file` and
+/// renames it, so that a half-written file is never found.
 /// @throws std::runtime_error when it cannot be written.
 void write_file(const std::filesystem::path& file, const std::string& text);
 

@@ -8,13 +8,13 @@
 namespace testbed::meshing {
 
 namespace {
-constexpr int leaf_size = 8;
+constexpr int kLeafSize = 8;
 }
 
 KdTree::KdTree(const Eigen::Matrix3Xd& points)
     : points_(points), order_(points.cols()), leaf_of_(points.cols()), is_removed_(points.cols(), false) {
   std::iota(order_.begin(), order_.end(), 0);
-  nodes_.reserve(4 * order_.size() / leaf_size + 1);
+  nodes_.reserve(4 * order_.size() / kLeafSize + 1);
   if (!order_.empty()) build(0, static_cast<int>(order_.size()), -1);
 }
 
@@ -22,7 +22,7 @@ void KdTree::build(int begin, int end, int parent) {
   const int node = static_cast<int>(nodes_.size());
   nodes_.push_back({{}, begin, end, parent, -1, end - begin});
   for (int p = begin; p < end; ++p) nodes_[node].box.extend(points_.col(order_[p]));
-  if (end - begin <= leaf_size) {
+  if (end - begin <= kLeafSize) {
     for (int p = begin; p < end; ++p) leaf_of_[order_[p]] = node;
     return;
   }

@@ -14,8 +14,8 @@ class KdTree {
  public:
   explicit KdTree(const Eigen::Matrix3Xd& points);
 
-  /// The (at most) k points left that are nearest to x, nearest first; equal distances by `tie`, then by
-  /// index.
+  /// The (at most) k points left that are nearest to x,
+  /// nearest first; equal distances by `tie`, then by index.
   std::vector<int> nearest(const Eigen::Vector3d& x, int k, const std::function<int(int)>& tie = {}) const;
 
   void remove(int point);

@@ -33,8 +33,8 @@ SpringNetwork assemble(const SurfaceMesh& surface, Eigen::Matrix3Xd X, Pairs lin
 }
 
 Pairs all_pairs(int n) {
-  constexpr double most_pairs = 2e7;  // a model keeps some 100 bytes for each spring
-  if (0.5 * n * (n - 1.0) > most_pairs)
+  constexpr double kMostPairs = 2e7;  // a model keeps some 100 bytes for each spring
+  if (0.5 * n * (n - 1.0) > kMostPairs)
     throw std::runtime_error("complete connectivity of " + std::to_string(n) + " nodes has " +
                              std::to_string(static_cast<long>(0.5 * n * (n - 1.0))) +
                              " springs, expected at most 20000000");
@@ -100,9 +100,9 @@ SpringNetwork complete_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& i
 }  // namespace
 
 const std::vector<std::string>& connectivity_names() {
-  static const std::vector<std::string> names = {"surface",  "central", "complete",
-                                                 "delaunay", "pcp",     "completed_pcp"};
-  return names;
+  static const std::vector<std::string> kNames = {"surface",  "central", "complete",
+                                                  "delaunay", "pcp",     "completed_pcp"};
+  return kNames;
 }
 
 Connectivity connectivity_of(const std::string& name) {

@@ -39,18 +39,18 @@ class RigidPart {
     grow();
   }
 
-  /// Is content with less independent directions from now on: in a narrow wedge of the body there are no
-  /// better ones.
+  /// Is content with less independent directions from now on:
+  /// in a narrow wedge of the body there are no better ones.
   void lower_bracing() {
     enough_ /= 10;
     for (size_t i = 0; i < n_ties_.size(); ++i)
       if (!is_tied_[i] && n_ties_[i] > 0) frontier_.push_back(static_cast<int>(i));
   }
 
-  /// Links nodes of the finished part until six springs hold each in independent directions, as far as the
-  /// body allows.
+  /// Links nodes of the finished part until six springs hold
+  /// each in independent directions, as far as the body allows.
   void strengthen() {
-    enough_ = least_bracing;
+    enough_ = kLeastBracing;
     least_ties_ = 6;
     for (int i = 0; i < X_.cols(); ++i) {
       spread_[i].setZero();
@@ -112,9 +112,9 @@ class RigidPart {
 
   /// Links a node to the nearest tied ones until these springs span space.
   bool brace(int node) {
-    constexpr int fewest = 32, most = 2048;
+    constexpr int kFewest = 32, kMost = 2048;
     if (is_held(node)) return true;
-    for (int k = fewest; k <= most; k *= 2)
+    for (int k = kFewest; k <= kMost; k *= 2)
       for (int other : nodes_.nearest(X_.col(node), k)) {
         const auto& known = neighbours_[node];
         if (!is_tied_[other] || std::find(known.begin(), known.end(), other) != known.end() ||
@@ -132,7 +132,7 @@ class RigidPart {
   const Eigen::Matrix3Xd& X_;
   const SurfaceTree& surface_tree_;
   int n_surface_;
-  double enough_ = least_bracing;
+  double enough_ = kLeastBracing;
   int least_ties_ = 3;
   std::vector<std::pair<int, int>>& springs_;
   std::vector<std::vector<int>> neighbours_;
@@ -155,8 +155,8 @@ std::vector<int> make_rigid(const SurfaceMesh& surface, const SurfaceTree& tree,
     while (part.extend()) {
     }
   }
-  constexpr int n_times_lower = 3;  // down to 5e-5: beyond, rounding makes the proof void
-  for (int times = 0; times < n_times_lower; ++times) {
+  constexpr int kTimesLower = 3;  // down to 5e-5: beyond, rounding makes the proof void
+  for (int times = 0; times < kTimesLower; ++times) {
     part.lower_bracing();
     while (part.extend()) {
     }

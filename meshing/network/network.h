@@ -11,8 +11,7 @@ namespace testbed::meshing {
 
 enum class Sampling {
   Darts,    ///< the paper's: random points that pass the three tests of figure 4
-  Relaxed,  ///< then moved towards the centres of their cells: more even, the distance phi no longer
-            ///< guaranteed
+  Relaxed,  ///< then moved towards the centres of their cells: more even, but phi is no longer kept
   Graded    ///< moved likewise, to be as dense as the surface nearby
 };
 
@@ -25,13 +24,13 @@ struct SampleOptions {
   Sampling sampling = Sampling::Darts;
 };
 
-/// Random internal nodes, 3 x k' with k' <= k (m) [paper 4.2, fig. 4]. Always ends; the same seed gives the
-/// same nodes everywhere.
+/// Random internal nodes, 3 x k' with k' <= k (m) [paper 4.2, fig. 4].
+/// Always ends; the same seed gives the same nodes everywhere.
 /// @throws std::runtime_error for options out of range or a grid too fine to store.
 Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& options);
 
-/// The options with phi and psi filled in: the mean surface edge (less in a body thinner than that) and half
-/// of that.
+/// The options with phi and psi filled in: the mean surface
+/// edge (less in a body thinner than that) and half of that.
 SampleOptions fill_spacing(const SurfaceMesh& surface, SampleOptions options);
 
 /// Moves internal nodes (3 x k) by Lloyd steps towards a centroidal Voronoi distribution in the body, the
@@ -42,8 +41,8 @@ Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3
 
 /// How to read the pseudocode of figure 8.
 enum class PcpReading {
-  StageWise,  ///< gray nodes turn white when all white ones of the stage are done; ends with the last black
-              ///< node
+  /// Gray nodes turn white when all white ones of the stage are done; ends with the last black node.
+  StageWise,
   WholeLastStage,  ///< the same, but every white node of the last stage projects its springs
   Literal          ///< gray nodes turn white after each white node: a tree
 };
@@ -57,9 +56,9 @@ struct PcpReport {
   std::vector<int> white_per_stage;  ///< white nodes dequeued in each stage
 };
 
-/// Links surface and internal nodes by projective cascading propagation [paper 4.2, fig. 8]: every white node
-/// projects springs to the nearest nodes that are not white, at equal distance to the one of least degree,
-/// then of least index.
+/// Links surface and internal nodes by projective cascading propagation [paper 4.2, fig. 8]:
+/// every white node projects springs to the nearest nodes that are not white.
+/// At equal distance, the node of least degree is taken, then that of least index.
 /// @throws std::runtime_error for a multiplicity below 3.
 SpringNetwork link_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
                        const PcpOptions& options, PcpReport* report = nullptr);

@@ -14,7 +14,7 @@ namespace testbed::meshing {
 
 Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
                                 double least_depth, std::uint64_t seed, bool is_graded) {
-  constexpr int n_steps = 10, points_per_node = 32;
+  constexpr int kSteps = 10, kPointsPerNode = 32;
   const SurfaceTree tree(surface);
   const int n_surface = static_cast<int>(surface.X.cols()), n = n_surface + static_cast<int>(interior.cols());
   Eigen::Matrix3Xd sites(3, n);
@@ -23,7 +23,7 @@ Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3
   // The body as random points, the same in every step.
   const Eigen::AlignedBox3d box(surface.X.rowwise().minCoeff(), surface.X.rowwise().maxCoeff());
   Random random(seed);
-  Eigen::Matrix3Xd body(3, points_per_node * interior.cols());
+  Eigen::Matrix3Xd body(3, kPointsPerNode * interior.cols());
   for (int filled = 0; filled < body.cols();) {
     Eigen::Vector3d x = box.min();
     for (int axis = 0; axis < 3; ++axis) x[axis] += box.sizes()[axis] * random.uniform();
@@ -46,7 +46,7 @@ Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3
     for (int i = n_surface; i < n && i - n_surface < static_cast<int>(drawn.size()); ++i)
       sites.col(i) = body.col(drawn[i - n_surface].second);
   }
-  for (int step = 0; step < n_steps; ++step) {
+  for (int step = 0; step < kSteps; ++step) {
     const KdTree nodes(sites);
     Eigen::Matrix4Xd sum = Eigen::Matrix4Xd::Zero(4, n);  // of each site's points, and their weight
     for (int p = 0; p < body.cols(); ++p)

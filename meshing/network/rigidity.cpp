@@ -61,7 +61,7 @@ std::vector<int> weak_nodes(const SpringNetwork& network) {
   }
   for (size_t i = 0; i < spread.size(); ++i) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread[i], Eigen::EigenvaluesOnly);
-    if (n_springs[i] < 6 || solver.eigenvalues()[0] < least_bracing) weak.push_back(static_cast<int>(i));
+    if (n_springs[i] < 6 || solver.eigenvalues()[0] < kLeastBracing) weak.push_back(static_cast<int>(i));
   }
   return weak;
 }
@@ -70,8 +70,8 @@ int count_floppy_modes(const SpringNetwork& network) {
   // Sylvester: the factor D of K - shift = L D L^T has as many negative entries as K has eigenvalues below
   // the shift. Without pivoting rounding grows by 1/shift at worst, to the shift itself; slender bodies have
   // eigenvalues of 1e-7 that a larger one would count.
-  constexpr double shift = 1e-8;
-  Eigen::SparseMatrix<double> K = shifted_stiffness(network, shift);
+  constexpr double kShift = 1e-8;
+  Eigen::SparseMatrix<double> K = shifted_stiffness(network, kShift);
   cholmod_common common;
   cholmod_start(&common);
   common.supernodal = CHOLMOD_SIMPLICIAL;

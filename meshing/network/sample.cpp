@@ -15,8 +15,8 @@ namespace testbed::meshing {
 namespace {
 
 /// Candidates rejected in a row before a cell counts as full.
-constexpr int n_misses = 30;
-constexpr double most_cells = 2e9;
+constexpr int kMostMisses = 30;
+constexpr double kMostCells = 2e9;
 
 /// The bounding box cut into cubes ("quadrants") no smaller than phi, each with the list of its nodes.
 class HashGrid {
@@ -24,7 +24,7 @@ class HashGrid {
   HashGrid(const Eigen::AlignedBox3d& box, double cell, double phi)
       : low_(box.min()), cell_(cell), phi2_(phi * phi) {
     const Eigen::Array3d n = (box.sizes() / cell).array().floor() + 1;
-    if (!(n.prod() < most_cells))
+    if (!(n.prod() < kMostCells))
       throw std::runtime_error("phi gives a grid of " + std::to_string(n.prod()) +
                                " cells, expected at most 2e9");
     n_ = n.cast<int>();
@@ -72,8 +72,8 @@ struct OpenCell {
   int n_missed;
 };
 
-/// Collects the cells of the block [from, to) that reach down to the depth psi, halving blocks that are
-/// neither wholly in nor out.
+/// Collects the cells of the block [from, to) that reach down to
+/// the depth psi, halving blocks that are neither wholly in nor out.
 void collect_open_cells(const HashGrid& grid, const SurfaceTree& tree, double psi, const Eigen::Array3i& from,
                         const Eigen::Array3i& to, std::vector<OpenCell>& open) {
   const Eigen::Vector3d low = grid.corner(from), high = grid.corner(to);
@@ -94,17 +94,17 @@ void collect_open_cells(const HashGrid& grid, const SurfaceTree& tree, double ps
   collect_open_cells(grid, tree, psi, middle_from, to, open);
 }
 
-/// The points along a Morton curve: neighbours in space are neighbours in memory, which doubles the speed of
-/// all that comes after.
+/// The points along a Morton curve: neighbours in space are neighbours
+/// in memory, which doubles the speed of all that comes after.
 Eigen::Matrix3Xd in_morton_order(const std::vector<Eigen::Vector3d>& points, const Eigen::AlignedBox3d& box) {
-  constexpr int n_bits = 21;
+  constexpr int kBits = 21;
   std::vector<std::pair<std::uint64_t, int>> order;
   for (const Eigen::Vector3d& x : points) {
     const Eigen::Array3d fraction = (x - box.min()).array() / box.sizes().maxCoeff();
     std::uint64_t code = 0;
-    for (int bit = n_bits - 1; bit >= 0; --bit)
+    for (int bit = kBits - 1; bit >= 0; --bit)
       for (int axis = 0; axis < 3; ++axis)
-        code = 2 * code + (static_cast<std::uint64_t>(fraction[axis] * ((1 << n_bits) - 1)) >> bit & 1);
+        code = 2 * code + (static_cast<std::uint64_t>(fraction[axis] * ((1 << kBits) - 1)) >> bit & 1);
     order.emplace_back(code, static_cast<int>(order.size()));
   }
   std::sort(order.begin(), order.end());
@@ -157,12 +157,12 @@ Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions
     if (grid.is_free(cell_drawn.at, x) && (cell_drawn.is_deep || tree.depth(x) >= psi)) {
       grid.add(cell_drawn.at, x);
       cell_drawn.n_missed = 0;
-    } else if (++cell_drawn.n_missed == n_misses) {
+    } else if (++cell_drawn.n_missed == kMostMisses) {
       cell_drawn = open.back();
       open.pop_back();
     }
   }
-  const Eigen::Matrix3Xd darts = in_morton_order(grid.nodes(), box);
+  Eigen::Matrix3Xd darts = in_morton_order(grid.nodes(), box);
   if (options.sampling == Sampling::Darts) return darts;
   return relax_interior(surface, darts, psi, options.seed, options.sampling == Sampling::Graded);
 }

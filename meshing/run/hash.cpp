@@ -31,8 +31,8 @@ struct Fnv1a {
   }
 };
 
-/// Piece by piece: a program of 80 MB read whole would be most of what a small run takes of memory. A missing
-/// file counts as empty.
+/// Piece by piece: a program of 80 MB read whole would be most of
+/// what a small run takes of memory. A missing file counts as empty.
 std::string hash_of_file(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
   std::vector<char> piece(1 << 16);
@@ -51,13 +51,13 @@ std::string hash_of(const std::string& bytes) {
 }
 
 std::string program_hash() {
-  static const std::string hash = [] {
+  static const std::string kHash = [] {
     const fs::path program = "/proc/self/exe", folder = fs::read_symlink(program).parent_path();
     std::string hashes = hash_of_file(program);
     for (const char* worker : {"gmsh_worker", "tetgen_worker"}) hashes += hash_of_file(folder / worker);
     return hash_of(hashes);
   }();
-  return hash;
+  return kHash;
 }
 
 std::string input_hash(const Scene& scene, const SurfaceMesh& surface,

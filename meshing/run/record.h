@@ -1,10 +1,9 @@
 // What a run leaves on disk, the same for both solvers: frames, curves and a record of how it was made.
 //
 //   frames.pvd                  the frames and their times
-//   frames/frame_000000.vtu ... deformed points; field data TimeValue (s) and n_surface; point data
-//   displacement
-//                               (m), velocity (m/s), node_id; cells: the surface triangles first, then
-//                               springs or tetrahedra
+//   frames/frame_000000.vtu ... deformed points; field data TimeValue (s) and n_surface;
+//                               point data displacement (m), velocity (m/s), node_id;
+//                               cells: the surface triangles first, then springs or tetrahedra
 //   curves.csv                  one row per step, named columns, SI units
 //   run.json                    written last: a folder without it is not a result
 #pragma once
@@ -38,8 +37,8 @@ void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points
 /// Writes frames and curves of one run into a folder, and run.json when it is finished.
 class Recorder {
  public:
-  /// Removes the files of an older run from the folder, and no others. `cells` are those of every frame,
-  /// surface triangles first.
+  /// Removes the files of an older run from the folder, and no others.
+  /// `cells` are those of every frame, surface triangles first.
   Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface);
 
   /// Adds a frame: time (s), rest points X and displacement u (3 x n, m), further fields as given.

@@ -33,9 +33,9 @@ class PlyValues {
 
   double next(const std::string& type) {
     if (is_text_) {
-      constexpr std::string_view blanks = " \t\r\n\v\f";
-      body_.remove_prefix(std::min(body_.find_first_not_of(blanks), body_.size()));
-      const std::string_view token = body_.substr(0, body_.find_first_of(blanks));
+      constexpr std::string_view kBlanks = " \t\r\n\v\f";
+      body_.remove_prefix(std::min(body_.find_first_not_of(kBlanks), body_.size()));
+      const std::string_view token = body_.substr(0, body_.find_first_of(kBlanks));
       if (token.empty()) throw std::runtime_error(name_ + ": end of file, expected more values");
       body_.remove_prefix(token.size());
       const auto value = parse_double(token);
@@ -58,7 +58,7 @@ class PlyValues {
   T binary() {
     if (body_.size() < sizeof(T)) throw std::runtime_error(name_ + ": end of file, expected more values");
     char bytes[sizeof(T)];
-    std::copy_n(body_.data(), sizeof(T), bytes);
+    body_.copy(bytes, sizeof(T));
     if (is_big_endian_) std::reverse(bytes, bytes + sizeof(T));
     body_.remove_prefix(sizeof(T));
     T value;

@@ -11,7 +11,7 @@ namespace testbed::meshing {
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
+constexpr double kPi = 3.14159265358979323846;
 
 SurfaceMesh to_mesh(const std::vector<Eigen::Vector3d>& points,
                     const std::vector<Eigen::Vector3i>& triangles) {
@@ -21,8 +21,8 @@ SurfaceMesh to_mesh(const std::vector<Eigen::Vector3d>& points,
   return mesh;
 }
 
-/// Geodesic sphere of radius 1: every side of the icosahedron in `frequency` parts, 10 frequency^2 + 2
-/// vertices.
+/// Geodesic sphere of radius 1: every side of the icosahedron
+/// in `frequency` parts, 10 frequency^2 + 2 vertices.
 SurfaceMesh make_ball(int n_vertices) {
   const int frequency = std::max(1, static_cast<int>(std::lround(std::sqrt((n_vertices - 2) / 10.0))));
   const double g = (1 + std::sqrt(5.0)) / 2;
@@ -86,7 +86,7 @@ SurfaceMesh make_torus(int n_vertices) {
   std::vector<Eigen::Vector3i> triangles;
   for (int i = 0; i < n_u; ++i)
     for (int j = 0; j < n_v; ++j) {
-      const double u = 2 * pi * i / n_u, v = 2 * pi * j / n_v, r = major + minor * std::cos(v);
+      const double u = 2 * kPi * i / n_u, v = 2 * kPi * j / n_v, r = major + minor * std::cos(v);
       points.emplace_back(r * std::cos(u), r * std::sin(u), minor * std::sin(v));
       const int a = i * n_v + j, b = (i + 1) % n_u * n_v + j;
       const int d = i * n_v + (j + 1) % n_v, c = (i + 1) % n_u * n_v + (j + 1) % n_v;
@@ -101,8 +101,8 @@ SurfaceMesh make_torus(int n_vertices) {
   return to_mesh(points, triangles);
 }
 
-/// Box of cells as cubic as the size allows, a corner at the origin; diagonals join the even points of the
-/// lattice.
+/// Box of cells as cubic as the size allows, a corner at the origin;
+/// diagonals join the even points of the lattice.
 SurfaceMesh make_bar(int n_vertices, const Eigen::Vector3d& size) {
   auto count = [](const Eigen::Vector3i& n) { return 2 * (n[0] * n[1] + n[1] * n[2] + n[2] * n[0]) + 2; };
   Eigen::Vector3i cells(1, 1, 1);
@@ -142,9 +142,9 @@ SurfaceMesh make_bar(int n_vertices, const Eigen::Vector3d& size) {
   return to_mesh(points, triangles);
 }
 
-/// Closed surface of rings between two poles (vertices 0 and last); ring k holds sizes[k] points, from
-/// `point(k, angle)` with the angle turning counter-clockwise seen from the last pole. Neighbouring rings are
-/// zipped by angle.
+/// Closed surface of rings between two poles (vertices 0 and last);
+/// ring k holds sizes[k] points, from `point(k, angle)` with the angle turning
+/// counter-clockwise seen from the last pole. Neighbouring rings are zipped by angle.
 SurfaceMesh zip_rings(const std::vector<int>& sizes, const std::function<Eigen::Vector3d(int, double)>& point,
                       const Eigen::Vector3d& first_pole, const Eigen::Vector3d& last_pole) {
   std::vector<Eigen::Vector3d> points{first_pole};
@@ -156,7 +156,7 @@ SurfaceMesh zip_rings(const std::vector<int>& sizes, const std::function<Eigen::
   };  // rings staggered by half a step
   for (int k = 0; k < n_rings; ++k) {
     starts.push_back(static_cast<int>(points.size()));
-    for (int j = 0; j < sizes[k]; ++j) points.push_back(point(k, 2 * pi * turn(k, j)));
+    for (int j = 0; j < sizes[k]; ++j) points.push_back(point(k, 2 * kPi * turn(k, j)));
   }
   const int last = static_cast<int>(points.size());
   points.push_back(last_pole);
@@ -178,13 +178,13 @@ SurfaceMesh zip_rings(const std::vector<int>& sizes, const std::function<Eigen::
 /// A long round tube of radius 0.1, bent to a half circle with two straight legs and closed by half spheres.
 SurfaceMesh make_handle(int n_vertices) {
   const double r = 0.1, bend = 0.5, leg = 0.4;  // radii of tube and bend, length of a leg (m)
-  const double cap = pi * r / 2, axis = 2 * leg + pi * bend, whole = axis + 2 * cap;
-  const auto [n_rings, n_around] = factor_grid(n_vertices - 2, whole / (2 * pi * r));
+  const double cap = kPi * r / 2, axis = 2 * leg + kPi * bend, whole = axis + 2 * cap;
+  const auto [n_rings, n_around] = factor_grid(n_vertices - 2, whole / (2 * kPi * r));
   // Centre line up the left leg, over the bend, down the right leg; frame (side, tangent) in the xz plane.
   auto place = [&](double s, double radius, double angle) {
     Eigen::Vector3d centre, side;
-    const double a = std::clamp((s - leg) / bend, 0.0, pi),
-                 straight = s < leg ? s - leg : std::max(0.0, s - leg - pi * bend);
+    const double a = std::clamp((s - leg) / bend, 0.0, kPi),
+                 straight = s < leg ? s - leg : std::max(0.0, s - leg - kPi * bend);
     side << -std::cos(a), 0, std::sin(a);
     const Eigen::Vector3d tangent(std::sin(a), 0, std::cos(a));
     centre = bend * side + straight * tangent;
@@ -203,16 +203,16 @@ SurfaceMesh make_handle(int n_vertices) {
 
 /// Sizes of rings that cover a sphere evenly with n vertices, poles included.
 std::vector<int> even_rings(int n) {
-  // Rings are as far apart as the points of a ring: (pi/n_rings)^2 = area per point = 4 pi/n, a little less
-  // for triangles.
-  const int n_rings = std::max(1, static_cast<int>(std::lround(std::sqrt(n * pi / 4 * 1.1547))) - 1);
+  // Rings are as far apart as the points of a ring:
+  // (pi/n_rings)^2 = area per point = 4 pi/n, a little less for triangles.
+  const int n_rings = std::max(1, static_cast<int>(std::lround(std::sqrt(n * kPi / 4 * 1.1547))) - 1);
   double total = 0;
-  for (int k = 0; k < n_rings; ++k) total += std::sin(pi * (k + 1) / (n_rings + 1));
+  for (int k = 0; k < n_rings; ++k) total += std::sin(kPi * (k + 1) / (n_rings + 1));
   std::vector<int> sizes(n_rings);
   double wanted = 0;
   int given = 0;
   for (int k = 0; k < n_rings; ++k) {
-    wanted += (n - 2) * std::sin(pi * (k + 1) / (n_rings + 1)) / total;
+    wanted += (n - 2) * std::sin(kPi * (k + 1) / (n_rings + 1)) / total;
     sizes[k] = std::max(3, static_cast<int>(std::lround(wanted)) - given);
     given += sizes[k];
   }
@@ -220,8 +220,8 @@ std::vector<int> even_rings(int n) {
   return sizes;
 }
 
-/// A head on its neck, about 2 m high, looking along x: a level set of a sum of Gaussians, star-shaped about
-/// the origin.
+/// A head on its neck, about 2 m high, looking along x:
+/// a level set of a sum of Gaussians, star-shaped about the origin.
 SurfaceMesh make_head(int n_vertices) {
   struct Blob {
     Eigen::Vector3d centre, radii;
@@ -250,7 +250,7 @@ SurfaceMesh make_head(int n_vertices) {
   const std::vector<int> sizes = even_rings(n_vertices);
   const int n_rings = static_cast<int>(sizes.size());
   auto point = [&](int k, double angle) {
-    const double polar = pi * (k + 1) / (n_rings + 1);  // from the lower pole
+    const double polar = kPi * (k + 1) / (n_rings + 1);  // from the lower pole
     return project({std::sin(polar) * std::cos(angle), std::sin(polar) * std::sin(angle), -std::cos(polar)});
   };
   return zip_rings(sizes, point, project({0, 0, -1}), project({0, 0, 1}));
@@ -271,8 +271,8 @@ SurfaceMesh make_hollow_ball(int n_vertices) {
 }  // namespace
 
 const std::vector<std::string>& shape_names() {
-  static const std::vector<std::string> names = {"ball", "hollow_ball", "torus", "bar", "handle", "head"};
-  return names;
+  static const std::vector<std::string> kNames = {"ball", "hollow_ball", "torus", "bar", "handle", "head"};
+  return kNames;
 }
 
 SurfaceMesh make_shape(const std::string& name, int n_vertices, const Eigen::Vector3d& size) {

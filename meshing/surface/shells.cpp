@@ -40,8 +40,8 @@ double winding_number(const Eigen::Vector3d& x, const Eigen::Matrix3Xd& X, const
     const double la = a.norm(), lb = b.norm(), lc = c.norm();
     total += 2 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
   }
-  constexpr double pi = 3.14159265358979323846;
-  return total / (4 * pi);
+  constexpr double kPi = 3.14159265358979323846;
+  return total / (4 * kPi);
 }
 
 std::vector<Shell> shells_of(const SurfaceMesh& surface) {

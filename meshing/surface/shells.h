@@ -18,8 +18,8 @@ struct Shell {
 /// Shells in the order of their first triangles. The surface must be closed and its shells must not cross.
 std::vector<Shell> shells_of(const SurfaceMesh& surface);
 
-/// How often the surface winds around x: 1 inside, 0 outside, by the sum of solid angles
-/// [Van Oosterom & Strackee 1983].
+/// How often the surface winds around x: 1 inside, 0 outside,
+/// by the sum of solid angles [Van Oosterom & Strackee 1983].
 double winding_number(const Eigen::Vector3d& x, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
 
 }  // namespace testbed::meshing

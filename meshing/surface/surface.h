@@ -7,8 +7,8 @@
 
 namespace testbed::meshing {
 
-/// Enclosed volume (m3) by the divergence theorem about the centroid; positive when oriented outward
-/// [paper 3.3].
+/// Enclosed volume (m3) by the divergence theorem about the
+/// centroid; positive when oriented outward [paper 3.3].
 double volume(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
 
 /// Area of the surface (m2).

@@ -13,7 +13,7 @@ namespace testbed::meshing {
 namespace {
 
 /// Longest edge over shortest height: a sliver has more than this, and many meshers and solvers fail on it.
-constexpr double sliver_aspect = 100;
+constexpr double kSliverAspect = 100;
 
 double aspect(const Eigen::Matrix3Xd& X, const Eigen::Vector3i& f) {
   const Eigen::Vector3d a = X.col(f[0]), b = X.col(f[1]), c = X.col(f[2]);
@@ -37,7 +37,7 @@ SurfaceReport report_surface(const SurfaceMesh& surface, int n_merged) {
   double worst = 0;
   for (const auto& f : F.colwise()) {
     const double value = aspect(X, f);
-    n_slivers += value > sliver_aspect;
+    n_slivers += value > kSliverAspect;
     worst = std::max(worst, value);
   }
   const Eigen::ArrayXd lengths = (X(Eigen::all, E.row(0)) - X(Eigen::all, E.row(1))).colwise().norm();

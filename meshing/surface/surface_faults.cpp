@@ -14,9 +14,9 @@ namespace testbed::meshing {
 
 namespace {
 
-/// A triangle is degenerate when its height is below this fraction of its longest edge: some thousand
-/// rounding errors.
-constexpr double degenerate_height = 1e-12;
+/// A triangle is degenerate when its height is below this
+/// fraction of its longest edge: some thousand rounding errors.
+constexpr double kDegenerateHeight = 1e-12;
 
 struct HalfEdge {
   int low, high, face;
@@ -47,7 +47,7 @@ void for_each_edge(const Eigen::Matrix3Xi& F, Visit visit) {
 bool is_degenerate(const Eigen::Matrix3Xd& X, const Eigen::Vector3i& f) {
   const Eigen::Vector3d a = X.col(f[0]), b = X.col(f[1]), c = X.col(f[2]);
   const double longest = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
-  return !((b - a).cross(c - a).norm() > degenerate_height * longest * longest);
+  return !((b - a).cross(c - a).norm() > kDegenerateHeight * longest * longest);
 }
 
 /// Triangles with the same three vertices as an earlier one, each with that one.

@@ -16,19 +16,19 @@ struct SurfaceFaults {
   std::vector<int> doubled_triangles;              ///< an earlier triangle has the same vertices
   std::vector<std::pair<int, int>> open_edges;     ///< one triangle
   std::vector<std::pair<int, int>> crowded_edges;  ///< three and more
-  std::vector<std::pair<int, int>>
-      disoriented_edges;            ///< two triangles that run along it in the same direction
+  /// Two triangles run along it in the same direction.
+  std::vector<std::pair<int, int>> disoriented_edges;
   std::vector<int> split_vertices;  ///< more than one fan of triangles
-  std::vector<int>
-      misturned_triangles;  ///< first one of each shell that is not outward, or inward for a cavity
+  /// The first one of each shell that is not outward, or inward for a cavity.
+  std::vector<int> misturned_triangles;
 
   bool is_closed() const { return open_edges.empty(); }
   bool is_manifold() const { return crowded_edges.empty() && split_vertices.empty(); }
   bool none() const;
 };
 
-/// Indices must be in range. Fans are looked for only where all edges have two triangles, shells only where
-/// also orientations agree.
+/// Indices must be in range. Fans are looked for only where all edges
+/// have two triangles, shells only where also orientations agree.
 SurfaceFaults find_faults(const SurfaceMesh& surface);
 
 /// One line per kind of fault: how many, and where the first lies ("edge 3 (0, 1, 0) to 7 (...)").

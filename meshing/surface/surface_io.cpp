@@ -1,5 +1,5 @@
-// Readers of our own but for VTK's files: VTK's return float32, split vertices at OBJ normals and know no
-// OFF.
+// Readers of our own but for VTK's files: VTK's return
+// float32, split vertices at OBJ normals and know no OFF.
 #include "meshing/surface/surface_io.h"
 
 #include <algorithm>
@@ -74,8 +74,8 @@ std::optional<long> parse_integer(std::string_view token) {
 }
 
 TextLines::TextLines(std::string_view text, std::string name) : text_(text), name_(std::move(name)) {
-  constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
-  if (text_.substr(0, 3) == byte_order_mark) text_.remove_prefix(3);
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (text_.substr(0, 3) == kByteOrderMark) text_.remove_prefix(3);
 }
 
 bool TextLines::next() {

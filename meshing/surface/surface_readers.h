@@ -16,13 +16,13 @@ class PolygonSoup {
   std::vector<Eigen::Vector3d> points;
   std::vector<Eigen::Vector3i> triangles;
 
-  /// Cuts a polygon of existing points into triangles without leaving its outline, also where it is not
-  /// convex.
+  /// Cuts a polygon of existing points into triangles without
+  /// leaving its outline, also where it is not convex.
   void add_polygon(const std::vector<int>& corners);
 };
 
-/// Walks over the lines of a text: CRLF, byte-order mark and comments (from '#') are taken off, blank lines
-/// skipped.
+/// Walks over the lines of a text: CRLF, byte-order mark and
+/// comments (from '#') are taken off, blank lines skipped.
 class TextLines {
  public:
   TextLines(std::string_view text, std::string name);

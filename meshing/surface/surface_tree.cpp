@@ -10,10 +10,10 @@ namespace testbed::meshing {
 
 namespace {
 
-constexpr int leaf_size = 4;
+constexpr int kLeafSize = 4;
 
-/// Where on a triangle a nearest point lies: in it (-1), on the edge from corner c to c + 1 (c), or at corner
-/// c (3 + c).
+/// Where on a triangle a nearest point lies: in it (-1),
+/// on the edge from corner c to c + 1 (c), or at corner c (3 + c).
 struct OnTriangle {
   Eigen::Vector3d point;
   int feature;
@@ -68,8 +68,8 @@ bool segment_meets_box(const Eigen::Vector3d& p, const Eigen::Vector3d& q, const
     enter = std::max(enter, t0);
     leave = std::min(leave, t1);
   }
-  constexpr double slack = 1e-12;  // of the segment, for the rounding of the quotients
-  return enter <= leave + slack;
+  constexpr double kSlack = 1e-12;  // of the segment, for the rounding of the quotients
+  return enter <= leave + kSlack;
 }
 
 }  // namespace
@@ -83,7 +83,7 @@ struct SurfaceTree::Hit {
 SurfaceTree::SurfaceTree(const SurfaceMesh& surface) : surface_(surface), order_(surface.F.cols()) {
   const auto& [X, F] = surface_;
   std::iota(order_.begin(), order_.end(), 0);
-  nodes_.reserve(2 * order_.size() / leaf_size + 2);
+  nodes_.reserve(2 * order_.size() / kLeafSize + 2);
   build(0, static_cast<int>(order_.size()));
 
   face_normals_ = area_vectors(X, F).colwise().normalized();
@@ -115,7 +115,7 @@ void SurfaceTree::build(int begin, int end) {
   nodes_.push_back({{}, begin, end, -1});
   for (int t = begin; t < end; ++t)
     for (int v : F.col(order_[t])) nodes_[node].box.extend(X.col(v));
-  if (end - begin <= leaf_size) return;
+  if (end - begin <= kLeafSize) return;
   int axis;
   nodes_[node].box.sizes().maxCoeff(&axis);
   const int middle = (begin + end) / 2;

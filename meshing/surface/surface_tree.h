@@ -22,8 +22,8 @@ class SurfaceTree {
   };
   Nearest nearest(const Eigen::Vector3d& x) const;
 
-  /// Distance to the surface (m), positive inside and negative outside; the side by angle-weighted normals
-  /// [Baerentzen & Aanaes 2005].
+  /// Distance to the surface (m), positive inside and negative outside;
+  /// the side by angle-weighted normals [Baerentzen & Aanaes 2005].
   double depth(const Eigen::Vector3d& x) const;
 
   /// Whether the open segment from a to b meets a triangle. Triangles at the vertices `at_a`, `at_b` (-1 for

@@ -34,17 +34,17 @@ Eigen::VectorXd vertex_spacing(const SurfaceMesh& surface) {
 }
 
 Eigen::VectorXd interior_size(const SurfaceMesh& surface, double part) {
-  constexpr double n_layers = 4, least = 0.5;
-  constexpr int n_halvings = 5;
+  constexpr double kLayers = 4, kLeast = 0.5;
+  constexpr int kHalvings = 5;
   const SurfaceTree tree(surface);
   const Eigen::Matrix3Xd inward = -outward(surface).colwise().normalized();
   Eigen::VectorXd size = part * vertex_spacing(surface);
   for (int v = 0; v < size.size(); ++v) {
     const Eigen::Vector3d x = surface.X.col(v);
-    const auto fits = [&](double h) { return !tree.crosses(x, x + n_layers * h * inward.col(v), v); };
+    const auto fits = [&](double h) { return !tree.crosses(x, x + kLayers * h * inward.col(v), v); };
     if (fits(size[v])) continue;
-    double low = least * size[v], high = size[v];
-    for (int i = 0; i < n_halvings; ++i) (fits((low + high) / 2) ? low : high) = (low + high) / 2;
+    double low = kLeast * size[v], high = size[v];
+    for (int i = 0; i < kHalvings; ++i) (fits((low + high) / 2) ? low : high) = (low + high) / 2;
     size[v] = low;
   }
   return size;

@@ -8,9 +8,9 @@ namespace testbed::meshing {
 /// Mean length of the edges at each vertex (m).
 Eigen::VectorXd vertex_spacing(const SurfaceMesh& surface);
 
-/// Edge lengths wanted inside, at each surface vertex (m): `part` of the surface's spacing there, less where
-/// the body is thin, so that four tetrahedra fit across it, but never below half of that: thinner bodies
-/// would need nodes without end.
+/// Edge lengths wanted inside, at each surface vertex (m): `part` of the surface's
+/// spacing there, less where the body is thin, so that four tetrahedra fit across it,
+/// but never below half of that: thinner bodies would need nodes without end.
 /// @param part  > 0
 Eigen::VectorXd interior_size(const SurfaceMesh& surface, double part);
 

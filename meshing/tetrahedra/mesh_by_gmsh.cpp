@@ -16,9 +16,9 @@ namespace testbed::meshing {
 
 namespace {
 
-/// Edges inside are as long as wanted at the surface nearby, or this part of the distance to it: three layers
-/// are fine.
-constexpr double growth = 0.3;
+/// Edges inside are as long as wanted at the surface nearby,
+/// or this part of the distance to it: three layers are fine.
+constexpr double kGrowth = 0.3;
 
 /// One volume of gmsh: an outward shell and the cavities in it.
 struct Solid {
@@ -61,9 +61,9 @@ std::vector<Solid> add_surface(const SurfaceMesh& surface, const std::vector<She
   return solids;
 }
 
-/// Gives gmsh the points that lie in each solid (the one that the triangle nearest to it bounds), as one
-/// discrete entity: one for each point takes time as the square of their number. Nodes get the tags from
-/// `first_tag` on.
+/// Gives gmsh the points that lie in each solid (the one that the triangle nearest to it bounds),
+/// as one discrete entity: one for each point takes time as the
+/// square of their number. Nodes get the tags from `first_tag` on.
 void add_points(const Eigen::Matrix3Xd& points, std::size_t first_tag, const SurfaceTree& tree,
                 const std::vector<Shell>& shells, const std::vector<Solid>& solids) {
   std::map<int, int> solid_of;  // by triangle
@@ -144,7 +144,7 @@ TetNodes mesh_task(const TetTask& task, int algorithm, double angle_tolerance) {
     const Eigen::Vector3i corners = task.surface.F.col(nearest.triangle);
     const auto weights = barycentric(nearest.point, task.surface.X(Eigen::all, corners));
     const double size = weights.dot(task.size(corners));
-    return std::min(longest, std::max(size, growth * nearest.distance));
+    return std::min(longest, std::max(size, kGrowth * nearest.distance));
   });
   gmsh::model::mesh::generate(3);
   return collect(task.surface.X.cols() + task.interior.cols());

@@ -15,7 +15,7 @@ namespace testbed::meshing {
 namespace {
 
 /// Faces of a tetrahedron, counter-clockwise seen from outside.
-constexpr int faces[4][3] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
+constexpr int kFaces[4][3] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
 
 using Face = std::array<int, 3>;
 
@@ -30,7 +30,7 @@ std::vector<Face> boundary_faces(const Eigen::Matrix4Xi& T) {
   std::vector<std::pair<Face, Face>> all;  // sorted corners, corners seen from outside
   all.reserve(4 * T.cols());
   for (const auto& tet : T.colwise())
-    for (const auto& face : faces) {
+    for (const auto& face : kFaces) {
       const Face seen = rotated({tet[face[0]], tet[face[1]], tet[face[2]]});
       Face key = seen;
       std::sort(key.begin(), key.end());
@@ -55,7 +55,7 @@ double tet_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet) {
 }
 
 void check_tetrahedra(const TetMesh& mesh, const SurfaceMesh& surface) {
-  constexpr double rounding = 1e-9;  // of the total volume, for the sum of many tetrahedra
+  constexpr double kRounding = 1e-9;  // of the total volume, for the sum of many tetrahedra
   const auto& [X, T, F, n_surface] = mesh;
   auto fail = [](const std::string& message) { throw std::runtime_error("tetrahedra: " + message); };
   if (T.cols() == 0) fail("none were made");
@@ -70,7 +70,7 @@ void check_tetrahedra(const TetMesh& mesh, const SurfaceMesh& surface) {
     total += V;
   }
   const double expected = volume(surface.X, surface.F);
-  if (!(std::abs(total - expected) <= rounding * expected))
+  if (!(std::abs(total - expected) <= kRounding * expected))
     fail("they fill " + std::to_string(total / expected) + " of the surface's volume, expected 1");
 
   const std::vector<Face> found = boundary_faces(T);
@@ -87,20 +87,20 @@ void check_tetrahedra(const TetMesh& mesh, const SurfaceMesh& surface) {
 }
 
 TetQuality tet_quality(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T) {
-  constexpr double degrees = 180 / 3.14159265358979323846, sliver = 0.05;
+  constexpr double kDegrees = 180 / 3.14159265358979323846, kSliver = 0.05;
   TetQuality quality{180, 1, 0, 0};
   for (const auto& tet : T.colwise()) {
     const double V = tet_volume(X, tet);
     Eigen::Matrix<double, 3, 4> normals;  // area vectors of the faces
     for (int f = 0; f < 4; ++f) {
-      const Eigen::Vector3d a = X.col(tet[faces[f][0]]);
-      normals.col(f) = (X.col(tet[faces[f][1]]) - a).cross(X.col(tet[faces[f][2]]) - a) / 2;
+      const Eigen::Vector3d a = X.col(tet[kFaces[f][0]]);
+      normals.col(f) = (X.col(tet[kFaces[f][1]]) - a).cross(X.col(tet[kFaces[f][2]]) - a) / 2;
     }
     for (int f = 0; f < 4; ++f)
       for (int g = 0; g < f; ++g) {
         const Eigen::Vector3d m = normals.col(f), n = normals.col(g);
         quality.min_dihedral =
-            std::min(quality.min_dihedral, 180 - degrees * std::atan2(m.cross(n).norm(), m.dot(n)));
+            std::min(quality.min_dihedral, 180 - kDegrees * std::atan2(m.cross(n).norm(), m.dot(n)));
       }
     const Eigen::Vector3d a = X.col(tet[1]) - X.col(tet[0]), b = X.col(tet[2]) - X.col(tet[0]),
                           c = X.col(tet[3]) - X.col(tet[0]);
@@ -113,7 +113,7 @@ TetQuality tet_quality(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T) {
     quality.mean_radius_ratio += ratio / T.cols();
     const double longest =
         std::max({a.norm(), b.norm(), c.norm(), (a - b).norm(), (b - c).norm(), (c - a).norm()});
-    quality.n_slivers += 6 * std::sqrt(2.0) * V / std::pow(longest, 3) < sliver;
+    quality.n_slivers += 6 * std::sqrt(2.0) * V / std::pow(longest, 3) < kSliver;
   }
   return quality;
 }

@@ -1,5 +1,5 @@
-// gmsh_worker, tetgen_worker: make tetrahedra in a process of their own, since meshers crash and hang on some
-// surfaces.
+// gmsh_worker, tetgen_worker: make tetrahedra in a process of
+// their own, since meshers crash and hang on some surfaces.
 #include "meshing/tetrahedra/tet_worker.h"
 
 #include <signal.h>

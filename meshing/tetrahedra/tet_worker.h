@@ -27,8 +27,8 @@ TetTask read_task(const std::filesystem::path& file);
 void write_nodes(const std::filesystem::path& file, const TetNodes& nodes);
 TetNodes read_nodes(const std::filesystem::path& file);
 
-/// The mesher of the worker that links it: gmsh (with its algorithm number and smallest angle between facets,
-/// in degrees) or tetgen.
+/// The mesher of the worker that links it: gmsh (with its algorithm
+/// number and smallest angle between facets, in degrees) or tetgen.
 /// @throws whatever the mesher throws, std::string among it.
 TetNodes mesh_task(const TetTask& task, int algorithm, double angle_tolerance);
 

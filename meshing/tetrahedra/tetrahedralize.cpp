@@ -24,7 +24,7 @@ struct Attempt {
 
 /// In the order in which they are tried. HXT comes last: on the long thin triangles of CAD parts, where
 /// Delaunay fails, it takes a hundred times as long as tetgen.
-const std::array<Attempt, 4> attempts = {
+const std::array<Attempt, 4> kAttempts = {
     {{"gmsh, Delaunay", "gmsh_worker", "1", "0.1"},
      {"gmsh, Delaunay, facets as close as 0.001 degrees", "gmsh_worker", "1", "0.001"},
      {"tetgen", "tetgen_worker", "0", "0"},
@@ -43,14 +43,14 @@ void refuse_crossings(const SurfaceMesh& surface) {
 
 /// The lines of a mesher's output that tell why and where it failed.
 std::string messages_in(const std::string& output) {
-  constexpr int most_lines = 6;
+  constexpr int kMostLines = 6;
   std::istringstream lines(output);
   std::string messages;
   int n = 0;
   for (std::string line; std::getline(lines, line);)
     for (const char* word : {"Error", "rror:", "ssert", "overlap", "intersect"})
       if (line.find(word) != std::string::npos) {
-        if (n++ < most_lines) messages += "; " + line;
+        if (n++ < kMostLines) messages += "; " + line;
         break;
       }
   return messages;
@@ -86,7 +86,7 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
   TetReport own;
   TetReport& said = report ? *report : own;
   said = {};
-  for (const Attempt& attempt : attempts) try {
+  for (const Attempt& attempt : kAttempts) try {
       TetMesh mesh = run_attempt(attempt, surface, options);
       said.mesher = attempt.name;
       return mesh;

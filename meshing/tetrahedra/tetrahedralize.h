@@ -14,8 +14,8 @@ struct TetOptions {
   std::optional<double> interior_size;
   Eigen::Matrix3Xd interior;  ///< points to keep as nodes n_surface, n_surface + 1, ... (3 x k)
   double time_limit = 300;    ///< for each attempt (s)
-  /// Edge length wanted inside, at each surface vertex (m): interior_size() and the like. Empty: the
-  /// surface's.
+  /// Edge length wanted inside, at each surface vertex (m):
+  /// interior_size() and the like. Empty: the surface's.
   Eigen::VectorXd size{};
 };
 
@@ -27,8 +27,8 @@ struct TetReport {
 /// Tetrahedra that fill the surface, whose vertices stay the first nodes, bit for bit, and whose triangles
 /// are the boundary. Meshers run in a child process, one after the other until a result passes
 /// check_tetrahedra: a crash or an endless run is a failed attempt.
-/// @throws std::runtime_error with the places where the surface crosses itself, or with every mesher's
-/// messages when none succeeds.
+/// @throws std::runtime_error with the places where the surface
+/// crosses itself, or with every mesher's messages when none succeeds.
 TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options = {},
                        TetReport* report = nullptr);
 

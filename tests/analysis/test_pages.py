@@ -179,6 +179,29 @@ def test_keys_that_are_named_are_known(file):
             assert f'"{key}"' in keys, f"{section}.{key}"
 
 
+def _commands():
+    """Of the script, by its usage."""
+    usage = (ROOT / "testbed").read_text().partition("<<'HELP'\n")[2].partition("\nHELP\n")[0]
+    return {
+        name
+        for names in re.findall(r"^  \./testbed ([\w|]+)", usage, re.MULTILINE)
+        for name in names.split("|")
+    }
+
+
+def test_the_commands_of_the_usage_are_those_that_the_script_knows():
+    script = (ROOT / "testbed").read_text().partition("\ncase $command in\n")[2]
+    heads = re.findall(r"^  ([a-z][\w |]*)\)$", script, re.MULTILINE)
+    assert {name for head in heads for name in head.split(" | ")} == _commands()
+
+
+@every_page
+def test_commands_that_are_named_exist(file):
+    named = set(re.findall(r"\./testbed ([a-z]\w*)", file.read_text()))
+    gone = {"accuracy"} if file.name == "CHANGELOG.md" else set()
+    assert named - _commands() <= gone
+
+
 def test_long_sentences_are_found_and_code_is_not():
     long = "word " * 30 + "word."
     page = f"# Head\n\nShort one. {long}\n\n- {long}\n\n| {long} |\n\n    {long}\n\n```\n{long}\n```\n"

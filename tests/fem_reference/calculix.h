@@ -23,8 +23,8 @@ struct CalculixJob {
   Material material;
   std::vector<HeldComponent> held;
   Eigen::Vector3d gravity{0, 0, 0};  ///< m/s2
-  std::vector<std::pair<int, double>>
-      pressures;                  ///< boundary triangle, Pa: follows the surface at finite strain
+  /// Boundary triangle, Pa: follows the surface at finite strain.
+  std::vector<std::pair<int, double>> pressures;
   bool is_finite_strain = false;  ///< St. Venant-Kirchhoff
   double increment = 0.1;         ///< of the load at finite strain
   int n_frequencies = 0;          ///< > 0: natural frequencies instead of equilibrium

@@ -91,9 +91,9 @@ inline MassSpringModel make_body(const Method& method, double E) {
 }
 
 struct Outcome {
-  std::string name;  ///< ok, short (inverted still, but ended early), not_converged, inverted, energy_gained,
-                     ///< diverged
-  double t = 0;      ///< where it ended (s)
+  /// ok, short (inverted still, but ended early), not_converged, inverted, energy_gained, diverged
+  std::string name;
+  double t = 0;             ///< where it ended (s)
   double energy_ratio = 0;  ///< largest energy over the first
 };
 

@@ -38,7 +38,7 @@ TEST(CheckMemory, AdvisesLinearElementsWhereTheyAreNotYet) {
   }
 }
 
-// Measured with time.mode = "static" and "dynamic" on ball_pressure.toml (README).
+// Measured with time.mode = "static" and "dynamic" on ball_pressure.toml (analysis/RESULTS.md, 9).
 TEST(MemoryNeeded, IsThatMeasured) {
   struct Run {
     double n_tetrahedra;

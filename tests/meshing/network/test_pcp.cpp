@@ -33,9 +33,9 @@ Network network_of(const std::string& shape, int n_vertices, PcpOptions options)
 std::vector<std::pair<int, int>> brute_force(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
                                              int order) {
   const int n = static_cast<int>(surface.X.cols()), k = static_cast<int>(interior.cols());
-  enum Colour { Black, Gray, White, Done };
-  std::vector<Colour> colour(n + k, Black);
-  std::fill_n(colour.begin(), n, White);
+  enum Colour { kBlack, kGray, kWhite, kDone };
+  std::vector<Colour> colour(n + k, kBlack);
+  std::fill_n(colour.begin(), n, kWhite);
   std::vector<int> degree(n + k, 0);
   std::vector<std::pair<int, int>> links;
   Eigen::Matrix3Xd X(3, n + k);
@@ -45,22 +45,22 @@ std::vector<std::pair<int, int>> brute_force(const SurfaceMesh& surface, const E
   int n_black = k;
   while (true) {
     for (int w = 0; w < n + k; ++w) {
-      if (colour[w] != White) continue;
+      if (colour[w] != kWhite) continue;
       std::vector<std::tuple<double, int, int>> targets;
       for (int b = 0; b < n + k; ++b)
-        if (colour[b] == Black || colour[b] == Gray)
+        if (colour[b] == kBlack || colour[b] == kGray)
           targets.emplace_back((X.col(b) - X.col(w)).squaredNorm(), degree[b], b);
       std::sort(targets.begin(), targets.end());
       for (int j = 0; j < std::min<int>(order, targets.size()); ++j) {
         const int b = std::get<2>(targets[j]);
         links.emplace_back(std::min(w, b), std::max(w, b));
         ++degree[w], ++degree[b];
-        n_black -= colour[b] == Black;
-        colour[b] = Gray;
+        n_black -= colour[b] == kBlack;
+        colour[b] = kGray;
         if (n_black == 0) return links;
       }
     }
-    for (Colour& c : colour) c = c == White ? Done : c == Gray ? White : c;
+    for (Colour& c : colour) c = c == kWhite ? kDone : c == kGray ? kWhite : c;
   }
 }
 
@@ -91,7 +91,8 @@ TEST(LinkPcp, IsFigure8StageByStage) {
 TEST(LinkPcp, EqualDistancesGoByTheFewestSpringsOfTheInnerNode) {
   // grids of powers of two: distances are equal to the last bit
   Eigen::Matrix3Xd grid(3, 7 * 7 * 7);
-  for (int i = 0; i < grid.cols(); ++i) grid.col(i) << 1 + i % 7, 1 + i / 7 % 7, 1 + i / 49;
+  for (int i = 0; i < grid.cols(); ++i)
+    grid.col(i) = Eigen::Vector3i(1 + i % 7, 1 + i / 7 % 7, 1 + i / 49).cast<double>();
   expect_figure_8(make_shape("bar", 26, {2, 2, 2}), grid / 4);
 }
 

@@ -36,19 +36,19 @@ TEST(Random, IsSplitMix64) {
 }
 
 TEST(FillSpacing, IsTheMeanEdgeOrLessInThinBodiesAndHalfOfThat) {
-  constexpr double rounding = 1e-12;
+  constexpr double kRounding = 1e-12;
   // A cube of side 2 in n x n cells a side: of its edges two thirds are 2/n long, a third is a diagonal.
   const auto mean_edge = [](int n) { return (2 + std::sqrt(2.0)) / 3 * 2 / n; };
   const double thickness = 8.0 / 24;  // volume over area
   const SampleOptions coarse = fill_spacing(make_shape("bar", 8, {2, 2, 2}), {});
   ASSERT_GT(mean_edge(1), thickness);
-  EXPECT_NEAR(*coarse.phi, thickness / 2, rounding);
-  EXPECT_NEAR(*coarse.psi, thickness / 4, rounding);
+  EXPECT_NEAR(*coarse.phi, thickness / 2, kRounding);
+  EXPECT_NEAR(*coarse.psi, thickness / 4, kRounding);
   const SurfaceMesh many = make_shape("bar", 6 * 100 + 2, {2, 2, 2});
   ASSERT_LT(mean_edge(10), thickness);
   const SampleOptions fine = fill_spacing(many, {});
-  EXPECT_NEAR(*fine.phi, mean_edge(10) / 2, rounding);
-  EXPECT_NEAR(*fine.psi, mean_edge(10) / 4, rounding);
+  EXPECT_NEAR(*fine.phi, mean_edge(10) / 2, kRounding);
+  EXPECT_NEAR(*fine.psi, mean_edge(10) / 4, kRounding);
   const SampleOptions given = fill_spacing(many, options_of(0.3, 0.4));
   EXPECT_EQ(*given.phi, 0.3);
   EXPECT_EQ(*given.psi, 0.4);

@@ -69,7 +69,7 @@ TEST(Progress, TellsAPlaceInPerCentAndTheSecondsLeftOnATerminal) {
   const auto since = [](Clock::time_point t) {
     return std::chrono::duration<double>(Clock::now() - t).count();
   };
-  constexpr double part = 0.01;  // 99 times as long is left as went by
+  constexpr double kPart = 0.01;  // 99 times as long is left as went by
   double least, most;
   std::string text;
   {
@@ -81,9 +81,9 @@ TEST(Progress, TellsAPlaceInPerCentAndTheSecondsLeftOnATerminal) {
     const auto after = Clock::now();
     EXPECT_NE(terminal.read().find("mesh ..."), std::string::npos);
     std::this_thread::sleep_for(std::chrono::milliseconds(250));  // more than the pause between two lines
-    least = since(after) * (1 - part) / part;
-    progress.update(part);
-    most = since(before) * (1 - part) / part;
+    least = since(after) * (1 - kPart) / kPart;
+    progress.update(kPart);
+    most = since(before) * (1 - kPart) / kPart;
     text = terminal.read();
   }
   double per_cent, left;

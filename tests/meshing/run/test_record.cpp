@@ -72,15 +72,15 @@ TEST_F(RecorderTest, TheListOfFramesHoldsEveryBitOfTheirTimes) {
 }
 
 TEST_F(RecorderTest, PeakMemoryIsInBytes) {
-  constexpr size_t n_bytes = 100'000'000;  // by far the most that this process has held
-  const std::vector<char> block(n_bytes, 1);
+  constexpr size_t kBytes = 100'000'000;  // by far the most that this process has held
+  const std::vector<char> block(kBytes, 1);
   Recorder(folder, cells, 3).finish({});
   const auto peak = nlohmann::json::parse(read_file(folder / "run.json")).at("peak_memory").get<double>();
   std::ifstream statm("/proc/self/statm");  // in pages, and of this moment
   double all_pages = 0, resident_pages = 0;
   if (!(statm >> all_pages >> resident_pages)) GTEST_SKIP() << "no /proc/self/statm";
   const double resident = resident_pages * static_cast<double>(sysconf(_SC_PAGESIZE));
-  ASSERT_GE(resident, n_bytes * block[n_bytes / 2]);
+  ASSERT_GE(resident, kBytes * block[kBytes / 2]);
   EXPECT_NEAR(peak / resident, 1, 0.01) << "a kB of 1000 byte would be 2.3 % off";
 }
 

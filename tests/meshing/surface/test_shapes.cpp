@@ -9,8 +9,8 @@
 using namespace testbed::meshing;
 
 namespace {
-constexpr double pi = 3.14159265358979323846;
-constexpr double rounding = 1e-12;
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kRounding = 1e-12;
 }  // namespace
 
 TEST(Shapes, AreClosedForManySizes) {
@@ -40,13 +40,13 @@ TEST(Shapes, HaveTheGenusOfTheirName) {
 
 TEST(Shapes, VolumesTendToTheClosedForms) {
   // Inscribed polyhedra: the defect is of order h^2, below 2 % at these counts.
-  constexpr double faceting = 0.02;
+  constexpr double kFaceting = 0.02;
   auto V = [](const SurfaceMesh& mesh) { return volume(mesh.X, mesh.F); };
-  EXPECT_NEAR(V(make_shape("ball", 2562)) / (4 * pi / 3), 1, faceting);
-  EXPECT_NEAR(V(make_shape("torus", 2500)) / (2 * pi * pi * 0.4 * 0.4), 1, faceting);
-  EXPECT_NEAR(V(make_shape("handle", 5000)) / (pi * 0.01 * (0.8 + pi * 0.5) + 4 * pi / 3 * 0.001), 1,
-              faceting);
-  EXPECT_NEAR(V(make_shape("bar", 500)), 4, rounding);
+  EXPECT_NEAR(V(make_shape("ball", 2562)) / (4 * kPi / 3), 1, kFaceting);
+  EXPECT_NEAR(V(make_shape("torus", 2500)) / (2 * kPi * kPi * 0.4 * 0.4), 1, kFaceting);
+  EXPECT_NEAR(V(make_shape("handle", 5000)) / (kPi * 0.01 * (0.8 + kPi * 0.5) + 4 * kPi / 3 * 0.001), 1,
+              kFaceting);
+  EXPECT_NEAR(V(make_shape("bar", 500)), 4, kRounding);
 }
 
 TEST(Shapes, FillTheSizeAskedFor) {
@@ -54,7 +54,7 @@ TEST(Shapes, FillTheSizeAskedFor) {
   for (const auto& name : shape_names()) {
     const SurfaceMesh mesh = make_shape(name, 400, size);
     const Eigen::Vector3d box = mesh.X.rowwise().maxCoeff() - mesh.X.rowwise().minCoeff();
-    EXPECT_LT((box - size).norm(), rounding) << name;
+    EXPECT_LT((box - size).norm(), kRounding) << name;
   }
 }
 

@@ -24,8 +24,8 @@ TEST(Shells, NestedOnesKnowTheirParentAndDepth) {
 
 TEST(WindingNumber, IsOneInsideAndZeroOutside) {
   const SurfaceMesh torus = make_shape("torus", 400);
-  constexpr double rounding = 1e-12;
-  EXPECT_NEAR(winding_number({1, 0, 0.1}, torus.X, torus.F), 1, rounding);
-  EXPECT_NEAR(winding_number({0, 0, 0}, torus.X, torus.F), 0, rounding);
-  EXPECT_NEAR(winding_number({1, 0, 0.5}, torus.X, torus.F), 0, rounding);
+  constexpr double kRounding = 1e-12;
+  EXPECT_NEAR(winding_number({1, 0, 0.1}, torus.X, torus.F), 1, kRounding);
+  EXPECT_NEAR(winding_number({0, 0, 0}, torus.X, torus.F), 0, kRounding);
+  EXPECT_NEAR(winding_number({1, 0, 0.5}, torus.X, torus.F), 0, kRounding);
 }

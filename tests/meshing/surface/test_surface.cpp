@@ -10,7 +10,7 @@ using namespace testbed::meshing;
 
 namespace {
 
-constexpr double rounding = 1e-12;
+constexpr double kRounding = 1e-12;
 
 SurfaceMesh unit_tetrahedron() {
   SurfaceMesh mesh{Eigen::Matrix3Xd(3, 4), Eigen::Matrix3Xi(3, 4)};
@@ -36,11 +36,11 @@ std::string complaint(const SurfaceMesh& mesh) {
 
 TEST(Surface, VolumeAndAreaOfATetrahedron) {
   const SurfaceMesh mesh = unit_tetrahedron();
-  EXPECT_NEAR(volume(mesh.X, mesh.F), 1.0 / 6, rounding);
-  EXPECT_NEAR(area(mesh.X, mesh.F), 1.5 + std::sqrt(3.0) / 2, rounding);
-  EXPECT_NEAR(vertex_areas(mesh.X, mesh.F)[0], 0.5, rounding);
-  EXPECT_LT((area_vectors(mesh.X, mesh.F).col(0) - Eigen::Vector3d(0, 0, -0.5)).norm(), rounding);
-  EXPECT_LT(area_vectors(mesh.X, mesh.F).rowwise().sum().norm(), rounding);
+  EXPECT_NEAR(volume(mesh.X, mesh.F), 1.0 / 6, kRounding);
+  EXPECT_NEAR(area(mesh.X, mesh.F), 1.5 + std::sqrt(3.0) / 2, kRounding);
+  EXPECT_NEAR(vertex_areas(mesh.X, mesh.F)[0], 0.5, kRounding);
+  EXPECT_LT((area_vectors(mesh.X, mesh.F).col(0) - Eigen::Vector3d(0, 0, -0.5)).norm(), kRounding);
+  EXPECT_LT(area_vectors(mesh.X, mesh.F).rowwise().sum().norm(), kRounding);
 }
 
 TEST(Surface, VolumeDoesNotDependOnTheOrigin) {

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-const fs::path mesh_folder = MESH_FOLDER;
+const fs::path kMeshFolder = MESH_FOLDER;
 
 /// What is said of a file: the reader's error, else every problem in one line; empty when it is usable.
 std::string verdict(const fs::path& file) {
@@ -66,20 +66,20 @@ std::string verdict_after_repair(const fs::path& file) {
   return all;
 }
 
-const std::string usable;
+const std::string kUsable;
 
 }  // namespace
 
 TEST(SurfaceCheck, EverySharedMeshIsUsable) {
-  if (!fs::exists(mesh_folder)) GTEST_SKIP() << "no folder " << mesh_folder;
-  for (const auto& entry : fs::directory_iterator(mesh_folder))
+  if (!fs::exists(kMeshFolder)) GTEST_SKIP() << "no folder " << kMeshFolder;
+  for (const auto& entry : fs::directory_iterator(kMeshFolder))
     if (entry.is_regular_file() && entry.path().extension() != ".md") {
-      EXPECT_EQ(verdict(entry.path()), usable) << entry.path();
+      EXPECT_EQ(verdict(entry.path()), kUsable) << entry.path();
     }
 }
 
 TEST(SurfaceCheck, EveryBadMeshGetsItsVerdict) {
-  if (!fs::exists(mesh_folder / "bad")) GTEST_SKIP() << "no folder " << mesh_folder / "bad";
+  if (!fs::exists(kMeshFolder / "bad")) GTEST_SKIP() << "no folder " << kMeshFolder / "bad";
   struct Row {
     std::string file, before,
         after;  ///< part of the verdict as read and after repair; "-" when it cannot be read
@@ -96,58 +96,58 @@ TEST(SurfaceCheck, EveryBadMeshGetsItsVerdict) {
       {"dragon.obj", "102 " + many, many},
       {"brucewick.obj", "5 " + intersect, intersect},
       {"elk.off", "7 " + intersect, intersect},
-      {"blobby-shuffled.off", "3069 edges lie between triangles " + against, usable},
-      {"ellipe0.003.off", "1 connected parts are " + outward, usable},
+      {"blobby-shuffled.off", "3069 edges lie between triangles " + against, kUsable},
+      {"ellipe0.003.off", "1 connected parts are " + outward, kUsable},
       {"moebius.obj", "112 " + one, one},
-      {"frog_eyes.obj", "32 triangles " + flat, usable},
-      {"7_8ths_cube.stl", usable, usable},
-      {"doubleBall.obj", usable, usable},
+      {"frog_eyes.obj", "32 triangles " + flat, kUsable},
+      {"7_8ths_cube.stl", kUsable, kUsable},
+      {"doubleBall.obj", kUsable, kUsable},
       {"soup.stl", "300 " + one, one},
       {"__tracked_surface.stl", "448 " + many, many},
-      {"cubevt.obj", usable, usable},
-      {"Cray_right.obj", usable, usable},
-      {"mpi.off", usable, usable},
-      {"sphere_tri_quad_crlf.obj", usable, usable},
-      {"negative_indices.obj", usable, usable},
-      {"nancolor.obj", usable, usable},
-      {"whitespace.off", usable, usable},
-      {"sphere_binary_solid_header.stl", usable, usable},
-      {"schonhardt.off", "3 edges lie between triangles " + against, usable},
+      {"cubevt.obj", kUsable, kUsable},
+      {"Cray_right.obj", kUsable, kUsable},
+      {"mpi.off", kUsable, kUsable},
+      {"sphere_tri_quad_crlf.obj", kUsable, kUsable},
+      {"negative_indices.obj", kUsable, kUsable},
+      {"nancolor.obj", kUsable, kUsable},
+      {"whitespace.off", kUsable, kUsable},
+      {"sphere_binary_solid_header.stl", kUsable, kUsable},
+      {"schonhardt.off", "3 edges lie between triangles " + against, kUsable},
       {"empty.stl", "no triangles", "-"},
-      {"handle_normals_reversed_in_file.stl", usable, usable},
+      {"handle_normals_reversed_in_file.stl", kUsable, kUsable},
       {"no_faces_points_only.off", "no triangles", "-"},
-      {"sphere_duplicate_triangle.obj", "1 triangles have the vertices of another", usable},
+      {"sphere_duplicate_triangle.obj", "1 triangles have the vertices of another", kUsable},
       {"sphere_flattened.obj", flat, many},
       {"sphere_index_out_of_range.obj", ":170: vertex 168, expected 1 to 162", "-"},
-      {"sphere_inside_out.off", "1 connected parts are " + outward, usable},
+      {"sphere_inside_out.off", "1 connected parts are " + outward, kUsable},
       {"sphere_nan_vertex.obj", ":8: 'nan', expected a finite number", "-"},
-      {"sphere_one_triangle_flipped.obj", "3 edges lie between triangles " + against, usable},
+      {"sphere_one_triangle_flipped.obj", "3 edges lie between triangles " + against, kUsable},
       {"sphere_one_triangle_missing.obj", "3 " + one, "3 " + one},
       {"sphere_truncated.stl", "8101 bytes, expected 16084", "-"},
-      {"sphere_unmerged_vertices.obj", usable, usable},
-      {"sphere_unreferenced_vertices.obj", "2 vertices belong to no triangle", usable},
-      {"sphere_utf8_bom_crlf_names.obj", usable, usable},
+      {"sphere_unmerged_vertices.obj", kUsable, kUsable},
+      {"sphere_unreferenced_vertices.obj", "2 vertices belong to no triangle", kUsable},
+      {"sphere_utf8_bom_crlf_names.obj", kUsable, kUsable},
       {"sphere_vertex_pulled_through.obj", "10 " + intersect, intersect},
-      {"sphere_with_cavity.obj", usable, usable},
-      {"sphere_zero_area_triangles.obj", "2 triangles " + flat, usable},
+      {"sphere_with_cavity.obj", kUsable, kUsable},
+      {"sphere_zero_area_triangles.obj", "2 triangles " + flat, kUsable},
       {"torus_cut_mid_line.obj", "82 " + one, one},
-      {"torus_tiny_far_away.obj", usable, usable},
+      {"torus_tiny_far_away.obj", kUsable, kUsable},
       {"two_spheres_overlapping.obj", "82 " + intersect, intersect},
       {"two_spheres_sharing_a_vertex.obj", "1 vertices " + fans, fans},
       {"zero_bytes.obj", "no triangles", "-"}};
   size_t n_files = 0;
-  for ([[maybe_unused]] const auto& entry : fs::directory_iterator(mesh_folder / "bad")) ++n_files;
+  for ([[maybe_unused]] const auto& entry : fs::directory_iterator(kMeshFolder / "bad")) ++n_files;
   EXPECT_EQ(rows.size(), n_files) << "every file has its row";
   auto expect = [](const std::string& said, const std::string& expected, const std::string& file) {
-    if (expected == usable)
-      EXPECT_EQ(said, usable) << file;
+    if (expected == kUsable)
+      EXPECT_EQ(said, kUsable) << file;
     else
       EXPECT_NE(said.find(expected), std::string::npos) << file << ": '" << said << "'";
   };
   for (const Row& row : rows) {
-    expect(verdict(mesh_folder / "bad" / row.file), row.before, row.file);
+    expect(verdict(kMeshFolder / "bad" / row.file), row.before, row.file);
     if (row.after != "-")
-      expect(verdict_after_repair(mesh_folder / "bad" / row.file), row.after, row.file + " repaired");
+      expect(verdict_after_repair(kMeshFolder / "bad" / row.file), row.after, row.file + " repaired");
   }
 }
 
@@ -187,20 +187,20 @@ TEST(SurfaceCheck, EveryFaultOfAMeshIsNamedAndMendedWhereItCanBe) {
     std::string before, after;
   };
   const std::vector<Row> rows = {
-      {"ball", ball, usable, usable},
-      {"ball with a cavity", join(ball, inside_out(scaled(ball, 0.5))), usable, usable},
-      {"torus tiny and far away", shifted(scaled(make_shape("torus", 300), 1e-4), {10, 20, 30}), usable,
-       usable},
+      {"ball", ball, kUsable, kUsable},
+      {"ball with a cavity", join(ball, inside_out(scaled(ball, 0.5))), kUsable, kUsable},
+      {"torus tiny and far away", shifted(scaled(make_shape("torus", 300), 1e-4), {10, 20, 30}), kUsable,
+       kUsable},
       {"triangle missing", open, "3 " + one, "3 " + one},
-      {"triangle flipped", flipped, "3 " + against, usable},
-      {"triangles mixed", mixed, against, usable},
-      {"inside out", inside_out(ball), "1 " + outward, usable},
-      {"solid in a solid", join(ball, scaled(ball, 0.5)), "1 " + outward, usable},
+      {"triangle flipped", flipped, "3 " + against, kUsable},
+      {"triangles mixed", mixed, against, kUsable},
+      {"inside out", inside_out(ball), "1 " + outward, kUsable},
+      {"solid in a solid", join(ball, scaled(ball, 0.5)), "1 " + outward, kUsable},
       {"triangle twice", with_triangle(ball, ball.F.col(5)), "1 triangles have the vertices of another",
-       usable},
+       kUsable},
       {"vertices unused", with_vertex(with_vertex(ball, {9, 9, 9}), {8, 8, 8}),
-       "2 vertices belong to no triangle", usable},
-      {"triangle with a vertex twice", with_triangle(ball, {3, 3, 4}), "1 " + flat, usable},
+       "2 vertices belong to no triangle", kUsable},
+      {"triangle with a vertex twice", with_triangle(ball, {3, 3, 4}), "1 " + flat, kUsable},
       {"triangle with its corners in a line", split, "1 " + flat, "1 " + flat},
       {"triangles apart", soup, "960 " + one, "960 " + one},
       {"strip with one side", moebius_strip(20), "40 " + one, "40 " + one},
@@ -213,8 +213,8 @@ TEST(SurfaceCheck, EveryFaultOfAMeshIsNamedAndMendedWhereItCanBe) {
       {"vertex pulled through", pulled, cross, cross}};
   ASSERT_GT(count_crossings(ball, other), 20);
   const auto expect = [](const std::string& said, const std::string& expected, const std::string& name) {
-    if (expected == usable)
-      EXPECT_EQ(said, usable) << name;
+    if (expected == kUsable)
+      EXPECT_EQ(said, kUsable) << name;
     else
       EXPECT_NE((" " + said).find(" " + expected), std::string::npos) << name << ": '" << said << "'";
   };
@@ -247,17 +247,17 @@ TEST(FindFaults, ListsTheirPlaces) {
 }
 
 TEST(SurfaceCheck, MeasuresOfABoxAreThoseOfItsForm) {
-  constexpr double rounding = 1e-12;
+  constexpr double kRounding = 1e-12;
   const auto values = report_surface(make_shape("bar", 8, {1, 1, 1}), 3).values;
   EXPECT_EQ(values["merged_vertices"], 3);
   EXPECT_EQ(values["genus"], 0);
   EXPECT_EQ(values["sliver_triangles"], 0);
-  EXPECT_NEAR(values["worst_aspect"].get<double>(), 2, rounding) << "sqrt(2) over sqrt(1/2)";
-  EXPECT_NEAR(values["volume"].get<double>(), 1, rounding);
-  EXPECT_NEAR(values["area"].get<double>(), 6, rounding);
-  EXPECT_NEAR(values["edge_shortest"].get<double>(), 1, rounding);
-  EXPECT_NEAR(values["edge_longest"].get<double>(), std::sqrt(2), rounding);
-  EXPECT_NEAR(values["edge_mean"].get<double>(), (2 + std::sqrt(2)) / 3, rounding);
+  EXPECT_NEAR(values["worst_aspect"].get<double>(), 2, kRounding) << "sqrt(2) over sqrt(1/2)";
+  EXPECT_NEAR(values["volume"].get<double>(), 1, kRounding);
+  EXPECT_NEAR(values["area"].get<double>(), 6, kRounding);
+  EXPECT_NEAR(values["edge_shortest"].get<double>(), 1, kRounding);
+  EXPECT_NEAR(values["edge_longest"].get<double>(), std::sqrt(2), kRounding);
+  EXPECT_NEAR(values["edge_mean"].get<double>(), (2 + std::sqrt(2)) / 3, kRounding);
   EXPECT_EQ(values["box_high"], (std::vector<double>{1, 1, 1}));
   EXPECT_EQ(report_surface(make_shape("bar", 8, {1, 1, 0.009}), 0).values["sliver_triangles"], 8);
   EXPECT_EQ(report_surface(make_shape("bar", 8, {1, 1, 0.011}), 0).values["sliver_triangles"], 0);

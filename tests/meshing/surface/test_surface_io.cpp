@@ -14,8 +14,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-const fs::path mesh_folder = MESH_FOLDER;
-constexpr double rounding = 1e-12;
+const fs::path kMeshFolder = MESH_FOLDER;
+constexpr double kRounding = 1e-12;
 
 /// A file of the given text in the test's own folder.
 fs::path file_of(const std::string& name, const std::string& text) {
@@ -63,11 +63,11 @@ std::string vtk_array(const std::string& name, const std::string& type, const st
          (name == "points" ? " NumberOfComponents=\"3\">" : ">") + values + "</DataArray>";
 }
 
-const std::string corners_of_unit_tetrahedron = "0 0 0 1 0 0 0 1 0 0 0 1";
+const std::string kCornersOfUnitTetrahedron = "0 0 0 1 0 0 0 1 0 0 0 1";
 
 /// An unstructured grid: the corners of all cells, for each where they end, and its type.
 std::string vtu_of(const std::string& corners, const std::string& ends, const std::string& types,
-                   const std::string& points = corners_of_unit_tetrahedron) {
+                   const std::string& points = kCornersOfUnitTetrahedron) {
   const auto n_words = [](const std::string& text) {
     return std::to_string(text.empty() ? 0 : std::count(text.begin(), text.end(), ' ') + 1);
   };
@@ -88,7 +88,7 @@ std::string vtp_of(const std::string& corners, const std::string& ends, const st
   return "<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\"><PolyData>"
          "<Piece NumberOfPoints=\"4\" NumberOf" +
          other + "=\"1\" NumberOfPolys=\"" + std::to_string(std::count(ends.begin(), ends.end(), ' ') + 1) +
-         "\"><Points>" + vtk_array("points", "Float64", corners_of_unit_tetrahedron) + "</Points><Polys>" +
+         "\"><Points>" + vtk_array("points", "Float64", kCornersOfUnitTetrahedron) + "</Points><Polys>" +
          cells(corners, ends) + "</Polys><" + other + ">" + cells(other_corners, "4") + "</" + other +
          "></Piece></PolyData></VTKFile>";
 }
@@ -203,7 +203,7 @@ TEST(SurfaceIo, ReadsEveryNameOfPlysFaces) {
                              "property list uchar int " +
                                  name + "\nend_header\n0 0 0 2 0 0 0 1 0\n4 0 0 0 0 3 0 1 2\n"));
     EXPECT_EQ(mesh.F, Eigen::Vector3i(0, 1, 2)) << name;
-    EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding) << name;
+    EXPECT_NEAR(area(mesh.X, mesh.F), 1, kRounding) << name;
   }
 }
 
@@ -212,7 +212,7 @@ TEST(SurfaceIo, ReadsEveryHeaderOfOff) {
   for (const std::string header : {"OFF", "STOFF", "COFF", "NOFF", "STCNOFF"}) {
     const SurfaceMesh mesh = read_surface(
         file_of("header.off", header + "\n3 1 0\n0 0 0 5 6 7 8\n2 0 0 5 6 7 8\n0 1 0 5 6 7 8\n3 0 1 2\n"));
-    EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding) << header;
+    EXPECT_NEAR(area(mesh.X, mesh.F), 1, kRounding) << header;
   }
   const std::string said = complaint(file_of("header.off", "4OFF\n3 1 0\n"));
   EXPECT_NE(said.find("'4OFF', expected OFF"), std::string::npos) << said;
@@ -226,7 +226,7 @@ TEST(SurfaceIo, ReadsObjAsUsersWriteIt) {
                            "f 1/1 3/1/1 2//1\r\nf -4 -3 \\\r\n -1\r\nf 1 4 3\r\nf 2 3 4"));
   EXPECT_EQ(mesh.X.cols(), 4);
   EXPECT_NO_THROW(check_closed(mesh, "odd.obj"));
-  EXPECT_NEAR(volume(mesh.X, mesh.F), 1.0 / 6, rounding);
+  EXPECT_NEAR(volume(mesh.X, mesh.F), 1.0 / 6, kRounding);
 }
 
 TEST(SurfaceIo, CutsPolygonsThatAreNotConvexInsideTheirOutline) {
@@ -234,7 +234,7 @@ TEST(SurfaceIo, CutsPolygonsThatAreNotConvexInsideTheirOutline) {
   for (const std::string corners : {"1 2 3 0", "2 3 0 1", "3 0 1 2", "0 1 2 3"}) {
     const SurfaceMesh mesh =
         read_surface(file_of("arrow.off", "OFF 4 1 0\n0 0 0\n1 -1 0\n0 1 0\n-1 -1 0\n4 " + corners + "\n"));
-    EXPECT_NEAR(area(mesh.X, mesh.F), 1, rounding) << corners;
+    EXPECT_NEAR(area(mesh.X, mesh.F), 1, kRounding) << corners;
   }
 }
 
@@ -247,11 +247,11 @@ TEST(SurfaceIo, ReadsTheSurfaceOfVtkFilesAndNothingElse) {
   EXPECT_EQ(pyramid.X.cols(), 5);
   EXPECT_EQ(pyramid.F.cols(), 6);
   EXPECT_NO_THROW(check_closed(pyramid, "pyramid.vtu"));
-  EXPECT_NEAR(volume(pyramid.X, pyramid.F), 1.0 / 3, rounding);
+  EXPECT_NEAR(volume(pyramid.X, pyramid.F), 1.0 / 3, kRounding);
   const SurfaceMesh tetrahedron =
       read_surface(file_of("tet.vtp", vtp_of("0 2 1 0 1 3 1 2 3 0 3 2", "3 6 9 12")));
   EXPECT_NO_THROW(check_closed(tetrahedron, "tet.vtp"));
-  EXPECT_NEAR(volume(tetrahedron.X, tetrahedron.F), 1.0 / 6, rounding);
+  EXPECT_NEAR(volume(tetrahedron.X, tetrahedron.F), 1.0 / 6, kRounding);
 }
 
 TEST(SurfaceIo, ErrorsInVtkFilesNameCellValueAndWhatIsExpected) {
@@ -336,7 +336,7 @@ TEST(SurfaceIo, ErrorsNameFileLineAndValue) {
 }
 
 TEST(SurfaceIo, ReadsTheSharedMeshesAsTheirListSays) {
-  if (!fs::exists(mesh_folder)) GTEST_SKIP() << "no folder " << mesh_folder;
+  if (!fs::exists(kMeshFolder)) GTEST_SKIP() << "no folder " << kMeshFolder;
   struct Row {
     const char* file;
     int n_vertices, n_faces;
@@ -361,12 +361,12 @@ TEST(SurfaceIo, ReadsTheSharedMeshesAsTheirListSays) {
                                  {"sword.obj", 22293, 44582, 0.0002104},
                                  {"skull.obj", 49999, 100002, 563.4},
                                  {"bunny_hr_x4.ply", 119330, 238656, 0.7455}};
-  constexpr double printed_digits = 5e-4;  // the list gives volumes to four digits
+  constexpr double kPrintedDigits = 5e-4;  // the list gives volumes to four digits
   for (const Row& row : rows) {
-    const SurfaceMesh mesh = read_surface(mesh_folder / row.file);
+    const SurfaceMesh mesh = read_surface(kMeshFolder / row.file);
     EXPECT_EQ(mesh.X.cols(), row.n_vertices) << row.file;
     EXPECT_EQ(mesh.F.cols(), row.n_faces) << row.file;
-    EXPECT_NEAR(volume(mesh.X, mesh.F) / row.volume, 1, printed_digits) << row.file;
+    EXPECT_NEAR(volume(mesh.X, mesh.F) / row.volume, 1, kPrintedDigits) << row.file;
     EXPECT_NO_THROW(check_closed(mesh, row.file));
   }
 }

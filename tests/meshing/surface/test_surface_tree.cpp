@@ -10,7 +10,7 @@ using namespace testbed::meshing;
 
 namespace {
 
-constexpr double rounding = 1e-12;
+constexpr double kRounding = 1e-12;
 
 SurfaceMesh hollow_torus_and_ball() {
   const SurfaceMesh torus = make_shape("torus", 300), ball = make_shape("ball", 162);
@@ -42,14 +42,15 @@ TEST(SurfaceTree, DistanceIsThatToTheTrianglesNotToTheVertices) {
   const SurfaceMesh mesh = hollow_torus_and_ball();
   const SurfaceTree tree(mesh);
   Random random(3);
-  constexpr int n = 12;
-  constexpr double gap = 0.35 / n;  // half an edge of a sampling triangle: the longest edge here is below 0.7
+  constexpr int kN = 12;
+  // Half an edge of a sampling triangle: the longest edge here is below 0.7.
+  constexpr double kGap = 0.35 / kN;
   for (int trial = 0; trial < 100; ++trial) {
     const Eigen::Vector3d x = random_point(random);
-    const double sampled = distance_by_sampling(x, mesh, n), exact = tree.nearest(x).distance;
-    EXPECT_LE(exact, sampled + rounding);
-    EXPECT_GE(exact, sampled - gap);
-    EXPECT_NEAR((tree.nearest(x).point - x).norm(), exact, rounding);
+    const double sampled = distance_by_sampling(x, mesh, kN), exact = tree.nearest(x).distance;
+    EXPECT_LE(exact, sampled + kRounding);
+    EXPECT_GE(exact, sampled - kGap);
+    EXPECT_NEAR((tree.nearest(x).point - x).norm(), exact, kRounding);
   }
 }
 
@@ -65,7 +66,7 @@ TEST(SurfaceTree, DistanceToEveryEdgeAndCornerOfATriangleIsRight) {
     for (int trial = 0; trial < 200; ++trial) {
       const Eigen::Vector3d x = 0.5 * random_point(random);
       const double sampled = distance_by_sampling(x, sheet, 100), exact = tree.nearest(x).distance;
-      EXPECT_LE(exact, sampled + rounding);
+      EXPECT_LE(exact, sampled + kRounding);
       EXPECT_GE(exact, sampled - 0.01) << "a sampling triangle's longest edge is 0.014";
     }
   }

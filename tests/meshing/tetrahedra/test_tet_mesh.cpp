@@ -12,7 +12,7 @@ using namespace testbed::meshing;
 
 namespace {
 
-constexpr double rounding = 1e-12;
+constexpr double kRounding = 1e-12;
 
 std::string complaint(const TetMesh& mesh, const SurfaceMesh& surface) {
   try {
@@ -83,8 +83,8 @@ TEST(CheckTetrahedra, SeesADiagonalThatTheSurfaceHasTurned) {
 TEST(TetVolume, OfTheUnitCornerIsASixth) {
   Eigen::Matrix3Xd X(3, 4);
   X << 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1;
-  EXPECT_NEAR(tet_volume(X, {0, 1, 2, 3}), 1.0 / 6, rounding);
-  EXPECT_NEAR(tet_volume(X, {0, 2, 1, 3}), -1.0 / 6, rounding);
+  EXPECT_NEAR(tet_volume(X, {0, 1, 2, 3}), 1.0 / 6, kRounding);
+  EXPECT_NEAR(tet_volume(X, {0, 2, 1, 3}), -1.0 / 6, kRounding);
 }
 
 TEST(TetQuality, OfARegularTetrahedronAndOfASliver) {
@@ -97,8 +97,8 @@ TEST(TetQuality, OfARegularTetrahedronAndOfASliver) {
   if (tet_volume(X, T.col(0)) < 0) T.col(0).tail<2>().reverseInPlace();
   const TetQuality regular = tet_quality(X, T);
   EXPECT_NEAR(regular.min_dihedral, std::acos(1.0 / 3) * 180 / 3.14159265358979323846, 1e-9);
-  EXPECT_NEAR(regular.min_radius_ratio, 1, rounding);
-  EXPECT_NEAR(regular.mean_radius_ratio, 1, rounding);
+  EXPECT_NEAR(regular.min_radius_ratio, 1, kRounding);
+  EXPECT_NEAR(regular.mean_radius_ratio, 1, kRounding);
   EXPECT_EQ(regular.n_slivers, 0);
   X.row(2) *= 0.002;  // nearly flat
   const TetQuality flat = tet_quality(X, T);
