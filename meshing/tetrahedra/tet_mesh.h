@@ -5,9 +5,6 @@
 
 namespace testbed::meshing {
 
-/// Signed volume (m3): positive when corners 1, 2, 3 turn clockwise seen from corner 0.
-double tet_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet);
-
 /// @throws std::runtime_error unless the surface's vertices are the mesh's first nodes bit for bit, every
 /// volume is positive, they add up to the surface's, and the boundary faces are its triangles.
 void check_tetrahedra(const TetMesh& mesh, const SurfaceMesh& surface);
