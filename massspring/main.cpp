@@ -12,6 +12,7 @@
 #include "massspring/time/implicit_stage.h"
 #include "massspring/time/integrators.h"
 #include "meshing/base/files.h"
+#include "meshing/base/geometry.h"
 #include "meshing/base/stage_timer.h"
 #include "meshing/run/exit_status.h"
 #include "meshing/run/hash.h"
@@ -104,7 +105,7 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const
                                " springs: their network has no tetrahedra");
     model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
     for (Eigen::Index t = 0; t < network.T.cols(); ++t)
-      model.local_volume->rest_volume(t) = rest_volume(network.X, network.T.col(t));
+      model.local_volume->rest_volume(t) = tet_volume(network.X, network.T.col(t));
   }
   return model;
 }
