@@ -8,6 +8,7 @@
 #include "massspring/model/collapse.h"
 #include "massspring/statics/frequencies.h"
 #include "massspring/time/implicit_stage.h"
+#include "meshing/base/geometry.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -40,7 +41,7 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
                                " springs: their network has no tetrahedra");
     model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
     for (Eigen::Index t = 0; t < network.T.cols(); ++t)
-      model.local_volume->rest_volume(t) = rest_volume(network.X, network.T.col(t));
+      model.local_volume->rest_volume(t) = tet_volume(network.X, network.T.col(t));
   }
   return model;
 }

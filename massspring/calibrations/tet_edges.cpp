@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "massspring/calibrations/calibrations.h"
+#include "meshing/base/geometry.h"
 
 namespace testbed::massspring {
 
@@ -15,7 +16,7 @@ void sum_over_tetrahedra(MassSpringModel& model, const Stiffness& stiffness) {
   const Eigen::Matrix3Xd& X = model.network.X;
   std::map<std::pair<int, int>, double> k;
   for (const auto& t : model.network.T.colwise()) {
-    const double V = rest_volume(X, t);
+    const double V = tet_volume(X, t);
     for (int i = 0; i < 4; ++i)
       for (int j = i + 1; j < 4; ++j)
         k[std::minmax(t[i], t[j])] += stiffness(V, (X.col(t[i]) - X.col(t[j])).squaredNorm());

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "meshing/base/geometry.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -13,27 +14,6 @@ namespace {
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 using Weights = std::array<double, 4>;
-
-/// Barycentric coordinates of the point of triangle abc nearest to p [Ericson 2005, 5.1.5].
-Vector3d nearest_on_triangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
-  const Vector3d ab = b - a, ac = c - a, ap = p - a, bp = p - b, cp = p - c;
-  const double d1 = ab.dot(ap), d2 = ac.dot(ap), d3 = ab.dot(bp), d4 = ac.dot(bp), d5 = ab.dot(cp),
-               d6 = ac.dot(cp);
-  if (d1 <= 0 && d2 <= 0) return {1, 0, 0};
-  if (d3 >= 0 && d4 <= d3) return {0, 1, 0};
-  const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return {1 - d1 / (d1 - d3), d1 / (d1 - d3), 0};
-  if (d6 >= 0 && d5 <= d6) return {0, 0, 1};
-  const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return {1 - d2 / (d2 - d6), 0, d2 / (d2 - d6)};
-  const double va = d3 * d6 - d5 * d4;
-  if (va <= 0 && d4 >= d3 && d5 >= d6) {
-    const double w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-    return {0, 1 - w, w};
-  }
-  const double sum = va + vb + vc;
-  return {va / sum, vb / sum, vc / sum};
-}
 
 /// Parameters of the nearest points of segments ab and cd [Ericson 2005, 5.1.9].
 std::pair<double, double> nearest_of_segments(const Vector3d& a, const Vector3d& b, const Vector3d& c,
@@ -58,7 +38,7 @@ Weights nearest(const std::array<int, 4>& node, bool is_edges, const Matrix3Xd& 
     const auto [s, t] = nearest_of_segments(a, b, c, d);
     return {1 - s, s, t - 1, -t};
   }
-  const Vector3d w = nearest_on_triangle(a, b, c, d);
+  const Vector3d w = nearest_on_triangle(a, b, c, d).weights;
   return {1, -w[0], -w[1], -w[2]};
 }
 

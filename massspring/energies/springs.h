@@ -41,12 +41,31 @@ SpringBlocks damping_matrix(const Springs& springs, const Eigen::Matrix3Xd& x, d
 /// K += B.
 void add_blocks(const Springs& springs, const SpringBlocks& B, BlockMatrix& K);
 
+/// K += Hessian of the energy (N/m); K's pattern must hold pairs_of(springs).
+void add_hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
+                 BlockMatrix& K, Curvature curvature = Curvature::Projected);
+
+/// Pairs of nodes that share a spring, 2 x n_springs.
+Eigen::Matrix2Xi pairs_of(const Springs& springs);
+
 /// Adds the diagonal blocks of B, one for each node.
 void add_diagonal(const Springs& springs, const SpringBlocks& B, std::vector<Eigen::Matrix3d>& diagonal);
 
 /// y += B p without a matrix; 3 x n.
 void add_product(const Springs& springs, const SpringBlocks& B, const Eigen::Matrix3Xd& p,
                  Eigen::Matrix3Xd& y);
+
+/// The four sums above in plain loops over the springs, which compilers without vectors run. Sums differ from
+/// the others' by rounding, in the order of their terms.
+namespace plain {
+void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
+                Eigen::Matrix3Xd& f);
+SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
+                     double scale = 1, Curvature curvature = Curvature::Projected);
+void add_diagonal(const Springs& springs, const SpringBlocks& B, std::vector<Eigen::Matrix3d>& diagonal);
+void add_product(const Springs& springs, const SpringBlocks& B, const Eigen::Matrix3Xd& p,
+                 Eigen::Matrix3Xd& y);
+}  // namespace plain
 
 /// f_a -= k_d (mu . n) n, mu = v_a - v_b (N) [(2)].
 void add_damping_forces(const Springs& springs, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,

@@ -15,6 +15,8 @@
 #include <utility>
 
 #include "massspring/kernels/parts.h"
+#include "massspring/kernels/patch_kernels.h"
+#include "meshing/base/geometry.h"
 
 namespace testbed::massspring {
 
@@ -151,9 +153,6 @@ Matrix3d cross_product_by(const Vector3d& a) {
   return C;
 }
 
-/// psi'' in 3 x 3 blocks (a, b) of the columns a and b of F: column a holds (a, 0), (a, 1) and (a, 2).
-using Stiffness = Eigen::Matrix<double, 27, 3>;
-
 /// psi'' = mu |dF|^2 + g'' (C : dF)^2 + g' d2J, of which block (a, b) of d2J takes v to -F_c x v when a, b, c
 /// follow each other.
 Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curvature) {
@@ -176,21 +175,6 @@ Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curva
       for (int b = 0; b < 3; ++b) block(a, b) += kE * modes.E[m].col(b).transpose();
     }
   return H;
-}
-
-typedef double Wide __attribute__((vector_size(32), aligned(8), may_alias));
-
-/// y += A b, A n x 3.
-template <int n>
-[[gnu::always_inline]] inline void add_product(const Eigen::Matrix<double, n, 3>& A, const double* b,
-                                               double* y) {
-  const double *A0 = A.data(), *A1 = A0 + n, *A2 = A1 + n;
-  int i = 0;
-  for (; i + 4 <= n; i += 4)
-    *reinterpret_cast<Wide*>(y + i) += b[0] * *reinterpret_cast<const Wide*>(A0 + i) +
-                                       b[1] * *reinterpret_cast<const Wide*>(A1 + i) +
-                                       b[2] * *reinterpret_cast<const Wide*>(A2 + i);
-  for (; i < n; ++i) y[i] += b[0] * A0[i] + b[1] * A1[i] + b[2] * A2[i];
 }
 
 /// Of blocks (r, e), r <= e, of every patch.
@@ -270,7 +254,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   std::vector<TetGradients> shares(T.cols());  // of volume times gradients
   Eigen::VectorXd share(T.cols());
   for (Eigen::Index t = 0; t < T.cols(); ++t) {
-    share[t] = part * rest_volume(X, T.col(t)) / static_cast<double>(patches.rows());
+    share[t] = part * tet_volume(X, T.col(t)) / static_cast<double>(patches.rows());
     shares[t] = share[t] * barycentric_gradients(X, T.col(t));
   }
   const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
@@ -382,29 +366,6 @@ void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, con
   });
 }
 
-namespace {
-
-/// Adds the blocks of patches first to last - 1 on the diagonal and above it, at the given positions.
-// Registers of 512 bits take a quarter longer.
-__attribute__((flatten, target_clones("avx2", "default"))) void add_blocks(
-    const TetSprings& springs, int first, int last, const Matrix3Xd& x, Curvature curvature,
-    const Eigen::VectorXd& scale, const int* at, BlockMatrix& K) {
-  for (int p = first; p < last; ++p) {
-    const double s = scale_of(scale, p);
-    const Stiffness H =
-        stiffness(deformation_gradient(springs, p, x) / s, springs.lambda[p], springs.mu, curvature);
-    const int end = springs.first[p + 1];
-    for (int r = springs.first[p]; r < end; ++r) {
-      const Vector3d Vb = s * springs.volume[p] * springs.b.col(r);
-      Eigen::Matrix<double, 9, 3> row = Eigen::Matrix<double, 9, 3>::Zero();
-      add_product(H, Vb.data(), row.data());
-      for (int e = r; e < end; ++e) add_product(row, springs.b.col(e).data(), K.block[*at++].data());
-    }
-  }
-}
-
-}  // namespace
-
 void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
                  const Eigen::VectorXd& scale) {
   if (K.coupled.empty()) K.coupled = positions(springs, K);
@@ -414,7 +375,13 @@ void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, 
     n_before.push_back(n_before.back() + n * (n + 1) / 2);
   }
   for_each_range(springs, [&](int, int begin, int end) {
-    add_blocks(springs, begin, end, x, curvature, scale, K.coupled.data() + n_before[begin], K);
+    for (int p = begin; p < end; ++p) {
+      const double s = scale_of(scale, p);
+      const Matrix3d F = deformation_gradient(springs, p, x) / s;
+      const int first = springs.first[p], n = springs.first[p + 1] - first;
+      add_patch_blocks(stiffness(F, springs.lambda[p], springs.mu, curvature), s * springs.volume[p],
+                       springs.b.col(first).data(), n, K.coupled.data() + n_before[p], K.block.data());
+    }
   });
   mirror(K);
 }
@@ -443,15 +410,10 @@ double smallest_jacobian(const TetSprings& springs, const Matrix3Xd& x) {
   return smallest;
 }
 
-double rest_volume(const Matrix3Xd& X, const Eigen::Vector4i& t) {
-  const Vector3d a = X.col(t[0]);
-  return (X.col(t[1]) - a).cross(X.col(t[2]) - a).dot(X.col(t[3]) - a) / 6;
-}
-
 Eigen::VectorXd lumped_mass(const Matrix3Xd& X, const Matrix4Xi& T, double rho) {
   Eigen::VectorXd mass = Eigen::VectorXd::Zero(X.cols());
   for (Eigen::Index t = 0; t < T.cols(); ++t)
-    for (int p : T.col(t)) mass[p] += rho / 4 * rest_volume(X, T.col(t));
+    for (int p : T.col(t)) mass[p] += rho / 4 * tet_volume(X, T.col(t));
   return mass;
 }
 

@@ -84,9 +84,6 @@ Eigen::Matrix2Xi pairs_of(const TetSprings& springs);
 /// Smallest det F of any patch at x: not positive when a patch is inverted.
 double smallest_jacobian(const TetSprings& springs, const Eigen::Matrix3Xd& x);
 
-/// Volume of a tetrahedron of positive orientation (m3).
-double rest_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet);
-
 /// A quarter of the mass of its tetrahedra for each node (kg); the total is exact.
 Eigen::VectorXd lumped_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho);
 

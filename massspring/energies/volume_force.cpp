@@ -60,7 +60,7 @@ struct TetVolume {
   Eigen::Matrix<double, 3, 4> gradient;
 };
 
-TetVolume tet_volume(const Eigen::Vector4i& t, const Eigen::Matrix3Xd& x) {
+TetVolume volume_and_gradient(const Eigen::Vector4i& t, const Eigen::Matrix3Xd& x) {
   const Eigen::Vector3d a = x.col(t[1]) - x.col(t[0]), b = x.col(t[2]) - x.col(t[0]),
                         c = x.col(t[3]) - x.col(t[0]);
   TetVolume tet;
@@ -75,7 +75,7 @@ TetVolume tet_volume(const Eigen::Vector4i& t, const Eigen::Matrix3Xd& x) {
 double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x) {
   double sum = 0;
   for (Eigen::Index t = 0; t < local.T.cols(); ++t) {
-    const double excess = tet_volume(local.T.col(t), x).volume - local.rest_volume[t];
+    const double excess = volume_and_gradient(local.T.col(t), x).volume - local.rest_volume[t];
     sum += local.kappa / 2 * excess * excess / local.rest_volume[t];
   }
   return sum;
@@ -83,7 +83,7 @@ double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x) {
 
 void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) {
   for (Eigen::Index t = 0; t < local.T.cols(); ++t) {
-    const TetVolume tet = tet_volume(local.T.col(t), x);
+    const TetVolume tet = volume_and_gradient(local.T.col(t), x);
     const double pressure = local.kappa * (1 - tet.volume / local.rest_volume[t]);
     for (int k = 0; k < 4; ++k) f.col(local.T(k, t)) += pressure * tet.gradient.col(k);
   }
@@ -91,7 +91,7 @@ void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matr
 
 void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K) {
   for (Eigen::Index t = 0; t < local.T.cols(); ++t) {
-    const auto gradient = tet_volume(local.T.col(t), x).gradient;
+    const auto gradient = volume_and_gradient(local.T.col(t), x).gradient;
     for (int k = 0; k < 4; ++k)
       for (int l = 0; l < 4; ++l)
         K.block[K.find(local.T(k, t), local.T(l, t))] +=

@@ -2,21 +2,19 @@
 
 #include <algorithm>
 
-#include "massspring/kernels/every_width.h"
 #include "massspring/kernels/parts.h"
+#include "massspring/kernels/vectors.h"
 
 /// Lanes x y z 0 of four nodes as y z x 0 and as z x y 0.
-#define TESTBED_TURNED_LEFT(u) \
-  __builtin_shufflevector(u, u, 1, 2, 0, 3, 5, 6, 4, 7, 9, 10, 8, 11, 13, 14, 12, 15)
-#define TESTBED_TURNED_RIGHT(u) \
-  __builtin_shufflevector(u, u, 2, 0, 1, 3, 6, 4, 5, 7, 10, 8, 9, 11, 14, 12, 13, 15)
+#define TESTBED_TURNED_LEFT(u) TESTBED_SHUFFLED(u, u, 1, 2, 0, 3, 5, 6, 4, 7, 9, 10, 8, 11, 13, 14, 12, 15)
+#define TESTBED_TURNED_RIGHT(u) TESTBED_SHUFFLED(u, u, 2, 0, 1, 3, 6, 4, 5, 7, 10, 8, 9, 11, 14, 12, 13, 15)
 
 namespace testbed::massspring {
 namespace {
 
-typedef float Four __attribute__((vector_size(16), aligned(4)));   // a node
-typedef float Eight __attribute__((vector_size(32), aligned(4)));  // two
-typedef float Lanes __attribute__((vector_size(64), aligned(4)));  // four nodes
+using Four = Float4;         // a node
+using Eight = Float8;        // two
+using Lanes = Float16;       // four nodes
 constexpr int kNodes = 256;  // whose part of a sum is added in single precision
 constexpr Eigen::Index kChunk = kNodes / 4;
 
@@ -40,43 +38,39 @@ template <class Visit>
 }
 
 TESTBED_EVERY_WIDTH double dot_of(const Lanes* u, const Lanes* w, Eigen::Index n) {
-  return sum_of(
-      n, [&](Eigen::Index k, Lanes & sum) __attribute__((always_inline)) { sum += u[k] * w[k]; });
+  return sum_of(n, [&](Eigen::Index k, Lanes& sum) TESTBED_INLINE { sum += u[k] * w[k]; });
 }
 
 TESTBED_EVERY_WIDTH double multiply_by(const Lanes* diagonal, const Lanes* off_diagonal, const Lanes* r,
                                        Lanes* z, Eigen::Index n) {
-  return sum_of(
-      n, [&](Eigen::Index k, Lanes & sum) __attribute__((always_inline)) {
-        const Lanes q = r[k], o = off_diagonal[k];
-        const Lanes product =
-            diagonal[k] * q + o * TESTBED_TURNED_LEFT(q) + TESTBED_TURNED_RIGHT(o) * TESTBED_TURNED_RIGHT(q);
-        z[k] = product;
-        sum += q * product;
-      });
+  return sum_of(n, [&](Eigen::Index k, Lanes& sum) TESTBED_INLINE {
+    const Lanes q = r[k], o = off_diagonal[k];
+    const Lanes product =
+        diagonal[k] * q + o * TESTBED_TURNED_LEFT(q) + TESTBED_TURNED_RIGHT(o) * TESTBED_TURNED_RIGHT(q);
+    z[k] = product;
+    sum += q * product;
+  });
 }
 
 TESTBED_EVERY_WIDTH double correct_by(const Lanes* diagonal, const Lanes* off_diagonal, const Lanes* r,
                                       const Lanes* Az, Lanes* z, Eigen::Index n) {
-  return sum_of(
-      n, [&](Eigen::Index k, Lanes & sum) __attribute__((always_inline)) {
-        const Lanes q = r[k] - Az[k], o = off_diagonal[k];
-        const Lanes corrected = z[k] + diagonal[k] * q + o * TESTBED_TURNED_LEFT(q) +
-                                TESTBED_TURNED_RIGHT(o) * TESTBED_TURNED_RIGHT(q);
-        z[k] = corrected;
-        sum += r[k] * corrected;
-      });
+  return sum_of(n, [&](Eigen::Index k, Lanes& sum) TESTBED_INLINE {
+    const Lanes q = r[k] - Az[k], o = off_diagonal[k];
+    const Lanes corrected = z[k] + diagonal[k] * q + o * TESTBED_TURNED_LEFT(q) +
+                            TESTBED_TURNED_RIGHT(o) * TESTBED_TURNED_RIGHT(q);
+    z[k] = corrected;
+    sum += r[k] * corrected;
+  });
 }
 
 TESTBED_EVERY_WIDTH double advance_by(float alpha, const Lanes* p, const Lanes* Ap, Lanes* x, Lanes* r,
                                       Eigen::Index n) {
-  return sum_of(
-      n, [&](Eigen::Index k, Lanes & sum) __attribute__((always_inline)) {
-        x[k] += alpha * p[k];
-        const Lanes rest = r[k] - alpha * Ap[k];
-        r[k] = rest;
-        sum += rest * rest;
-      });
+  return sum_of(n, [&](Eigen::Index k, Lanes& sum) TESTBED_INLINE {
+    x[k] += alpha * p[k];
+    const Lanes rest = r[k] - alpha * Ap[k];
+    r[k] = rest;
+    sum += rest * rest;
+  });
 }
 
 TESTBED_EVERY_WIDTH void add_scaled_by(float alpha, const Lanes* u, Lanes* y, Eigen::Index n) {
@@ -94,21 +88,20 @@ TESTBED_EVERY_WIDTH double add_product_of_rows(int n, const int* start, const in
     Four dot{};
     for (int a = first; a < std::min(n, first + kNodes); ++a) {
       const Four one = P[a];
-      const Eight p_a = __builtin_shufflevector(one, one, 0, 1, 2, 3, 0, 1, 2, 3);
+      const Eight p_a = TESTBED_SHUFFLED(one, one, 0, 1, 2, 3, 0, 1, 2, 3);
       Eight sum{};
       for (int k = start[a]; k < start[a + 1]; k += 2) {
         const Four p_b = P[other[k]], p_c = P[other[k + 1]];
-        const Eight d = p_a - __builtin_shufflevector(p_b, p_c, 0, 1, 2, 3, 4, 5, 6, 7), u = block[k / 2];
+        const Eight d = p_a - TESTBED_SHUFFLED(p_b, p_c, 0, 1, 2, 3, 4, 5, 6, 7), u = block[k / 2];
         Eight product = u * d;  // its fourth lanes are 0, as those of d
-        product += __builtin_shufflevector(product, product, 1, 0, 3, 2, 5, 4, 7, 6);
-        product += __builtin_shufflevector(product, product, 2, 3, 0, 1, 6, 7, 4, 5);
-        const Eight q = u * product + d * __builtin_shufflevector(u, u, 3, 3, 3, 3, 7, 7, 7, 7);
-        Y[other[k]] -= __builtin_shufflevector(q, q, 0, 1, 2, 3);
-        Y[other[k + 1]] -= __builtin_shufflevector(q, q, 4, 5, 6, 7);
+        product += TESTBED_SHUFFLED(product, product, 1, 0, 3, 2, 5, 4, 7, 6);
+        product += TESTBED_SHUFFLED(product, product, 2, 3, 0, 1, 6, 7, 4, 5);
+        const Eight q = u * product + d * TESTBED_SHUFFLED(u, u, 3, 3, 3, 3, 7, 7, 7, 7);
+        Y[other[k]] -= TESTBED_SHUFFLED(q, q, 0, 1, 2, 3);
+        Y[other[k + 1]] -= TESTBED_SHUFFLED(q, q, 4, 5, 6, 7);
         sum += q;
       }
-      Four y_a = Y[a] + __builtin_shufflevector(sum, sum, 0, 1, 2, 3) +
-                 __builtin_shufflevector(sum, sum, 4, 5, 6, 7);
+      Four y_a = Y[a] + TESTBED_SHUFFLED(sum, sum, 0, 1, 2, 3) + TESTBED_SHUFFLED(sum, sum, 4, 5, 6, 7);
       y_a[3] = 0;
       Y[a] = y_a;  // complete: all other springs of node a have been in rows before
       dot += one * y_a;

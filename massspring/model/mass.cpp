@@ -4,7 +4,7 @@
 #include <map>
 #include <utility>
 
-#include "massspring/energies/tet_springs.h"
+#include "meshing/base/geometry.h"
 
 namespace testbed::massspring {
 
@@ -12,7 +12,7 @@ SpreadMass spread_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, dou
   std::map<std::pair<int, int>, double> edges;
   for (const auto& t : T.colwise())
     for (int i = 0; i < 4; ++i)
-      for (int j = i + 1; j < 4; ++j) edges[std::minmax({t[i], t[j]})] += rho / 20 * rest_volume(X, t);
+      for (int j = i + 1; j < 4; ++j) edges[std::minmax({t[i], t[j]})] += rho / 20 * tet_volume(X, t);
   SpreadMass spread{Eigen::Matrix2Xi(2, edges.size()), Eigen::VectorXd(edges.size())};
   Eigen::Index e = 0;
   for (const auto& [edge, r] : edges) {

@@ -110,25 +110,60 @@ double kinetic_energy(const MassSpringModel& model, const Eigen::Matrix3Xd& v) {
   return v.cwiseProduct(momenta(model, v)).sum() / 2;
 }
 
-double elastic_energy(const MassSpringModel& model, const State& state) {
-  double sum = 0;
-  if (model.springs) sum += energy(*model.springs, state.rest_length, state.x);
-  if (model.tet_springs) sum += energy(*model.tet_springs, state.x, state.patch_scale);
-  if (model.bending) sum += energy(*model.bending, state.x);
-  if (model.local_volume) sum += energy(*model.local_volume, state.x);
-  return sum;
-}
-
 namespace {
 
+// What an energy takes of the state besides the positions. One that takes nothing else needs no line here.
+
+template <class Energy>
+double energy_at(const State& state, const Energy& of) {
+  return energy(of, state.x);
+}
+double energy_at(const State& state, const Springs& of) {
+  return energy(of, state.rest_length, state.x);
+}
+double energy_at(const State& state, const TetSprings& of) {
+  return energy(of, state.x, state.patch_scale);
+}
+
+template <class Energy>
+void add_forces_at(const State& state, const Energy& of, Eigen::Matrix3Xd& f) {
+  add_forces(of, state.x, f);
+}
+void add_forces_at(const State& state, const Springs& of, Eigen::Matrix3Xd& f) {
+  add_forces(of, state.rest_length, state.x, f);
+}
+void add_forces_at(const State& state, const TetSprings& of, Eigen::Matrix3Xd& f) {
+  add_forces(of, state.x, f, state.patch_scale);
+}
+
+template <class Energy>
+void add_hessian_at(const State& state, const Energy& of, BlockMatrix& K, Curvature) {
+  add_hessian(of, state.x, K);
+}
+void add_hessian_at(const State& state, const Springs& of, BlockMatrix& K, Curvature curvature) {
+  add_hessian(of, state.rest_length, state.x, K, curvature);
+}
+void add_hessian_at(const State& state, const TetSprings& of, BlockMatrix& K, Curvature curvature) {
+  add_hessian(of, state.x, K, curvature, state.patch_scale);
+}
+
 void add_elastic_forces(const MassSpringModel& model, const State& state, Eigen::Matrix3Xd& f) {
-  if (model.springs) add_forces(*model.springs, state.rest_length, state.x, f);
-  if (model.tet_springs) add_forces(*model.tet_springs, state.x, f, state.patch_scale);
-  if (model.bending) add_forces(*model.bending, state.x, f);
-  if (model.local_volume) add_forces(*model.local_volume, state.x, f);
+  for_each_energy(model, [&](const auto& energy) { add_forces_at(state, energy, f); });
 }
 
 }  // namespace
+
+int n_energies(const MassSpringModel& model) {
+  int n = 0;
+  for_each_energy(model, [&](const auto&) { ++n; });
+  return n;
+}
+
+double elastic_energy(const MassSpringModel& model, const State& state) {
+  double sum = 0;
+  for_each_energy(model, [&](const auto& energy) { sum += energy_at(state, energy); });
+  return sum;
+}
 
 Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state) {
   Eigen::Matrix3Xd f = Eigen::Matrix3Xd::Zero(3, state.x.cols());
@@ -180,10 +215,7 @@ std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, con
 
 BlockMatrix stiffness_pattern(const MassSpringModel& model) {
   std::vector<Eigen::Matrix2Xi> parts;
-  if (model.springs) parts.push_back(model.springs->E);
-  if (model.tet_springs) parts.push_back(pairs_of(*model.tet_springs));
-  if (model.bending) parts.push_back(pairs_of(*model.bending));
-  if (model.local_volume) parts.push_back(pairs_of(*model.local_volume));
+  for_each_energy(model, [&](const auto& energy) { parts.push_back(pairs_of(energy)); });
   Eigen::Index n_pairs = 0;
   for (const auto& part : parts) n_pairs += part.cols();
   Eigen::Matrix2Xi pairs(2, n_pairs);
@@ -196,11 +228,7 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model) {
 }
 
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K, Curvature curvature) {
-  if (model.springs)
-    add_blocks(*model.springs, hessian(*model.springs, state.rest_length, state.x, 1, curvature), K);
-  if (model.tet_springs) add_hessian(*model.tet_springs, state.x, K, curvature, state.patch_scale);
-  if (model.bending) add_hessian(*model.bending, state.x, K);
-  if (model.local_volume) add_hessian(*model.local_volume, state.x, K);
+  for_each_energy(model, [&](const auto& energy) { add_hessian_at(state, energy, K, curvature); });
 }
 
 Eigen::Index n_stiffness_blocks(const MassSpringModel& model) {
@@ -235,7 +263,7 @@ double largest_strain(const Springs& springs, const Eigen::Matrix3Xd& X, const E
 }
 
 bool is_springs_alone(const MassSpringModel& model) {
-  return model.springs && !model.tet_springs && !model.bending && !model.local_volume;
+  return model.springs && n_energies(model) == 1;
 }
 
 void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y) {

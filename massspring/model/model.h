@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "massspring/energies/bending.h"
@@ -28,6 +29,23 @@ struct MassSpringModel {
   std::optional<Bending> bending;           ///< of the skin
   std::optional<LocalVolume> local_volume;  ///< of every tetrahedron
 };
+
+/// The elastic energies that a model may have. Each has the verbs energy, add_forces, add_hessian and
+/// pairs_of, which is all that sums, matrices and their patterns are made of.
+inline constexpr std::tuple elastic_energies{&MassSpringModel::springs, &MassSpringModel::tet_springs,
+                                             &MassSpringModel::bending, &MassSpringModel::local_volume};
+
+/// Calls visit(energy) for each energy that the model has, in the order of the list.
+template <class Visit>
+void for_each_energy(const MassSpringModel& model, const Visit& visit) {
+  const auto visit_one = [&](const auto& energy) {
+    if (energy) visit(*energy);
+  };
+  std::apply([&](auto... member) { (visit_one(model.*member), ...); }, elastic_energies);
+}
+
+/// Number of energies that the model has.
+int n_energies(const MassSpringModel& model);
 
 /// Gives the surface of a model at rest the skin of a scene: what its membrane adds to the springs along its
 /// edges, k = stiffness (A_1 + A_2)/|e|^2 [Van Gelder 1998], and bending.

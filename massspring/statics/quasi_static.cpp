@@ -217,7 +217,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       report.linear_iterations += linear.iterations;
     };
     // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
-    if (model_.tet_springs && !model_.springs && !model_.bending && !model_.local_volume) {
+    if (model_.tet_springs && n_energies(model_) == 1) {
       K_.set_zero();
       add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact, state.patch_scale);
       curvatures = volume_curvatures(model_, forces_, state, load_factor);

@@ -3,7 +3,7 @@
 #include <Eigen/CholmodSupport>
 #include <Eigen/Dense>
 #include <Eigen/SparseCore>
-#include <numeric>
+#include <boost/pending/disjoint_sets.hpp>
 #include <stdexcept>
 #include <vector>
 
@@ -12,18 +12,11 @@ namespace testbed::meshing {
 namespace {
 
 int count_parts(const SpringNetwork& network) {
-  std::vector<int> parent(network.X.cols());
-  std::iota(parent.begin(), parent.end(), 0);
-  auto root = [&](int i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-  };
-  int n_parts = static_cast<int>(network.X.cols());
-  for (const auto& e : network.E.colwise()) {
-    const int a = root(e[0]), b = root(e[1]);
-    n_parts -= a != b;
-    parent[a] = b;
-  }
+  const int n = static_cast<int>(network.X.cols());
+  boost::disjoint_sets_with_storage<> parts(n);
+  for (const auto& e : network.E.colwise()) parts.union_set(e[0], e[1]);
+  int n_parts = 0;
+  for (int i = 0; i < n; ++i) n_parts += static_cast<int>(parts.find_set(i)) == i;
   return n_parts;
 }
 

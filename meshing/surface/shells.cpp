@@ -2,8 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <boost/pending/disjoint_sets.hpp>
 #include <cmath>
-#include <numeric>
 
 #include "meshing/surface/surface.h"
 
@@ -13,18 +13,13 @@ namespace {
 
 /// Number of the shell of each triangle, by shared vertices.
 std::vector<int> label_triangles(const SurfaceMesh& surface, int& n_shells) {
-  std::vector<int> parent(surface.X.cols());
-  std::iota(parent.begin(), parent.end(), 0);
-  auto root = [&](int i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-  };
+  boost::disjoint_sets_with_storage<> connected(surface.X.cols());
   for (const auto& f : surface.F.colwise())
-    for (int c : {1, 2}) parent[root(f[c])] = root(f[0]);
+    for (int c : {1, 2}) connected.union_set(f[c], f[0]);
   std::vector<int> label_of_root(surface.X.cols(), -1), labels;
   n_shells = 0;
   for (const auto& f : surface.F.colwise()) {
-    int& label = label_of_root[root(f[0])];
+    int& label = label_of_root[connected.find_set(f[0])];
     if (label < 0) label = n_shells++;
     labels.push_back(label);
   }

@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <boost/pending/disjoint_sets.hpp>
 #include <map>
-#include <numeric>
 #include <sstream>
 
 #include "meshing/surface/shells.h"
@@ -63,30 +63,23 @@ std::vector<std::pair<int, int>> find_doubled(const Eigen::Matrix3Xi& F) {
   return doubled;
 }
 
-int find_root(std::vector<int>& parent, int i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
-
 /// Vertices whose triangles form more than one fan. Every edge must have two triangles.
 std::vector<int> find_split_vertices(const SurfaceMesh& surface) {
   // Corners of one vertex are joined across the edges that they share: as many groups as fans.
   const auto& F = surface.F;
-  std::vector<int> parent(3 * F.cols());
-  std::iota(parent.begin(), parent.end(), 0);
+  boost::disjoint_sets_with_storage<> fans(3 * F.cols());
   auto corner = [&](int face, int vertex) {
     int c = 0;
     while (F(c, face) != vertex) ++c;
     return 3 * face + c;
   };
   for_each_edge(F, [&](const HalfEdge* e, const HalfEdge*) {
-    for (int vertex : {e->low, e->high})
-      parent[find_root(parent, corner(e[0].face, vertex))] = find_root(parent, corner(e[1].face, vertex));
+    for (int vertex : {e->low, e->high}) fans.union_set(corner(e[0].face, vertex), corner(e[1].face, vertex));
   });
   std::vector<int> fan_of(surface.X.cols(), -1), split;
   for (int f = 0; f < F.cols(); ++f)
     for (int c = 0; c < 3; ++c) {
-      const int fan = find_root(parent, 3 * f + c);
+      const int fan = static_cast<int>(fans.find_set(3 * f + c));
       int& known = fan_of[F(c, f)];
       if (known >= 0 && known != fan) split.push_back(F(c, f));
       known = fan;

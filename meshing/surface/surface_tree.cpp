@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "meshing/base/geometry.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::meshing {
@@ -11,41 +12,6 @@ namespace testbed::meshing {
 namespace {
 
 constexpr int kLeafSize = 4;
-
-/// Where on a triangle a nearest point lies: in it (-1),
-/// on the edge from corner c to c + 1 (c), or at corner c (3 + c).
-struct OnTriangle {
-  Eigen::Vector3d point;
-  int feature;
-};
-
-/// [Ericson 2005, 5.1.5]
-OnTriangle nearest_on_triangle(const Eigen::Vector3d& p, const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                               const Eigen::Vector3d& c) {
-  const Eigen::Vector3d ab = b - a, ac = c - a, ap = p - a;
-  const double d1 = ab.dot(ap), d2 = ac.dot(ap);
-  if (d1 <= 0 && d2 <= 0) return {a, 3};
-  const Eigen::Vector3d bp = p - b;
-  const double d3 = ab.dot(bp), d4 = ac.dot(bp);
-  if (d3 >= 0 && d4 <= d3) return {b, 4};
-  const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return {a + d1 / (d1 - d3) * ab, 0};
-  const Eigen::Vector3d cp = p - c;
-  const double d5 = ab.dot(cp), d6 = ac.dot(cp);
-  if (d6 >= 0 && d5 <= d6) return {c, 5};
-  const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return {a + d2 / (d2 - d6) * ac, 2};
-  const double va = d3 * d6 - d5 * d4;
-  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return {b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b), 1};
-  const double scale = 1 / (va + vb + vc);
-  return {a + vb * scale * ab + vc * scale * ac, -1};
-}
-
-/// Six times the signed volume of a tetrahedron.
-double orientation(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c,
-                   const Eigen::Vector3d& d) {
-  return (b - a).cross(c - a).dot(d - a);
-}
 
 bool segment_meets_triangle(const Eigen::Vector3d& p, const Eigen::Vector3d& q, const Eigen::Vector3d& a,
                             const Eigen::Vector3d& b, const Eigen::Vector3d& c) {

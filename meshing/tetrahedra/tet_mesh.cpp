@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "meshing/base/geometry.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::meshing {
@@ -48,11 +49,6 @@ std::vector<Face> boundary_faces(const Eigen::Matrix4Xi& T) {
 }
 
 }  // namespace
-
-double tet_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet) {
-  const Eigen::Vector3d a = X.col(tet[0]);
-  return (X.col(tet[1]) - a).cross(X.col(tet[2]) - a).dot(X.col(tet[3]) - a) / 6;
-}
 
 void check_tetrahedra(const TetMesh& mesh, const SurfaceMesh& surface) {
   constexpr double kRounding = 1e-9;  // of the total volume, for the sum of many tetrahedra

@@ -5,9 +5,6 @@
 
 namespace testbed::meshing {
 
-/// Signed volume (m3): positive when corners 1, 2, 3 turn clockwise seen from corner 0.
-double tet_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet);
-
 /// The surface's vertices must be the mesh's first nodes bit for bit, and its triangles the boundary faces.
 /// Every volume must be positive, and they must add up to the surface's.
 /// @throws std::runtime_error otherwise.

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 
 #include "massspring/model/model.h"
+#include "meshing/base/geometry.h"
 
 namespace testbed::massspring {
 
@@ -29,7 +30,7 @@ inline Eigen::MatrixXd consistent_mass(const MassSpringModel& model) {
     for (int i : t)
       for (int j : t)
         M.block<3, 3>(3 * i, 3 * j).diagonal().array() +=
-            (i == j ? 2 : 1) * model.material.rho * rest_volume(model.network.X, t) / 20;
+            (i == j ? 2 : 1) * model.material.rho * tet_volume(model.network.X, t) / 20;
   return M;
 }
 

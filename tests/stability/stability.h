@@ -8,6 +8,7 @@
 
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/time/integrators.h"
+#include "meshing/base/geometry.h"
 #include "meshing/network/network.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
@@ -113,7 +114,7 @@ inline Outcome run_cell(const Method& method, const Start& start, double E, doub
   const auto is_inverted = [&] {
     if (model.tet_springs) {
       for (const auto& tet : model.network.T.colwise())
-        if (rest_volume(state.x, tet) <= 0) return true;
+        if (tet_volume(state.x, tet) <= 0) return true;
       return false;
     }
     return volume(state.x, model.network.F) <= 0;

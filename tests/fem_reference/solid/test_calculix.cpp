@@ -3,6 +3,7 @@
 
 #include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
+#include "meshing/base/geometry.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/tetrahedra/tet_mesh.h"

@@ -8,6 +8,7 @@
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/calibrations/calibrations.h"
 #include "massspring/statics/diagnostics.h"
+#include "meshing/base/geometry.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::massspring {
@@ -109,7 +110,7 @@ TEST(Calibrate, LloydIsVanGelderTimes24By25OnARegularTetrahedron) {
   network.X = (Eigen::Matrix3Xd(3, 4) << 1, 1, -1, -1, 1, -1, 1, -1, 1, -1, -1, 1).finished();
   network.F = (Eigen::Matrix3Xi(3, 4) << 0, 0, 0, 1, 1, 2, 3, 3, 2, 3, 1, 2).finished();
   network.T = (Eigen::Matrix4Xi(4, 1) << 0, 1, 2, 3).finished();
-  if (rest_volume(network.X, network.T.col(0)) < 0) std::swap(network.T(0, 0), network.T(1, 0));
+  if (tet_volume(network.X, network.T.col(0)) < 0) std::swap(network.T(0, 0), network.T(1, 0));
   network.n_surface = 4;
   const auto k = [&](const char* name) {
     return calibrate(network, material_of(0.25), find_calibration(name)).springs->stiffness.eval();

@@ -4,6 +4,7 @@
 
 #include "massspring/energies/tet_springs.h"
 #include "massspring/energies/volume_force.h"
+#include "meshing/base/geometry.h"
 #include "meshing/surface/surface.h"
 #include "tests/massspring/small_network.h"
 #include "tests/meshing/box_tets.h"
@@ -91,7 +92,7 @@ class LocalVolumeForce : public testing::Test {
   LocalVolume local{30, mesh.T, Eigen::VectorXd(mesh.T.cols())};
   const Matrix3Xd x = 1.1 * mesh.X + random_points(static_cast<int>(mesh.X.cols()), 0.05, 5);
   LocalVolumeForce() {
-    for (int t = 0; t < mesh.T.cols(); ++t) local.rest_volume[t] = rest_volume(mesh.X, mesh.T.col(t));
+    for (int t = 0; t < mesh.T.cols(); ++t) local.rest_volume[t] = tet_volume(mesh.X, mesh.T.col(t));
   }
   Matrix3Xd forces(const Matrix3Xd& at) const {
     Matrix3Xd f = Matrix3Xd::Zero(3, at.cols());

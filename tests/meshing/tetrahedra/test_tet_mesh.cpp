@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "meshing/base/geometry.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/tetrahedra/tet_mesh.h"
 #include "meshing/tetrahedra/tetrahedralize.h"

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "meshing/base/child_process.h"
+#include "meshing/base/geometry.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface/surface_io.h"

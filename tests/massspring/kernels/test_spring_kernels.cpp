@@ -1,0 +1,78 @@
+#include <gtest/gtest.h>
+
+#include "massspring/energies/springs.h"
+#include "massspring/kernels/patch_kernels.h"
+#include "massspring/kernels/spring_kernels.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+
+constexpr double rounding = 1e-14;
+
+/// More springs than a batch holds, a few to each first node, one of them without length; about half
+/// compressed.
+class ManySprings : public testing::TestWithParam<SpringLaw> {
+ protected:
+  static constexpr int n = 60, n_springs = 300;
+  ManySprings() {
+    springs.E.resize(2, n_springs);
+    for (int s = 0; s < n_springs; ++s) springs.E.col(s) << s / 5, (s / 5 + 1 + 7 * (s % 5)) % n;
+    springs.stiffness = Eigen::VectorXd::LinSpaced(n_springs, 1, 3);
+    springs.law = GetParam();
+    x.col(springs.E(1, 70)) = x.col(springs.E(0, 70));
+  }
+  Springs springs;
+  const Eigen::VectorXd rest = Eigen::VectorXd::LinSpaced(n_springs, 0.3, 1.7);
+  Matrix3Xd x = random_points(n, 1, 1);
+  const Matrix3Xd p = random_points(n, 1, 2);
+};
+INSTANTIATE_TEST_SUITE_P(SpringKernels, ManySprings, testing::Values(SpringLaw::Hooke, SpringLaw::Definite),
+                         [](const auto& info) {
+                           return info.param == SpringLaw::Hooke ? "hooke" : "definite";
+                         });
+
+TEST_P(ManySprings, KernelsAddWhatThePlainLoopsAdd) {
+  Matrix3Xd f = p, expected_f = p;
+  add_forces(springs, rest, x, f);
+  plain::add_forces(springs, rest, x, expected_f);
+  EXPECT_LT((f - expected_f).norm(), rounding * f.norm());
+
+  for (const Curvature curvature : {Curvature::Projected, Curvature::Exact}) {
+    const SpringBlocks B = hessian(springs, rest, x, 2.5, curvature);
+    const SpringBlocks expected = plain::hessian(springs, rest, x, 2.5, curvature);
+    ASSERT_GT(expected.norm(), 1);
+    EXPECT_LT((B - expected).norm(), rounding * B.norm());
+
+    Matrix3Xd y = p, expected_y = p;
+    add_product(springs, B, p, y);
+    plain::add_product(springs, B, p, expected_y);
+    EXPECT_LT((y - expected_y).norm(), rounding * y.norm());
+
+    std::vector<Matrix3d> diagonal(n, Matrix3d::Identity()), expected_diagonal = diagonal;
+    add_diagonal(springs, B, diagonal);
+    plain::add_diagonal(springs, B, expected_diagonal);
+    for (int i = 0; i < n; ++i)
+      EXPECT_LT((diagonal[i] - expected_diagonal[i]).norm(), rounding * diagonal[i].norm()) << i;
+  }
+}
+
+TEST(PatchKernels, AddWhatThePlainLoopAdds) {
+  constexpr int n = 7, n_blocks = n * (n + 1) / 2;
+  const Stiffness psi = random_points(27, 1, 3).transpose();
+  const Matrix3Xd b = random_points(n, 1, 4);
+  std::vector<int> at(n_blocks);
+  for (int k = 0; k < n_blocks; ++k) at[k] = (5 * k) % n_blocks;  // each once, in another order
+  std::vector<Matrix3d> blocks(n_blocks, Matrix3d::Identity()), expected = blocks;
+  add_patch_blocks(psi, 0.7, b.data(), n, at.data(), blocks.data());
+  plain::add_patch_blocks(psi, 0.7, b.data(), n, at.data(), expected.data());
+  EXPECT_GT((expected[at[1]] - Matrix3d::Identity()).norm(), 1e-3);
+  for (int k = 0; k < n_blocks; ++k)
+    EXPECT_LT((blocks[k] - expected[k]).norm(), rounding * expected[k].norm()) << k;
+}
+
+}  // namespace
+}  // namespace testbed::massspring
