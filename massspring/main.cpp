@@ -149,7 +149,7 @@ ExitStatus run(const Arguments& arguments) {
     for (const Constraint& c : forces.constraints)
       if (!c.displacement.isZero(0) || c.motion[0] || c.motion[1] || c.motion[2]) driven.push_back(c.node);
     std::sort(driven.begin(), driven.end());
-    gather(driven, *model.spread_mass);
+    lump(driven, *model.spread_mass);
   }
   if (!is_static && scene.material.damping_ratio > 0)
     forces.mass_damping += damping_of_ratio(model, forces.constraints, scene.material.damping_ratio);
