@@ -61,7 +61,7 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
     : scene_(scene), model_(model_of(scene, network)), forces_(forces_of(scene, model_)) {
   const TetMesh& nodes = model_.network;
   contacts_ = contacts_of(scene, {nodes.X.leftCols(nodes.n_surface), nodes.F});
-  if (model_.spread_mass) gather(driven_nodes(forces_.constraints), *model_.spread_mass);
+  if (model_.spread_mass) lump(driven_nodes(forces_.constraints), *model_.spread_mass);
   state_ = initial_state(model_);
   rest_volume_ = state_.target_volume;
   const TimeOptions& time = scene.time;

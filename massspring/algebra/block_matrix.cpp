@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cassert>
 
-#include "massspring/kernels/parts.h"
+#include "massspring/kernels/subdomains.h"
 
 namespace testbed::massspring {
 

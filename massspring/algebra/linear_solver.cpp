@@ -47,7 +47,7 @@ RoundedReport rounded_conjugate_gradients(const LinearSystem& A, const Precondit
     if (report.residual <= tolerance) break;
     const double rz_before = rz;
     rz = precondition(r, z);
-    turn(static_cast<float>(rz / rz_before), z, p);
+    aypx(static_cast<float>(rz / rz_before), z, p);
   }
   return report;
 }

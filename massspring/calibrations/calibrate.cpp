@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "massspring/calibrations/calibrations.h"
-#include "massspring/kernels/parts.h"
+#include "massspring/kernels/subdomains.h"
 #include "meshing/base/names.h"
 #include "meshing/surface/surface.h"
 
@@ -23,22 +23,21 @@ Eigen::VectorXd masses_without_tetrahedra(const SpringNetwork& network, double t
   return mass * (total / mass.sum());
 }
 
-/// Springs along the surface before those inside, both part by part [parts.h],
-/// and in a part by ascending nodes, which follow a curve through space:
-/// whoever goes through the springs finds most of their nodes in the cache.
+/// Springs along the surface before those inside, both by subdomains, and in each by ascending nodes.
+/// These follow a curve through space: whoever goes through the springs finds most nodes in the cache.
 void sort_springs(MassSpringModel& model) {
   const TetMesh& network = model.network;
   const Eigen::Matrix2Xi E = model.springs->E, edges = edges_of(network.F);
   const auto n = static_cast<int>(E.cols());
-  const bool is_parted = network.X.cols() >= least_parted;
-  const std::vector<int> eighth = is_parted ? eighths(network.X) : std::vector<int>(network.X.cols(), 0);
+  const bool is_subdivided = network.X.cols() >= least_subdivided;
+  const std::vector<int> leaf = is_subdivided ? leaves_of(network.X) : std::vector<int>(network.X.cols(), 0);
   std::set<std::pair<int, int>> surface;
   for (const auto& e : edges.colwise()) surface.insert(std::minmax(e(0), e(1)));
   std::vector<std::array<int, 4>> order(n);  // range, nodes, spring
   for (int s = 0; s < n; ++s) {
-    const auto [a, b] = std::minmax(eighth[E(0, s)], eighth[E(1, s)]);
+    const auto [a, b] = std::minmax(leaf[E(0, s)], leaf[E(1, s)]);
     const bool is_inside = surface.count(std::minmax(E(0, s), E(1, s))) == 0;
-    order[s] = {part_of(a, b) + (is_inside ? n_parts : 0), E(0, s), E(1, s), s};
+    order[s] = {subdomain_of(a, b) + (is_inside ? n_subdomains : 0), E(0, s), E(1, s), s};
   }
   std::sort(order.begin(), order.end());
   const Eigen::VectorXd stiffness = model.springs->stiffness;
@@ -46,8 +45,8 @@ void sort_springs(MassSpringModel& model) {
     model.springs->E.col(s) = E.col(order[s][3]);
     model.springs->stiffness(s) = stiffness(order[s][3]);
   }
-  if (!is_parted) return;
-  for (int range = 0; range <= 2 * n_parts; ++range)
+  if (!is_subdivided) return;
+  for (int range = 0; range <= 2 * n_subdomains; ++range)
     model.springs->first.push_back(static_cast<int>(
         std::lower_bound(order.begin(), order.end(), std::array<int, 4>{range, 0, 0, 0}) - order.begin()));
 }

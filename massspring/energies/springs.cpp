@@ -2,6 +2,7 @@
 // and (6) are in kernels/spring_laws.h. Below the plain loops stand the same sums for registers and caches.
 #include "massspring/energies/springs.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -55,7 +56,7 @@ double energy(const Springs& springs, const Eigen::VectorXd& rest_length, const 
 
 namespace plain {
 
-// (2)
+// This is equation (2) without damping.
 void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                 Eigen::Matrix3Xd& f) {
   with_law(springs, [&](auto law) {
@@ -67,7 +68,7 @@ void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, cons
   });
 }
 
-// (4): u = sqrt(t' - t/l) n and w = t/l.
+// This is equation (4) with u = sqrt(t' - t/l) n and w = t/l.
 SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                      double scale, Curvature curvature) {
   SpringBlocks B = SpringBlocks::Zero(4, springs.E.cols());

@@ -13,8 +13,8 @@ struct Springs {
   Eigen::VectorXd stiffness;  ///< k_s (N/m)
   double damping = 0;         ///< k_d of every spring (N s/m)
   SpringLaw law = SpringLaw::Hooke;
-  /// Where the springs of each part of the body begin [parts.h], those along the surface, then those inside:
-  /// 2 n_parts + 1. Empty where they are in any order.
+  /// Where the springs of each subdomain begin [subdomains.h], those along the surface, then those inside:
+  /// 2 n_subdomains + 1. Empty where they are in any order.
   std::vector<int> first = {};
 };
 

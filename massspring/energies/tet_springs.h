@@ -36,9 +36,9 @@ struct TetSprings {
   Eigen::VectorXd volume;  ///< V of each patch (m3)
   Eigen::VectorXd lambda;  ///< first Lame constant of each patch (Pa)
   double mu = 0;           ///< shear modulus (Pa)
-  /// Where the patches of each part of the body begin [parts.h], n_parts for each kind of patch, and their
+  /// Where the patches of each subdomain begin [subdomains.h], n_subdomains for each kind of patch, and their
   /// end. Empty where they are in any order.
-  std::vector<int> part = {};
+  std::vector<int> subdomain_first = {};
 
   int n_patches() const { return static_cast<int>(volume.size()); }
 };
@@ -55,8 +55,8 @@ inline constexpr Blend edge_coupled{1, 0, 0};
 inline constexpr Blend node_averaged{0, 0.9, 0.1};
 
 /// Patches of a blend, those of tetrahedra, edges and nodes in this order, each kind in the order of the
-/// parts of a body that is large enough. X 3 x n (m), T 4 x m of positive volume. With node patches, what
-/// lambda exceeds mu by acts on them alone [(14)].
+/// subdomains of a body that is large enough. X 3 x n (m), T 4 x m of positive volume. With node patches,
+/// what lambda exceeds mu by acts on them alone [(14)].
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
                           const Blend& blend);
 

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
-#include "massspring/kernels/parts.h"
+#include "massspring/kernels/subdomains.h"
 #include "massspring/kernels/vectors.h"
 
 /// Lanes x y z 0 of four nodes as y z x 0 and as z x y 0.
-#define TESTBED_TURNED_LEFT(u) TESTBED_SHUFFLED(u, u, 1, 2, 0, 3, 5, 6, 4, 7, 9, 10, 8, 11, 13, 14, 12, 15)
-#define TESTBED_TURNED_RIGHT(u) TESTBED_SHUFFLED(u, u, 2, 0, 1, 3, 6, 4, 5, 7, 10, 8, 9, 11, 14, 12, 13, 15)
+#define TESTBED_ROTATED_LEFT(u) TESTBED_SHUFFLED(u, u, 1, 2, 0, 3, 5, 6, 4, 7, 9, 10, 8, 11, 13, 14, 12, 15)
+#define TESTBED_ROTATED_RIGHT(u) TESTBED_SHUFFLED(u, u, 2, 0, 1, 3, 6, 4, 5, 7, 10, 8, 9, 11, 14, 12, 13, 15)
 
 namespace testbed::massspring {
 namespace {
@@ -46,7 +46,7 @@ TESTBED_EVERY_WIDTH double multiply_by(const Lanes* diagonal, const Lanes* off_d
   return sum_of(n, [&](Eigen::Index k, Lanes& sum) TESTBED_INLINE {
     const Lanes q = r[k], o = off_diagonal[k];
     const Lanes product =
-        diagonal[k] * q + o * TESTBED_TURNED_LEFT(q) + TESTBED_TURNED_RIGHT(o) * TESTBED_TURNED_RIGHT(q);
+        diagonal[k] * q + o * TESTBED_ROTATED_LEFT(q) + TESTBED_ROTATED_RIGHT(o) * TESTBED_ROTATED_RIGHT(q);
     z[k] = product;
     sum += q * product;
   });
@@ -56,8 +56,8 @@ TESTBED_EVERY_WIDTH double correct_by(const Lanes* diagonal, const Lanes* off_di
                                       const Lanes* Az, Lanes* z, Eigen::Index n) {
   return sum_of(n, [&](Eigen::Index k, Lanes& sum) TESTBED_INLINE {
     const Lanes q = r[k] - Az[k], o = off_diagonal[k];
-    const Lanes corrected = z[k] + diagonal[k] * q + o * TESTBED_TURNED_LEFT(q) +
-                            TESTBED_TURNED_RIGHT(o) * TESTBED_TURNED_RIGHT(q);
+    const Lanes corrected = z[k] + diagonal[k] * q + o * TESTBED_ROTATED_LEFT(q) +
+                            TESTBED_ROTATED_RIGHT(o) * TESTBED_ROTATED_RIGHT(q);
     z[k] = corrected;
     sum += r[k] * corrected;
   });
@@ -185,7 +185,7 @@ BodyRows rows_of(const BodyMatrix& A, const BodyField& b) {
   return {A.column.data(), A.block.data(), A.inverse.data(), b.data()};
 }
 
-TESTBED_EVERY_WIDTH void turn_by(float beta, const Lanes* z, Lanes* p, Eigen::Index n) {
+TESTBED_EVERY_WIDTH void aypx_by(float beta, const Lanes* z, Lanes* p, Eigen::Index n) {
   for (Eigen::Index k = 0; k < n; ++k) p[k] = z[k] + beta * p[k];
 }
 
@@ -230,8 +230,8 @@ double advance(float alpha, const PaddedField& p, const PaddedField& Ap, PaddedF
   return advance_by(alpha, lanes(p), lanes(Ap), lanes(x), lanes(r), r.cols() / 4);
 }
 
-void turn(float beta, const PaddedField& z, PaddedField& p) {
-  turn_by(beta, lanes(z), lanes(p), p.cols() / 4);
+void aypx(float beta, const PaddedField& z, PaddedField& p) {
+  aypx_by(beta, lanes(z), lanes(p), p.cols() / 4);
 }
 
 void multiply(const Eigen::VectorXf& factor, const PaddedField& p, PaddedField& y) {

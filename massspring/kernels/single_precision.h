@@ -45,7 +45,7 @@ double advance(float alpha, const PaddedField& p, const PaddedField& Ap, PaddedF
 void multiply(const Eigen::VectorXf& factor, const PaddedField& p, PaddedField& y);
 
 /// p = z + beta p.
-void turn(float beta, const PaddedField& z, PaddedField& p);
+void aypx(float beta, const PaddedField& z, PaddedField& p);
 
 /// y += alpha u on the columns of u.
 void add_scaled(float alpha, const PaddedField& u, PaddedField& y);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "massspring/kernels/parts.h"
+#include "massspring/kernels/subdomains.h"
 #include "massspring/kernels/vectors.h"
 
 namespace testbed::massspring {
@@ -164,7 +164,7 @@ const Double4* pad(const Eigen::Matrix3Xd& in) {
 }
 
 /// Calls kernel(range of springs; a column of in for each node; one that it adds to) for all springs, those
-/// of different parts at once, and adds the result to out.
+/// of different subdomains at once, and adds the result to out.
 template <class Kernel>
 void apply_padded(const SpringPairs& springs, const Kernel& kernel, const Eigen::Matrix3Xd& in,
                   Eigen::Matrix3Xd& out) {
@@ -180,8 +180,8 @@ void apply_padded(const SpringPairs& springs, const Kernel& kernel, const Eigen:
   if (first.empty())
     kernel(Range{0, static_cast<int>(springs.E.cols()), n}, P, Y);
   else
-    for_each_part([&](int part) {
-      for (int k : {part, n_parts + part}) kernel(Range{first[k], first[k + 1], n}, P, Y);
+    for_each_subdomain([&](int subdomain) {
+      for (int k : {subdomain, n_subdomains + subdomain}) kernel(Range{first[k], first[k + 1], n}, P, Y);
     });
   for_each_chunk(n, [&](Eigen::Index begin, Eigen::Index end) {
     out.middleCols(begin, end - begin) += padded_out.middleCols(begin, end - begin).topRows<3>();

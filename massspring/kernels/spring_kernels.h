@@ -9,7 +9,7 @@
 
 namespace testbed::massspring {
 
-/// Springs between nodes in pairs, and where those of each part of the body begin [parts.h]: 2 n_parts + 1
+/// Springs between nodes in pairs, and where those of each subdomain begin [subdomains.h]: 2 n_subdomains + 1
 /// places, or none where they are in any order.
 struct SpringPairs {
   const Eigen::Matrix2Xi& E;

@@ -22,7 +22,7 @@ SpreadMass spread_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, dou
   return spread;
 }
 
-void gather(const std::vector<int>& nodes, SpreadMass& spread) {
+void lump(const std::vector<int>& nodes, SpreadMass& spread) {
   for (Eigen::Index e = 0; e < spread.E.cols(); ++e)
     for (int i : spread.E.col(e))
       if (std::binary_search(nodes.begin(), nodes.end(), i)) spread.r(e) = 0;

@@ -1,4 +1,4 @@
-// Mass spread over tetrahedra instead of gathered at their nodes.
+// Mass spread over tetrahedra instead of lumped at their nodes.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,10 +20,10 @@ struct SpreadMass {
 /// X 3 x n (m), T 4 x m of positive volume, rho in kg/m3.
 SpreadMass spread_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho);
 
-/// Gathers at its nodes the mass of every edge that meets one of `nodes`, ascending. Implicit steps do not
+/// Lumps at its nodes the mass of every edge that meets one of `nodes`, ascending. Implicit steps do not
 /// know the acceleration of nodes whose motion is prescribed, which mass between the nodes would pass on to
 /// their neighbours.
-void gather(const std::vector<int>& nodes, SpreadMass& spread);
+void lump(const std::vector<int>& nodes, SpreadMass& spread);
 
 /// y += factor R p, 3 x n.
 void add_product(const SpreadMass& spread, double factor, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);

@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "massspring/energies/tractions.h"
-#include "massspring/kernels/parts.h"
+#include "massspring/kernels/subdomains.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
@@ -214,15 +214,15 @@ std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, con
 }
 
 BlockMatrix stiffness_pattern(const MassSpringModel& model) {
-  std::vector<Eigen::Matrix2Xi> parts;
-  for_each_energy(model, [&](const auto& energy) { parts.push_back(pairs_of(energy)); });
+  std::vector<Eigen::Matrix2Xi> lists;
+  for_each_energy(model, [&](const auto& energy) { lists.push_back(pairs_of(energy)); });
   Eigen::Index n_pairs = 0;
-  for (const auto& part : parts) n_pairs += part.cols();
+  for (const auto& list : lists) n_pairs += list.cols();
   Eigen::Matrix2Xi pairs(2, n_pairs);
   n_pairs = 0;
-  for (const auto& part : parts) {
-    pairs.middleCols(n_pairs, part.cols()) = part;
-    n_pairs += part.cols();
+  for (const auto& list : lists) {
+    pairs.middleCols(n_pairs, list.cols()) = list;
+    n_pairs += list.cols();
   }
   return make_block_matrix(static_cast<int>(model.network.X.cols()), pairs);
 }

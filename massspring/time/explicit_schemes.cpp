@@ -1,4 +1,4 @@
-#include "massspring/kernels/parts.h"
+#include "massspring/kernels/subdomains.h"
 #include "massspring/time/integrators.h"
 
 namespace testbed::massspring {

@@ -73,7 +73,7 @@ TEST_P(OddNodes, StepsOfConjugateGradientsAreThoseOfDoublePrecision) {
   expect_sum(advance(factor, padded_field(w), padded_field(u), x, rest), expected_rest, expected_rest);
   expect_field(x, u + factor * w);
   expect_field(rest, expected_rest);
-  turn(factor, padded_field(w), x);
+  aypx(factor, padded_field(w), x);
   expect_field(x, w + factor * (u + factor * w));
   PaddedField y = padded_field(u);
   add_scaled(factor, padded_field(w), y);

@@ -4,8 +4,8 @@
 #include <set>
 
 #include "massspring/calibrations/calibrate.h"
-#include "massspring/kernels/parts.h"
 #include "massspring/kernels/single_precision.h"
+#include "massspring/kernels/subdomains.h"
 #include "massspring/statics/quasi_static.h"
 #include "massspring/time/integrators.h"
 #include "meshing/network/network.h"
@@ -28,7 +28,7 @@ auto on_threads(int n_threads, const Work& work) {
   return result;
 }
 
-class Parts : public testing::Test {
+class Subdomains : public testing::Test {
  protected:
   static MassSpringModel make() {
     const SurfaceMesh surface = make_shape("ball", 2562);
@@ -41,33 +41,34 @@ class Parts : public testing::Test {
   const Matrix3Xd x = model.network.X + random_points(static_cast<int>(model.mass.size()), 0.01, 1);
 };
 
-TEST_F(Parts, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
-  ASSERT_GE(model.mass.size(), least_parted);
-  ASSERT_EQ(springs.first.size(), 2 * n_parts + 1);
+TEST_F(Subdomains, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
+  ASSERT_GE(model.mass.size(), least_subdivided);
+  ASSERT_EQ(springs.first.size(), 2 * n_subdomains + 1);
   EXPECT_EQ(springs.first.front(), 0);
   EXPECT_EQ(springs.first.back(), springs.E.cols());
   for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
     std::set<int> taken;
-    for (int part = first; part < first + size; ++part) {
+    for (int subdomain = first; subdomain < first + size; ++subdomain) {
       std::set<int> own;
-      for (int k : {part, n_parts + part})
+      for (int k : {subdomain, n_subdomains + subdomain})
         for (int s = springs.first[k]; s < springs.first[k + 1]; ++s)
           own.insert({springs.E(0, s), springs.E(1, s)});
-      for (int node : own) EXPECT_TRUE(taken.insert(node).second) << "node " << node << ", part " << part;
+      for (int node : own)
+        EXPECT_TRUE(taken.insert(node).second) << "node " << node << ", subdomain " << subdomain;
     }
   }
-  int n_in_eighths = 0;
-  for (int k : {0, n_parts}) n_in_eighths += springs.first[k + 8] - springs.first[k];
-  EXPECT_GT(n_in_eighths, 0.7 * static_cast<double>(springs.E.cols()));
+  int n_in_leaves = 0;
+  for (int k : {0, n_subdomains}) n_in_leaves += springs.first[k + 8] - springs.first[k];
+  EXPECT_GT(n_in_leaves, 0.7 * static_cast<double>(springs.E.cols()));
 }
 
-TEST(Eighths, OfABarAreSlicesAcrossIt) {
+TEST(Leaves, OfABarAreSlicesAcrossIt) {
   constexpr int n = 80;
   const Matrix3Xd X = Eigen::Vector3d(1, 16, 1).asDiagonal() * random_points(n, 1, 1);
-  const std::vector<int> eighth = eighths(X);
+  const std::vector<int> leaf = leaves_of(X);
   for (int i = 0; i < n; ++i) {
     const auto n_before = (X.row(1).array() < X(1, i)).count();
-    EXPECT_EQ(eighth[i], n_before / (n / 8)) << i;
+    EXPECT_EQ(leaf[i], n_before / (n / 8)) << i;
   }
 }
 
@@ -81,7 +82,7 @@ void expect_surface_first(const MassSpringModel& model) {
               s < static_cast<Eigen::Index>(edges.size()));
 }
 
-TEST_F(Parts, PutTheEdgesOfTheSurfaceFirst) {
+TEST_F(Subdomains, PutTheEdgesOfTheSurfaceFirst) {
   expect_surface_first(model);
 }
 
@@ -126,7 +127,7 @@ TEST(Springs, AreStiffenedByASkinAlongTheEdgesOfTheSurface) {
   EXPECT_EQ(n_diagonals, 6 * 3 * 3);
 }
 
-TEST_F(Parts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
+TEST_F(Subdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
   const SpringBlocks B = hessian(springs, state.rest_length, x);
   const auto sums = [&] {
     Matrix3Xd f = Matrix3Xd::Ones(3, x.cols()), y = f;
@@ -135,10 +136,10 @@ TEST_F(Parts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     return std::pair(f, y);
   };
   const auto one = on_threads(1, sums);
-  Springs unparted = springs;
-  unparted.first.clear();
+  Springs undivided = springs;
+  undivided.first.clear();
   Matrix3Xd f = Matrix3Xd::Ones(3, x.cols());
-  add_forces(unparted, state.rest_length, x, f);
+  add_forces(undivided, state.rest_length, x, f);
   EXPECT_LT((one.first - f).norm(), 1e-13 * f.norm());
   for (int n_threads : {2, 3, 8}) {
     const auto many = on_threads(n_threads, sums);
@@ -147,7 +148,7 @@ TEST_F(Parts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
   }
 }
 
-TEST_F(Parts, ExplicitStepsOnAFloorHaveTheSameBitsOnOneThreadAndTwo) {
+TEST_F(Subdomains, ExplicitStepsOnAFloorHaveTheSameBitsOnOneThreadAndTwo) {
   Forces forces;
   forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
   forces.mass_damping = 1;
@@ -169,7 +170,7 @@ TEST_F(Parts, ExplicitStepsOnAFloorHaveTheSameBitsOnOneThreadAndTwo) {
   EXPECT_EQ(one.v, two.v);
 }
 
-class CoupledParts : public testing::TestWithParam<const char*> {
+class CoupledSubdomains : public testing::TestWithParam<const char*> {
  protected:
   static MassSpringModel make() {
     constexpr int n = 17;
@@ -184,7 +185,7 @@ class CoupledParts : public testing::TestWithParam<const char*> {
   Forces forces = no_forces(model);
 
   void SetUp() override {
-    ASSERT_GE(n, least_parted);
+    ASSERT_GE(n, least_subdivided);
     forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
     for (int i = 0; i < n; ++i)
       if (model.network.X(1, i) < 0.01)
@@ -192,28 +193,29 @@ class CoupledParts : public testing::TestWithParam<const char*> {
   }
 };
 
-TEST_P(CoupledParts, OfOneSizeShareNoNodeAndHoldEveryPatchOnce) {
-  ASSERT_EQ(springs.part.size() % n_parts, 1);
-  EXPECT_EQ(springs.part.front(), 0);
-  EXPECT_EQ(springs.part.back(), springs.n_patches());
-  int n_in_eighths = 0;
+TEST_P(CoupledSubdomains, OfOneSizeShareNoNodeAndHoldEveryPatchOnce) {
+  ASSERT_EQ(springs.subdomain_first.size() % n_subdomains, 1);
+  EXPECT_EQ(springs.subdomain_first.front(), 0);
+  EXPECT_EQ(springs.subdomain_first.back(), springs.n_patches());
+  int n_in_leaves = 0;
   for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
     std::vector<int> owner(n, -1);
-    for (int part = first; part < first + size; ++part)
-      for (std::size_t k = part; k + 1 < springs.part.size(); k += n_parts)
-        for (int p = springs.part[k]; p < springs.part[k + 1]; ++p) {
-          n_in_eighths += size == 8;
+    for (int subdomain = first; subdomain < first + size; ++subdomain)
+      for (std::size_t k = subdomain; k + 1 < springs.subdomain_first.size(); k += n_subdomains)
+        for (int p = springs.subdomain_first[k]; p < springs.subdomain_first[k + 1]; ++p) {
+          n_in_leaves += size == 8;
           for (int e = springs.first[p]; e < springs.first[p + 1]; ++e) {
             int& other = owner[springs.node[e]];
-            EXPECT_TRUE(other == -1 || other == part) << "patch " << p << ", parts " << other << ", " << part;
-            other = part;
+            EXPECT_TRUE(other == -1 || other == subdomain)
+                << "patch " << p << ", subdomains " << other << ", " << subdomain;
+            other = subdomain;
           }
         }
   }
-  EXPECT_GT(n_in_eighths, 0.5 * springs.n_patches());
+  EXPECT_GT(n_in_leaves, 0.5 * springs.n_patches());
 }
 
-TEST_P(CoupledParts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
+TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
   struct Sums {
     double energy;
     Matrix3Xd f, Kq;
@@ -248,9 +250,9 @@ TEST_P(CoupledParts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     EXPECT_EQ(one.rounded, many.rounded) << n_threads;
     EXPECT_EQ(one.p_Kp, many.p_Kp) << n_threads;
   }
-  TetSprings unparted = springs;
-  unparted.part.clear();
-  const Sums other = sums_of(unparted);
+  TetSprings undivided = springs;
+  undivided.subdomain_first.clear();
+  const Sums other = sums_of(undivided);
   EXPECT_NEAR(one.energy, other.energy, 1e-12 * std::abs(other.energy));
   EXPECT_LT((one.f - other.f).norm(), 1e-12 * other.f.norm());
   EXPECT_LT((one.Kq - other.Kq).norm(), 1e-12 * other.Kq.norm());
@@ -258,7 +260,7 @@ TEST_P(CoupledParts, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
   EXPECT_NEAR(one.p_Kp, q.cwiseProduct(q + one.Kq).sum(), 1e-5 * std::abs(one.p_Kp));
 }
 
-TEST_P(CoupledParts, ImplicitStepsHaveTheSameBitsOnOneThreadAndTwo) {
+TEST_P(CoupledSubdomains, ImplicitStepsHaveTheSameBitsOnOneThreadAndTwo) {
   const auto end = [&] {
     State state = initial_state(model);
     state.x = x;
@@ -272,7 +274,7 @@ TEST_P(CoupledParts, ImplicitStepsHaveTheSameBitsOnOneThreadAndTwo) {
   EXPECT_EQ(one.v, two.v);
 }
 
-class Equilibria : public CoupledParts {};
+class Equilibria : public CoupledSubdomains {};
 
 TEST_P(Equilibria, HaveTheSameBitsOnOneThreadAndTwo) {
   const auto end = [&] {
@@ -285,7 +287,7 @@ TEST_P(Equilibria, HaveTheSameBitsOnOneThreadAndTwo) {
   EXPECT_EQ(one, two);
 }
 
-INSTANTIATE_TEST_SUITE_P(, CoupledParts, testing::Values("edge_coupled", "node_averaged"));
+INSTANTIATE_TEST_SUITE_P(, CoupledSubdomains, testing::Values("edge_coupled", "node_averaged"));
 INSTANTIATE_TEST_SUITE_P(, Equilibria, testing::Values("edge_coupled"));
 
 }  // namespace

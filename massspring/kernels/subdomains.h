@@ -8,26 +8,26 @@
 
 namespace testbed::massspring {
 
-/// The body halved three times: part 0 ... 7 is an eighth, 8 ... 11 a quarter, 12 and 13 are halves, 14 is
-/// the whole. A spring, or a patch of coupled ones, belongs to the smallest part that holds all its nodes, so
-/// that those of different parts of one size share none.
-inline constexpr int n_parts = 15;
+/// Subdomains of a body bisected three times, a binary tree: its leaves 0 ... 7, the quarters 8 ... 11, the
+/// halves 12 and 13, and the whole 14. A spring, or a patch of coupled ones, belongs to the smallest that
+/// holds all its nodes, so that those of different subdomains of one size share none.
+inline constexpr int n_subdomains = 15;
 
 /// Bodies of fewer nodes do not repay a second thread.
-inline constexpr int least_parted = 5000;
+inline constexpr int least_subdivided = 5000;
 
-/// The eighth that each node lies in; X 3 x n.
-std::vector<int> eighths(const Eigen::Matrix3Xd& X);
+/// The leaf that each node lies in; X 3 x n (m).
+std::vector<int> leaves_of(const Eigen::Matrix3Xd& X);
 
-/// The part that holds nodes of eighths a to b, a <= b.
-int part_of(int a, int b);
+/// The smallest subdomain that holds the leaves a to b, a <= b.
+int subdomain_of(int a, int b);
 
-/// Calls visit(part) for each part: those of one size at once, smaller ones first.
+/// Calls visit(subdomain) for each subdomain: those of one size at once, smaller ones first.
 template <class Visit>
-void for_each_part(const Visit& visit) {
+void for_each_subdomain(const Visit& visit) {
   for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
 #pragma omp parallel for schedule(static)
-    for (int part = first; part < first + size; ++part) visit(part);
+    for (int subdomain = first; subdomain < first + size; ++subdomain) visit(subdomain);
   }
 }
 
@@ -37,7 +37,7 @@ inline constexpr Eigen::Index chunk_size = 512;
 /// Calls visit(begin, end) for chunks of 0 ... n - 1, many at once.
 template <class Visit>
 void for_each_chunk(Eigen::Index n, const Visit& visit) {
-#pragma omp parallel for schedule(static, 1) if (n >= least_parted)
+#pragma omp parallel for schedule(static, 1) if (n >= least_subdivided)
   for (Eigen::Index begin = 0; begin < n; begin += chunk_size) visit(begin, std::min(n, begin + chunk_size));
 }
 
