@@ -191,7 +191,11 @@ class Copy:
 def tracked_before(folder: Path) -> list[Path]:
     """Sources of an older copy; its build folder apart."""
     files = (f.relative_to(folder) for f in folder.rglob("*") if f.is_file())
-    return [f for f in files if f.parts[0] != "build" and "__pycache__" not in f.parts]
+    return [
+        f
+        for f in files
+        if f.parts[0] != "build" and not f.parts[0].startswith(".venv") and "__pycache__" not in f.parts
+    ]
 
 
 def replay_all(faults: list[Fault], folder: Path, jobs: int) -> dict[Fault, str]:
