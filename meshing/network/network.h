@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "meshing/base/choices.h"
 #include "meshing/base/mesh.h"
 
 namespace testbed::meshing {
@@ -15,6 +16,10 @@ enum class Sampling {
             ///< guaranteed
   Graded    ///< moved likewise, to be as dense as the surface nearby
 };
+
+constexpr std::array<Named<Sampling>, 3> names_of(Sampling) {
+  return {{{Sampling::Darts, "darts"}, {Sampling::Relaxed, "relaxed"}, {Sampling::Graded, "graded"}}};
+}
 
 /// Lengths are in the normalised box, whose smallest side is 1 [paper 4.2].
 struct SampleOptions {

@@ -149,7 +149,7 @@ struct NetworkOptions {
   std::uint64_t seed = 1;
   std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed, graded or mesher
   double spacing = 0.7;              ///< mesher: edges inside over the surface's nearby
-  std::string connectivity = "pcp";  ///< name among connectivity_names() of meshing/connect.h
+  std::string connectivity = "pcp";  ///< of Connectivity in meshing/network/connect.h
   int neighbours = 8;                ///< completed_pcp: nearest neighbours of every node
   SpringLaw spring_law = SpringLaw::Hooke;
   double spring_damping = 0;  ///< k_d of every independent spring (N s/m)

@@ -40,12 +40,13 @@ class Writer {
   void path(const char* key, const std::string& value, const char* meaning) {
     line(key, value.empty() ? "" : toml_text(value), meaning);
   }
+  template <class Enum>
+  void choice(const char* key, Enum value, const char* meaning) {
+    line(key, toml_text(name_of(value)), meaning);
+  }
   template <class T>
-  void choice(const char* key, const T& value, const std::vector<std::string>& names, const char* meaning) {
-    if constexpr (std::is_enum_v<T>)
-      line(key, toml_text(names[static_cast<size_t>(value)]), meaning);
-    else
-      line(key, value.empty() ? "" : text(value), meaning);
+  void choice(const char* key, const T& value, const std::vector<std::string>&, const char* meaning) {
+    line(key, value.empty() ? "" : text(value), meaning);
   }
   void components(const char* key, const std::array<bool, 3>& fixed, const char* meaning) {
     std::string letters;
