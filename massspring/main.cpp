@@ -83,7 +83,8 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const
   const double share = scene.network.link_share;
   MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
                                     : calibrate(network, scene.material, calibration);
-  const bool is_explicit_run = scene.time.mode == TimeMode::Dynamic && is_explicit(scene.time.integrator);
+  const bool is_explicit_run =
+      scene.time.mode == TimeMode::Dynamic && find_integrator(scene.time.integrator).is_explicit;
   if (model.tet_springs && scene.network.mass == MassMatrix::Consistent && !is_explicit_run)
     model.spread_mass = spread_mass(network.X, network.T, scene.material.rho);
   if (model.springs) {
@@ -158,8 +159,8 @@ ExitStatus run(const Arguments& arguments) {
   constexpr int kDefaultSteps = 100;
   double h = scene.time.step;
   if (!is_static && h == 0)
-    h = is_explicit(scene.time.integrator) ? kSafety * stable_step(model, forces, state)
-                                           : scene.time.end / kDefaultSteps;
+    h = find_integrator(scene.time.integrator).is_explicit ? kSafety * stable_step(model, forces, state)
+                                                           : scene.time.end / kDefaultSteps;
   const int n_steps = is_static ? scene.time.load_steps : meshing::n_steps(scene.time, h);
   Recorder recorder(out, cells_of(network), network.n_surface);
 
@@ -206,9 +207,9 @@ ExitStatus run(const Arguments& arguments) {
     stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end, options,
                                             contacts);
     record["step"] = h;
-    if (scene.time.integrator == Integrator::ImplicitEuler)
+    if (find_integrator(scene.time.integrator).is_linearised)
       record["tolerance"] = options.linear_tolerance;
-    else if (!is_explicit(scene.time.integrator))
+    else if (!find_integrator(scene.time.integrator).is_explicit)
       record["tolerance"] = ImplicitStage::kStepTolerance;
   }
   record["n_steps"] = n_steps;

@@ -63,27 +63,6 @@ std::vector<std::string> all_names() {
   return names;
 }
 
-enum class Integrator {
-  ExplicitEuler,
-  SymplecticEuler,
-  Rk4,
-  ImplicitEuler,
-  MinimisingEuler,
-  Midpoint,
-  Bdf2,
-  TrBdf2
-};
-constexpr std::array<Named<Integrator>, 8> names_of(Integrator) {
-  return {{{Integrator::ExplicitEuler, "explicit_euler"},
-           {Integrator::SymplecticEuler, "symplectic_euler"},
-           {Integrator::Rk4, "rk4"},
-           {Integrator::ImplicitEuler, "implicit_euler"},
-           {Integrator::MinimisingEuler, "minimising_euler"},
-           {Integrator::Midpoint, "midpoint"},
-           {Integrator::Bdf2, "bdf2"},
-           {Integrator::TrBdf2, "tr_bdf2"}}};
-}
-
 enum class TimeMode { Static, Dynamic };
 constexpr std::array<Named<TimeMode>, 2> names_of(TimeMode) {
   return {{{TimeMode::Static, "static"}, {TimeMode::Dynamic, "dynamic"}}};

@@ -128,10 +128,10 @@ struct SelfContact {
 
 struct TimeOptions {
   TimeMode mode = TimeMode::Static;
-  int load_steps = 10;  ///< static: loads grow linearly to full in this many steps
-  double step = 0;      ///< dynamic: s; 0 chooses one
-  double end = 1;       ///< dynamic: s
-  Integrator integrator = Integrator::ImplicitEuler;
+  int load_steps = 10;                        ///< static: loads grow linearly to full in this many steps
+  double step = 0;                            ///< dynamic: s; 0 chooses one
+  double end = 1;                             ///< dynamic: s
+  std::string integrator = "implicit_euler";  ///< name of the scheme that springs are stepped by
   double tolerance =
       0;  ///< dynamic: error of a part of a step over the body's size; 0: steps are taken whole
   double sleep_below = 0;       ///< dynamic: a body slower than this, and staying so, is not stepped (m/s)

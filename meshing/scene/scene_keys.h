@@ -199,9 +199,9 @@ void describe(V& v, TimeOptions& t) {
   v("load_steps", t.load_steps, kAtLeastOne, "steps to full load of a static scene");
   v("step", t.step, kNotNegative, "s, of a dynamic scene; 0 chooses one");
   v("end", t.end, kPositive, "s, of a dynamic scene");
-  v.choice("integrator", t.integrator,
-           "dynamic: explicit_euler, symplectic_euler, rk4; implicit_euler (linearised), minimising_euler, "
-           "midpoint, bdf2, tr_bdf2");
+  v("integrator", t.integrator,
+    "dynamic: explicit_euler, symplectic_euler, rk4; implicit_euler (linearised), minimising_euler, "
+    "midpoint, bdf2, tr_bdf2");
   v("tolerance", t.tolerance, kNotNegative,
     "divide steps so that each part errs by this fraction of the body's size; 0: never");
   v("sleep_below", t.sleep_below, kNotNegative, "m/s: a body that stays slower is not stepped; 0: never");

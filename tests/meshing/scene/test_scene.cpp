@@ -112,7 +112,7 @@ TEST(Scene, IsReadWithItsValues) {
   EXPECT_EQ(scene.skin->bending, 0.1);
   EXPECT_EQ(std::get<Capsule>(scene.obstacles[1].shape).b.x(), 1);
   EXPECT_TRUE(scene.self_contact.is_on);
-  EXPECT_EQ(scene.time.integrator, Integrator::SymplecticEuler);
+  EXPECT_EQ(scene.time.integrator, "symplectic_euler");
   EXPECT_EQ(*scene.network.k, 500);
   EXPECT_FALSE(scene.network.phi);
   EXPECT_EQ(scene.comparison.calibrations, (std::vector<std::string>{"uniform", "lloyd"}));
@@ -404,7 +404,6 @@ std::vector<std::string> others_than(const std::string& value) {
                                   toml_text((test_folder() / "two.obj").string())};
   for (const auto& names : {shape_names(),
                             all_names<TimeMode>(),
-                            all_names<Integrator>(),
                             all_names<Krylov>(),
                             kSamplings,
                             all_names<Connectivity>(),
