@@ -18,6 +18,7 @@
 #include "meshing/run/hash.h"
 #include "meshing/run/progress.h"
 #include "meshing/run/record.h"
+#include "meshing/scene/check.h"
 #include "meshing/scene/scene.h"
 #include "meshing/surface/surface.h"
 #include "meshing/tetrahedra/tetrahedralize.h"
@@ -40,26 +41,6 @@ struct LoadPath {
       : is_proportional(fem::is_proportional(scene)), n_solves(is_proportional ? 1 : scene.time.load_steps) {}
   double factor(int n) const { return static_cast<double>(n) / n_solves; }
 };
-
-/// Parts of the scene that the reference does not model; empty: none.
-std::string unsolved_part(const Scene& scene) {
-  if (!scene.obstacles.empty() || scene.self_contact.is_on)
-    return "obstacles or self_contact: the reference has no contact";
-  if (scene.volume || scene.skin) return "volume or skin: the reference is the solid alone";
-  if (scene.collapse)
-    for (const Pivot& pivot : scene.collapse->pivots)
-      if (!pivot.motion.empty() || pivot.end)
-        return "collapse.pivots with motion or end: the reference's stay";
-  const bool is_static = scene.time.mode == TimeMode::Static;
-  if (scene.reference.inertia_relief && (!is_static || scene.reference.law != ElasticLaw::SmallStrain))
-    return "reference.inertia_relief: for static scenes at small strain";
-  if (is_static) return "";
-  if (scene.collapse)
-    return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
-  if (scene.reference.law != ElasticLaw::SmallStrain && scene.material.stiffness_damping > 0)
-    return "material.stiffness_damping at finite strain: it would hold back rotations";
-  return "";
-}
 
 /// What several processes do not solve together; empty: nothing.
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
@@ -168,7 +149,6 @@ void run_static(Run& run) {
 
 /// Full loads from rest at t = 0.
 void run_dynamic(Run& run) {
-  constexpr int kDefaultSteps = 400;
   const double end = run.scene.time.end;
   const double step = run.scene.time.step > 0 ? run.scene.time.step : end / kDefaultSteps;
   const int n_steps = meshing::n_steps(run.scene.time, step);
@@ -233,6 +213,7 @@ void run_dynamic(Run& run) {
 
 ExitStatus run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
+  check_scene(scene, arguments.scene);
   const std::filesystem::path out = arguments.out;
   const bool is_first = processes().rank == 0;
   if (is_first) {
@@ -244,7 +225,7 @@ ExitStatus run(const Arguments& arguments) {
   };
   if (const std::string part = undivided_part(scene, arguments); !part.empty())
     throw std::runtime_error(arguments.scene + ": " + part);
-  if (const std::string part = unsolved_part(scene); !part.empty()) {
+  if (const std::string part = unmodelled_part(scene); !part.empty()) {
     const nlohmann::ordered_json record{{"status", "not_solved"}, {"reason", part}};
     if (is_first) write_file(out / "run.json", record.dump(2) + "\n");
     return status_of(record);

@@ -5,6 +5,8 @@
 #include <sstream>
 
 #include "massspring/calibrations/calibrate.h"
+#include "massspring/choices/check_model.h"
+#include "massspring/choices/list.h"
 #include "massspring/model/collapse.h"
 #include "massspring/statics/diagnostics.h"
 #include "massspring/statics/frequencies.h"
@@ -12,12 +14,14 @@
 #include "massspring/time/implicit_stage.h"
 #include "massspring/time/integrators.h"
 #include "meshing/base/files.h"
+#include "meshing/base/names.h"
 #include "meshing/base/stage_timer.h"
 #include "meshing/run/exit_status.h"
 #include "meshing/run/hash.h"
 #include "meshing/run/progress.h"
 #include "meshing/run/record.h"
 #include "meshing/scene/build_network.h"
+#include "meshing/scene/check.h"
 #include "meshing/scene/scene.h"
 #include "meshing/surface/surface.h"
 #include "meshing/tetrahedra/tet_mesh.h"
@@ -29,7 +33,7 @@ struct Arguments {
   std::string scene, out = "out/massspring";
   std::vector<std::string> overrides;
   int n_frequencies = 0;
-  bool is_quiet = false, is_forced = false, is_undiagnosed = false;
+  bool is_quiet = false, is_forced = false, is_undiagnosed = false, is_check = false, is_checked = false;
 };
 
 std::vector<CellBlock> cells_of(const SpringNetwork& network) {
@@ -78,7 +82,6 @@ Eigen::VectorXd add_diagnostics(const MassSpringModel& model, nlohmann::ordered_
 }
 
 /// The solid of a scene, with its skin and volumes.
-/// @throws std::runtime_error when parts of the scene do not go together.
 MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const Calibration& calibration) {
   const double share = scene.network.link_share;
   MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
@@ -93,16 +96,8 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const
   }
   if (scene.skin) {
     add_skin(*scene.skin, model);
-    if (scene.skin->relaxation > 0 && !(model.bending && model.springs))
-      throw std::runtime_error(
-          "skin.relaxation = " + std::to_string(scene.skin->relaxation) +
-          ", expected skin.bending > 0 to drive it and springs along the surface (skin.stiffness > 0)");
   }
   if (scene.volume && scene.volume->local > 0) {
-    if (network.T.cols() == 0)
-      throw std::runtime_error("volume.local = " + std::to_string(scene.volume->local) +
-                               ", expected 0 with " + calibration.name +
-                               " springs: their network has no tetrahedra");
     model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
     for (Eigen::Index t = 0; t < network.T.cols(); ++t)
       model.local_volume->rest_volume(t) = rest_volume(network.X, network.T.col(t));
@@ -112,14 +107,17 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network, const
 
 ExitStatus run(const Arguments& arguments) {
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
+  check_scene(scene, arguments.scene);
+  check_model(scene, scene.network.calibration, arguments.scene);
+  if (arguments.is_check)
+    for (const std::string& model : models_of(scene)) check_model(scene, model, arguments.scene);
+  if (!arguments.is_checked)
+    if (const auto unused = unused_keys(scene); !unused.empty())
+      std::cerr << "unused: " << joined(unused) << '\n';
+  if (arguments.is_check) return kSolved;
   const Calibration& calibration = find_calibration(scene.network.calibration);
+  const Integrator& integrator = find_integrator(scene.time.integrator);
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (is_static && (!scene.obstacles.empty() || scene.self_contact.is_on))
-    throw std::runtime_error(arguments.scene +
-                             ": obstacles or self_contact, expected none with time.mode = static");
-  if (!is_static && scene.material.stiffness_damping > 0)
-    throw std::runtime_error(arguments.scene +
-                             ": material.stiffness_damping > 0, expected 0: only the reference has it");
 
   Progress progress(arguments.is_quiet);
   StageTimer timer;
@@ -156,11 +154,9 @@ ExitStatus run(const Arguments& arguments) {
   State state = initial_state(model);
   const double rest_volume = state.target_volume;
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
-  constexpr int kDefaultSteps = 100;
   double h = scene.time.step;
   if (!is_static && h == 0)
-    h = find_integrator(scene.time.integrator).is_explicit ? kSafety * stable_step(model, forces, state)
-                                                           : scene.time.end / kDefaultSteps;
+    h = integrator.is_explicit ? kSafety * stable_step(model, forces, state) : scene.time.end / kDefaultSteps;
   const int n_steps = is_static ? scene.time.load_steps : meshing::n_steps(scene.time, h);
   Recorder recorder(out, cells_of(network), network.n_surface);
 
@@ -207,9 +203,9 @@ ExitStatus run(const Arguments& arguments) {
     stepper = std::make_unique<TimeStepper>(model, forces, scene.time.integrator, scene.time.end, options,
                                             contacts);
     record["step"] = h;
-    if (find_integrator(scene.time.integrator).is_linearised)
+    if (integrator.is_linearised)
       record["tolerance"] = options.linear_tolerance;
-    else if (!find_integrator(scene.time.integrator).is_explicit)
+    else if (!integrator.is_explicit)
       record["tolerance"] = ImplicitStage::kStepTolerance;
   }
   record["n_steps"] = n_steps;
@@ -314,6 +310,16 @@ int main(int argc, char** argv) {
       "--no-diagnostics", arguments.is_undiagnosed,
       "do not measure the model against exact fields, which takes longer than the run of a large one");
   app.add_flag("--force", arguments.is_forced, "run even when nothing has changed");
+  app.add_flag("--check", arguments.is_check,
+               "check the scene and every model that comparison.calibrations names, then end");
+  app.add_flag("--checked", arguments.is_checked, "the scene has been checked: do not name its unused keys");
+  app.add_flag_callback(
+      "--list",
+      [] {
+        std::cout << testbed::massspring::list_choices().dump(2) << '\n';
+        throw CLI::Success();
+      },
+      "print spring models, integrators and keys of scenes as JSON, then end");
   app.footer(testbed::kExitStatusHelp);
   if (const auto status = testbed::parse(app, argc, argv)) return *status;
   try {

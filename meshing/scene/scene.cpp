@@ -345,15 +345,6 @@ Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides
   Reader reader(table, "");
   describe(reader, scene);
   reader.refuse_unknown_keys();
-  const bool has_file = !scene.surface.file.empty(), has_shape = !scene.surface.shape.empty();
-  if (has_file == has_shape)
-    throw std::runtime_error(file.string() + ": surface.file and surface.shape are both " +
-                             (has_file ? "given" : "missing") + ", expected one of them");
-  try {
-    if (scene.time.mode == TimeMode::Dynamic && scene.time.step > 0) n_steps(scene.time, scene.time.step);
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(file.string() + ": " + error.what());
-  }
   return scene;
 }
 

@@ -215,6 +215,9 @@ struct Scene {
 /// The sum of a polynomial stress field's terms at x (Pa).
 Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vector3d& x);
 
+/// Steps of a motion whose scene leaves their length to the program.
+constexpr int kDefaultSteps = 200;
+
 /// Reads a scene with `overrides` in place: "material.nu=0.3", "loads.0.pressure=5", the value in TOML or
 /// else a string. Paths are relative to the scene file, in overrides to the current folder, and absolute in
 /// the result.
@@ -224,6 +227,15 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<std::strin
 /// Steps of a length (s) to time.end: at least one, and the last may end beyond it.
 /// @throws std::runtime_error with their number when an int does not hold it.
 int n_steps(const TimeOptions& time, double step);
+
+/// A key of a scene: "network.phi", its value in TOML (empty: absent) and meaning.
+struct SceneKey {
+  std::string path, value, meaning;
+  bool is_chosen;  ///< it has no default: whoever writes its table must give it
+};
+
+/// Every key of the scene, in the order of to_toml; those in a list of tables once for each.
+std::vector<SceneKey> keys_of(const Scene& scene);
 
 /// The scene with every default filled in and every key explained, as TOML that read_scene accepts.
 std::string to_toml(const Scene& scene);

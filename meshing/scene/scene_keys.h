@@ -197,7 +197,8 @@ template <class V>
 void describe(V& v, TimeOptions& t) {
   v.choice("mode", t.mode, "static (loads grow in load_steps) or dynamic");
   v("load_steps", t.load_steps, kAtLeastOne, "steps to full load of a static scene");
-  v("step", t.step, kNotNegative, "s, of a dynamic scene; 0 chooses one");
+  v("step", t.step, kNotNegative,
+    "s, of a dynamic scene; 0: a 200th of end, or half an explicit integrator's stable step");
   v("end", t.end, kPositive, "s, of a dynamic scene");
   v("integrator", t.integrator,
     "dynamic: explicit_euler, symplectic_euler, rk4; implicit_euler (linearised), minimising_euler, "

@@ -10,6 +10,7 @@
 #include "meshing/base/files.h"
 #include "meshing/base/names.h"
 #include "meshing/run/hash.h"
+#include "meshing/scene/check.h"
 #include "meshing/scene/scene.h"
 #include "meshing/scene/scene_keys.h"
 #include "meshing/surface/shapes.h"
@@ -38,7 +39,7 @@ fs::path write_scene(const std::string& text) {
 std::string error_of(const std::string& text, const std::vector<std::string>& overrides = {}) {
   const fs::path file = write_scene(text);
   try {
-    read_scene(file, overrides);
+    check_scene(read_scene(file, overrides), file.string());
   } catch (const std::runtime_error& error) {
     std::string message = error.what();
     if (message.rfind(file.string(), 0) == 0) message.replace(0, file.string().size(), "scene.toml");
@@ -223,8 +224,10 @@ TEST(Scene, OverridesThatAreNoTomlAreStrings) {
 
 TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
   const std::string ball = "[surface]\nshape = \"ball\"\n";
-  EXPECT_EQ(error_of(ball + "[time]\nstep = -0.01\n"),
-            "scene.toml:4: time.step = -0.01, expected >= 0: s, of a dynamic scene; 0 chooses one");
+  EXPECT_EQ(
+      error_of(ball + "[time]\nstep = -0.01\n"),
+      "scene.toml:4: time.step = -0.01, expected >= 0: s, of a dynamic scene; 0: a 200th of end, or half an "
+      "explicit integrator's stable step");
   EXPECT_EQ(error_of(ball + "[material]\nnu = 0.5\n"),
             "scene.toml:4: material.nu = 0.5, expected in (-1, 0.5): Poisson's ratio");
   EXPECT_EQ(error_of(ball + "[material]\nE = \"soft\"\n"),
