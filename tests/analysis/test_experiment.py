@@ -186,7 +186,9 @@ def test_refinement_that_gives_no_result_leaves_none_of_an_older_run(solve, tmp_
     assert (older / "run.json").exists()
     program = tmp_path / "home" / "bin" / "fem_reference"
     program.write_text(
-        program.read_text().replace("source = ", 'if "--converge" in sys.argv:\n    sys.exit(1)\nsource = ', 1)
+        program.read_text().replace(
+            "source = ", 'if "--converge" in sys.argv:\n    sys.exit(1)\nsource = ', 1
+        )
     )
     solve("0.3")
     assert not older.exists()
