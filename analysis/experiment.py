@@ -108,10 +108,10 @@ def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | Non
 def run_solvers(
     scene_file: Path, folder: Path, surface: Path | None, overrides: list[str], is_quiet: bool
 ) -> Experiment:
-    """Runs the reference and every spring model; each skips itself where its last result still holds.
+    """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
-    Where the scene has a part that the reference does not model, the springs run alone. Raises RunError when the
-    reference fails or does not converge.
+    Where the scene has a part that the reference does not model, the springs run alone. Raises RunError when a spring
+    model refuses the scene, and when the reference fails or does not converge.
     """
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
@@ -122,6 +122,8 @@ def run_solvers(
             command += ["--set", override]
         return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
 
+    if run("massspring", folder, options=["--check"]) != SOLVED:
+        raise RunError("massspring refuses the scene: nothing has been solved")
     status = run("fem_reference", folder / "fem_reference")
     if status not in (SOLVED, NOT_OK, NOT_MODELLED):
         raise RunError(f"fem_reference gave no result (exit status {status})")
@@ -141,7 +143,7 @@ def run_solvers(
     experiment = Experiment(folder, scene, {}, unsolved)
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
-        status = run("massspring", out, f"network.calibration={calibration}")
+        status = run("massspring", out, f"network.calibration={calibration}", options=["--checked"])
         outcome = f"exit status {status}"
         if status in (SOLVED, NOT_OK):
             outcome = outcome_of(json.loads((out / "run.json").read_text()))

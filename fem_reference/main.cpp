@@ -5,6 +5,7 @@
 #include "fem_reference/solid/richardson.h"
 #include "fem_reference/solid/simulation.h"
 #include "meshing/run/session.h"
+#include "meshing/scene/check.h"
 #include "meshing/tetrahedra/tetrahedralize.h"
 
 namespace testbed::fem {
@@ -94,8 +95,9 @@ void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann
 
 ExitStatus run(const Arguments& arguments) {
   const bool is_first = processes().rank == 0;
-  Session session("fem_reference", arguments, is_first);
-  const Scene& scene = session.scene;
+  const Scene scene = read_scene(arguments.scene, arguments.overrides);
+  check_scene(scene, arguments.scene);
+  Session session("fem_reference", arguments, scene, is_first);
   if (const std::string part = undivided_part(scene, arguments.n_frequencies > 0); !part.empty())
     throw std::runtime_error(arguments.scene + ": " + part);
   if (const std::string part = unmodelled_part(scene); !part.empty()) return session.refuse(part);

@@ -1,18 +1,24 @@
 // The mass-spring program: scene in, frames, curves and a record out.
 #include <omp.h>
 
+#include <iostream>
+
 #include "massspring/calibrations/calibrate.h"
+#include "massspring/choices/check_model.h"
+#include "massspring/choices/list.h"
 #include "massspring/simulation.h"
 #include "massspring/statics/diagnostics.h"
 #include "massspring/statics/frequencies.h"
+#include "meshing/base/names.h"
 #include "meshing/run/session.h"
 #include "meshing/scene/build_network.h"
+#include "meshing/scene/check.h"
 
 namespace testbed::massspring {
 namespace {
 
 struct Arguments : SessionOptions {
-  bool is_undiagnosed = false;
+  bool is_undiagnosed = false, is_check = false, is_checked = false;
 };
 
 /// What exerts force, behind the surface.
@@ -31,7 +37,7 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
   record["mass_damping"] = simulation.forces().mass_damping;
   record["n_springs"] = model.springs ? model.springs->E.cols() : 0;
   record["n_patches"] = model.tet_springs ? model.tet_springs->n_patches() : 0;
-  if (simulation.is_static() || !is_explicit(scene.time.integrator))
+  if (simulation.is_static() || !find_integrator(scene.time.integrator).is_explicit)
     record["n_blocks"] = n_stiffness_blocks(model);
   record["n_tetrahedra"] = T.cols();
   if (T.cols() > 0) record["tetrahedra"] = to_json(tet_quality(model.network.X, T));
@@ -77,9 +83,22 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
   if (!report.reason.empty()) record["reason"] = report.reason;
 }
 
+/// Checks the scene for its own spring model or for all that it names, and tells which keys none of them reads.
+void check(const Scene& scene, const Arguments& arguments) {
+  check_scene(scene, arguments.scene);
+  check_model(scene, scene.network.calibration, arguments.scene);
+  if (arguments.is_check)
+    for (const std::string& model : models_of(scene)) check_model(scene, model, arguments.scene);
+  if (arguments.is_checked) return;
+  if (const auto unused = unused_keys(scene); !unused.empty())
+    std::cerr << "unused: " << joined(unused) << '\n';
+}
+
 ExitStatus run(const Arguments& arguments) {
-  Session session("massspring", arguments);
-  const Scene& scene = session.scene;
+  const Scene scene = read_scene(arguments.scene, arguments.overrides);
+  check(scene, arguments);
+  if (arguments.is_check) return kSolved;
+  Session session("massspring", arguments, scene);
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const std::string options =
       (arguments.is_undiagnosed ? "undiagnosed " : "") + std::to_string(arguments.n_frequencies);
@@ -121,5 +140,15 @@ int main(int argc, char** argv) {
   app.add_flag(
       "--no-diagnostics", arguments.is_undiagnosed,
       "do not measure the model against exact fields, which takes longer than the run of a large one");
+  app.add_flag("--check", arguments.is_check,
+               "check the scene and every model that comparison.calibrations names, then end");
+  app.add_flag("--checked", arguments.is_checked, "the scene has been checked: do not name its unused keys");
+  app.add_flag_callback(
+      "--list",
+      [] {
+        std::cout << massspring::list_choices().dump(2) << '\n';
+        throw CLI::Success();
+      },
+      "print spring models, integrators and keys of scenes as JSON, then end");
   return run_program(app, argc, argv, arguments, [&] { return massspring::run(arguments); });
 }

@@ -20,25 +20,16 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
   const double share = scene.network.link_share;
   MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
                                     : calibrate(network, scene.material, calibration);
-  const bool is_explicit_run = scene.time.mode == TimeMode::Dynamic && is_explicit(scene.time.integrator);
+  const bool is_explicit_run =
+      scene.time.mode == TimeMode::Dynamic && find_integrator(scene.time.integrator).is_explicit;
   if (model.tet_springs && scene.network.mass == MassMatrix::Consistent && !is_explicit_run)
     model.spread_mass = spread_mass(network.X, network.T, scene.material.rho);
   if (model.springs) {
     model.springs->law = scene.network.spring_law;
     model.springs->damping = scene.network.spring_damping;
   }
-  if (scene.skin) {
-    add_skin(*scene.skin, model);
-    if (scene.skin->relaxation > 0 && !(model.bending && model.springs))
-      throw std::runtime_error(
-          "skin.relaxation = " + std::to_string(scene.skin->relaxation) +
-          ", expected skin.bending > 0 to drive it and springs along the surface (skin.stiffness > 0)");
-  }
+  if (scene.skin) add_skin(*scene.skin, model);
   if (scene.volume && scene.volume->local > 0) {
-    if (network.T.cols() == 0)
-      throw std::runtime_error("volume.local = " + std::to_string(scene.volume->local) +
-                               ", expected 0 with " + calibration.name +
-                               " springs: their network has no tetrahedra");
     model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
     for (Eigen::Index t = 0; t < network.T.cols(); ++t)
       model.local_volume->rest_volume(t) = tet_volume(network.X, network.T.col(t));
@@ -73,11 +64,11 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   }
   if (scene.material.damping_ratio > 0)
     forces_.mass_damping += damping_of_ratio(model_, forces_.constraints, scene.material.damping_ratio);
+  const Integrator& integrator = find_integrator(time.integrator);
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
-  constexpr int kDefaultSteps = 100;
   step_ = time.step;
   if (step_ == 0)
-    step_ = is_explicit(time.integrator) ? kSafety * stable_step(model_, forces_, state_)
+    step_ = integrator.is_explicit ? kSafety * stable_step(model_, forces_, state_)
                                          : time.end / kDefaultSteps;
   report_.n_steps = meshing::n_steps(time, step_);
   IntegratorOptions options;
@@ -86,9 +77,9 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   options.tolerance = time.tolerance;
   options.sleep_below = time.sleep_below;
   stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options, contacts_);
-  if (time.integrator == Integrator::ImplicitEuler)
+  if (integrator.is_linearised)
     report_.tolerance = options.linear_tolerance;
-  else if (!is_explicit(time.integrator))
+  else if (integrator.minimises())
     report_.tolerance = ImplicitStage::kStepTolerance;
 }
 

@@ -167,7 +167,7 @@ void add_network(CLI::App& app) {
   command->add_option("--reading", arguments->connect.pcp.reading, "of PCP's pseudocode")
       ->transform(CLI::CheckedTransformer(readings));
   command->add_option("--connectivity", arguments->connectivity, "how nodes are joined")
-      ->check(CLI::IsMember(connectivity_names()))
+      ->check(CLI::IsMember(all_names<Connectivity>()))
       ->capture_default_str();
   command
       ->add_option("--neighbours", arguments->connect.neighbours,

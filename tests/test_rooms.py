@@ -26,6 +26,7 @@ BELOW = {
     ],
     "massspring/statics": ["massspring/model", "massspring/energies", "massspring/algebra", "meshing"],
     "massspring/calibrations": ["massspring/statics", "massspring/model", "massspring/energies", "massspring/kernels", "meshing"],
+    "massspring/choices": ["massspring/calibrations", "massspring/time", "meshing"],
     "fem_reference/base": ["meshing/base"],
     "fem_reference/elements": ["fem_reference/base", "meshing"],
     "fem_reference/solvers": ["fem_reference/base", "fem_reference/elements"],

@@ -7,25 +7,6 @@
 
 namespace testbed::fem {
 
-std::string unmodelled_part(const Scene& scene) {
-  if (!scene.obstacles.empty() || scene.self_contact.is_on)
-    return "obstacles or self_contact: the reference has no contact";
-  if (scene.volume || scene.skin) return "volume or skin: the reference is the solid alone";
-  if (scene.collapse)
-    for (const Pivot& pivot : scene.collapse->pivots)
-      if (!pivot.motion.empty() || pivot.end)
-        return "collapse.pivots with motion or end: the reference's stay";
-  const bool is_static = scene.time.mode == TimeMode::Static;
-  if (scene.reference.inertia_relief && (!is_static || scene.reference.law != ElasticLaw::SmallStrain))
-    return "reference.inertia_relief: for static scenes at small strain";
-  if (is_static) return "";
-  if (scene.collapse)
-    return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
-  if (scene.reference.law != ElasticLaw::SmallStrain && scene.material.stiffness_damping > 0)
-    return "material.stiffness_damping at finite strain: it would hold back rotations";
-  return "";
-}
-
 Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh, StageTimer& timer)
     : scene_(scene),
       timer_(timer),
@@ -37,7 +18,6 @@ Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const Tet
 
 /// Full loads from rest at t = 0.
 void Simulation::set_in_motion() {
-  constexpr int kDefaultSteps = 400;
   const TimeOptions& time = scene_.time;
   step_ = time.step > 0 ? time.step : time.end / kDefaultSteps;
   n_steps_ = meshing::n_steps(time, step_);

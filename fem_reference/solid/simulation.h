@@ -11,9 +11,6 @@
 
 namespace testbed::fem {
 
-/// The part of a scene that the reference does not model; empty: it models all.
-std::string unmodelled_part(const Scene& scene);
-
 class Simulation {
  public:
   /// @param timer  told what of the steps is assembly

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -59,13 +60,16 @@ void calibrate_coupled(MassSpringModel& model, const Eigen::Matrix2Xi&) {
 }  // namespace
 
 const std::vector<Calibration>& calibrations() {
-  static const std::vector<Calibration> all{{"uniform", true, false, calibrate_uniform},
-                                            {"affine", true, false, calibrate_affine},
-                                            {"van_gelder", false, true, calibrate_van_gelder},
-                                            {"lloyd", false, true, calibrate_lloyd},
-                                            {"moment", false, true, calibrate_moment},
-                                            {"edge_coupled", false, true, calibrate_coupled<edge_coupled>},
-                                            {"node_averaged", false, true, calibrate_coupled<node_averaged>}};
+  // Springs alone have nu = 1/4, which volume terms only raise; those without such terms take any nu for that.
+  constexpr double kSprings = 0.25, kLeast = -1, kLargest = 0.5;
+  static const std::vector<Calibration> all{
+      {"uniform", true, false, false, kLeast, kLargest, calibrate_uniform},
+      {"affine", true, false, false, kLeast, kLargest, calibrate_affine},
+      {"van_gelder", false, true, false, kSprings, kLargestNu, calibrate_van_gelder},
+      {"lloyd", false, true, false, kSprings, kLargestNu, calibrate_lloyd},
+      {"moment", false, true, false, kSprings, kLargestNu, calibrate_moment},
+      {"edge_coupled", false, true, true, kLeastNu, kLargestNu, calibrate_coupled<edge_coupled>},
+      {"node_averaged", false, true, true, kLeastNu, kLargestNu, calibrate_coupled<node_averaged>}};
   return all;
 }
 
@@ -79,8 +83,38 @@ const Calibration& find_calibration(const std::string& name) {
                            suggestion(name, known));
 }
 
+void check_material(const Material& material, const Calibration& calibration) {
+  constexpr double kRounding = 1e-12;
+  if (material.nu >= calibration.least_nu - kRounding && material.nu <= calibration.largest_nu) return;
+  std::ostringstream what;
+  what << "material.nu = " << material.nu << ", expected " << calibration.least_nu << " to "
+       << calibration.largest_nu << " with " << calibration.name << " springs";
+  throw std::runtime_error(what.str());
+}
+
+MaterialShares divide_material(const Material& material, const Calibration& calibration, double share) {
+  const std::string found = "network.link_share = " + std::to_string(share);
+  if (!calibration.is_coupled)
+    throw std::runtime_error(found + ", expected 0 with " + calibration.name +
+                             " springs: they are not coupled");
+  check_material(material, calibration);
+  const auto [lambda, mu] = lame_of(material);
+  if (share * mu > lambda * (1 + 1e-12))
+    throw std::runtime_error(found + ", expected at most lambda/mu = " + std::to_string(lambda / mu) +
+                             ": links alone have nu = 1/4");
+  const double coupled_lambda = std::max(lambda - share * mu, 0.), coupled_mu = (1 - share) * mu;
+  MaterialShares shares{material, material};
+  shares.coupled.nu = coupled_lambda / (2 * (coupled_lambda + coupled_mu));
+  shares.coupled.E = 2 * coupled_mu * (1 + shares.coupled.nu);
+  shares.linked.nu = 0.25;
+  shares.linked.E = 2.5 * share * mu;
+  check_material(shares.coupled, calibration);
+  return shares;
+}
+
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
                           const Calibration& calibration) {
+  check_material(material, calibration);
   const auto refuse = [&](const char* missing) {
     throw std::runtime_error("network.calibration = '" + calibration.name + "': the network has no " +
                              missing + ", expected some");
@@ -100,21 +134,8 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
 
 MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
                                      const Calibration& calibration, double share) {
-  const auto [lambda, mu] = lame_of(material);
-  const std::string found = "network.link_share = " + std::to_string(share);
-  if (share * mu > lambda * (1 + 1e-12))
-    throw std::runtime_error(found + ", expected at most lambda/mu = " + std::to_string(lambda / mu) +
-                             ": links alone have nu = 1/4");
-  const double coupled_lambda = std::max(lambda - share * mu, 0.), coupled_mu = (1 - share) * mu;
-  Material coupled = material, linked = material;
-  coupled.nu = coupled_lambda / (2 * (coupled_lambda + coupled_mu));
-  coupled.E = 2 * coupled_mu * (1 + coupled.nu);
-  linked.nu = 0.25;
-  linked.E = 2.5 * share * mu;
+  const auto [coupled, linked] = divide_material(material, calibration, share);
   MassSpringModel model = calibrate(network, coupled, calibration);
-  if (!model.tet_springs || model.springs)
-    throw std::runtime_error(found + ", expected 0 with " + calibration.name +
-                             " springs: they are not coupled");
   const MassSpringModel links = calibrate(network, linked, find_calibration("uniform"));
   model.springs = links.springs;
   model.material = material;

@@ -12,6 +12,8 @@ struct Calibration {
   std::string name;
   bool needs_links;  ///< springs are those that join the nodes of the network
   bool needs_tetrahedra;
+  bool is_coupled;              ///< its springs resist together, patch by patch
+  double least_nu, largest_nu;  ///< Poisson's ratios that it accepts
   /// Fills springs and tet_springs of a model that has its nodes, and links (2 x n) where they are needed.
   void (*set_stiffness)(MassSpringModel& model, const Eigen::Matrix2Xi& links);
 };
@@ -22,6 +24,19 @@ const std::vector<Calibration>& calibrations();
 /// @throws std::runtime_error listing the known names.
 const Calibration& find_calibration(const std::string& name);
 
+/// @throws std::runtime_error for a Poisson's ratio that springs of this calibration refuse.
+void check_material(const Material& material, const Calibration& calibration);
+
+/// What coupled springs and the links beside them stand for.
+struct MaterialShares {
+  Material coupled, linked;
+};
+
+/// Links take a share of the shear modulus mu and, as springs do, as much of lambda.
+/// @throws std::runtime_error as check_material, for springs that are not coupled, or a share that takes more
+/// than lambda.
+MaterialShares divide_material(const Material& material, const Calibration& calibration, double share);
+
 /// The mass-spring solid that stands for `material` on `network`, which has links and tetrahedra where the
 /// calibration needs them. The model's springs follow an order of their own.
 /// @throws std::runtime_error when links or tetrahedra are missing or the calibration refuses the material.
@@ -29,9 +44,7 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
                           const Calibration& calibration);
 
 /// The same with coupled springs, beside which the network's links stand, all of one stiffness.
-/// They take a share of the shear modulus mu and, as springs do, as much of lambda.
-/// @throws std::runtime_error as calibrate, and for springs
-/// that are not coupled or a share that takes more than lambda
+/// @throws std::runtime_error as calibrate and divide_material.
 MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
                                      const Calibration& calibration, double share);
 

@@ -318,7 +318,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
 Lame lame_of(const Material& material) {
   const double E = material.E, nu = material.nu;
   if (!(E > 0)) throw std::runtime_error("Young's modulus " + std::to_string(E) + " Pa, expected > 0");
-  if (!(nu >= 0 && nu <= 0.499))
+  if (!(nu >= kLeastNu && nu <= kLargestNu))
     throw std::runtime_error("Poisson's ratio " + std::to_string(nu) + ", expected 0 to 0.499");
   return {E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))};
 }

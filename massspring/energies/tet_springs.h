@@ -23,8 +23,10 @@ namespace testbed::massspring {
 struct Lame {
   double lambda, mu;
 };
-/// @throws std::runtime_error unless E > 0 and nu in [0, 0.499]: beyond, the springs would pull where they
-/// should push or lock.
+/// Poisson's ratios of coupled springs.
+constexpr double kLeastNu = 0, kLargestNu = 0.499;
+/// @throws std::runtime_error unless E > 0 and nu from kLeastNu to kLargestNu: beyond, the springs would pull
+/// where they should push or lock.
 Lame lame_of(const Material& material);
 
 /// Patches in compressed storage: patch p has entries first[p] ... first[p + 1] - 1.

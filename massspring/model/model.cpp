@@ -13,10 +13,6 @@
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
-const char* name_of(Status status) {
-  return status == Status::Ok ? "ok" : status == Status::Diverged ? "diverged" : "not_converged";
-}
-
 State initial_state(const MassSpringModel& model) {
   State state;
   state.x = model.network.X;

@@ -62,7 +62,9 @@ struct State {
 
 /// How a step ended. Divergence is data, not an exception.
 enum class Status { Ok, NotConverged, Diverged };
-const char* name_of(Status status);
+constexpr std::array<Named<Status>, 3> names_of(Status) {
+  return {{{Status::Ok, "ok"}, {Status::NotConverged, "not_converged"}, {Status::Diverged, "diverged"}}};
+}
 
 struct StepReport {
   Status status = Status::Ok;

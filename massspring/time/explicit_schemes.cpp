@@ -1,5 +1,5 @@
 #include "massspring/kernels/subdomains.h"
-#include "massspring/time/integrators.h"
+#include "massspring/time/schemes.h"
 
 namespace testbed::massspring {
 namespace {
@@ -76,13 +76,13 @@ class Rk4 : public Scheme {
 
 }  // namespace
 
-std::unique_ptr<Scheme> make_explicit_euler(const Motion& motion) {
+std::unique_ptr<Scheme> make_explicit_euler(Motion& motion, const IntegratorOptions&) {
   return std::make_unique<Euler>(motion, false);
 }
-std::unique_ptr<Scheme> make_symplectic_euler(const Motion& motion) {
+std::unique_ptr<Scheme> make_symplectic_euler(Motion& motion, const IntegratorOptions&) {
   return std::make_unique<Euler>(motion, true);
 }
-std::unique_ptr<Scheme> make_rk4(const Motion& motion) {
+std::unique_ptr<Scheme> make_rk4(Motion& motion, const IntegratorOptions&) {
   return std::make_unique<Rk4>(motion);
 }
 

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "massspring/time/implicit_stage.h"
-#include "massspring/time/integrators.h"
+#include "massspring/time/schemes.h"
 
 namespace testbed::massspring {
 namespace {
@@ -105,16 +105,16 @@ class TrBdf2 : public StagedScheme {
 
 }  // namespace
 
-std::unique_ptr<Scheme> make_minimising_euler(Motion& motion) {
+std::unique_ptr<Scheme> make_minimising_euler(Motion& motion, const IntegratorOptions&) {
   return std::make_unique<MinimisingEuler>(motion);
 }
-std::unique_ptr<Scheme> make_midpoint(Motion& motion) {
+std::unique_ptr<Scheme> make_midpoint(Motion& motion, const IntegratorOptions&) {
   return std::make_unique<Midpoint>(motion);
 }
-std::unique_ptr<Scheme> make_bdf2(Motion& motion) {
+std::unique_ptr<Scheme> make_bdf2(Motion& motion, const IntegratorOptions&) {
   return std::make_unique<Bdf2>(motion);
 }
-std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion) {
+std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion, const IntegratorOptions&) {
   return std::make_unique<TrBdf2>(motion);
 }
 

@@ -10,75 +10,27 @@
 #include "meshing/base/random.h"
 
 namespace testbed::massspring {
-namespace {
-
 using Eigen::Matrix3Xd;
 
-std::unique_ptr<Scheme> make_scheme(Integrator integrator, Motion& motion, const IntegratorOptions& options) {
-  switch (integrator) {
-    case Integrator::ExplicitEuler:
-      return make_explicit_euler(motion);
-    case Integrator::SymplecticEuler:
-      return make_symplectic_euler(motion);
-    case Integrator::Rk4:
-      return make_rk4(motion);
-    case Integrator::ImplicitEuler:
-      return make_implicit_euler(motion, options);
-    case Integrator::MinimisingEuler:
-      return make_minimising_euler(motion);
-    case Integrator::Midpoint:
-      return make_midpoint(motion);
-    case Integrator::Bdf2:
-      return make_bdf2(motion);
-    case Integrator::TrBdf2:
-      return make_tr_bdf2(motion);
-  }
-  throw std::logic_error("unknown integrator");
-}
-
-int order_of(Integrator integrator) {
-  switch (integrator) {
-    case Integrator::Rk4:
-      return 4;
-    case Integrator::Midpoint:
-    case Integrator::Bdf2:
-    case Integrator::TrBdf2:
-      return 2;
-    default:
-      return 1;
-  }
-}
-
-}  // namespace
-
-bool is_explicit(Integrator integrator) {
-  return integrator == Integrator::ExplicitEuler || integrator == Integrator::SymplecticEuler ||
-         integrator == Integrator::Rk4;
-}
-
-TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator,
+TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, const std::string& integrator,
                          double end, const IntegratorOptions& options, const Contacts& contacts)
     : motion_(model, forces, contacts),
-      integrator_(integrator),
+      integrator_(find_integrator(integrator)),
       options_(options),
       end_(end),
       supports_(motion_.constraints),
       push_out_(contacts.bodies),
       size_((model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
       rest_norm_(model.network.X.norm()),
-      scheme_(make_scheme(integrator, motion_, options)) {
+      scheme_(integrator_.make(motion_, options)) {
   if (size_ == 0)
     throw std::runtime_error("all nodes lie in one point, expected a body: its size tells far from near");
-  if (options.tolerance > 0 &&
-      (!contacts.bodies.empty() || contacts.self_thickness || integrator == Integrator::Bdf2))
-    throw std::runtime_error("time.tolerance = " + std::to_string(options.tolerance) +
-                             ", expected 0 with obstacles, self_contact or bdf2");
-  if (model.spread_mass && is_explicit(integrator))
+  check_contacts(integrator_, options.tolerance, !contacts.bodies.empty(),
+                 contacts.self_thickness.has_value());
+  if (model.spread_mass && integrator_.is_explicit)
     throw std::runtime_error("an explicit scheme, expected mass at nodes: spread mass has no simple inverse");
-  if (contacts.bodies.empty() || is_explicit(integrator) || integrator == Integrator::ImplicitEuler) return;
-  if (integrator == Integrator::Midpoint)
-    throw std::runtime_error("time.integrator = midpoint with obstacles, expected another one");
-  motion_.barrier.emplace(model, forces, contacts.bodies);
+  if (!contacts.bodies.empty() && integrator_.minimises())
+    motion_.barrier.emplace(model, forces, contacts.bodies);
 }
 
 StepReport TimeStepper::step(State& state, double h) {
@@ -110,8 +62,7 @@ bool TimeStepper::stays_at_rest(const State& state, double h) const {
 }
 
 StepReport TimeStepper::step_or_halves(State& state, double h, int n_halvings) {
-  if (is_explicit(integrator_) || integrator_ == Integrator::ImplicitEuler || n_halvings == 0)
-    return step_whole(state, h);
+  if (!integrator_.minimises() || n_halvings == 0) return step_whole(state, h);
   const State before = state;
   StepReport report = step_whole(state, h);
   if (report.status != Status::NotConverged) return report;
@@ -135,7 +86,7 @@ StepReport TimeStepper::step_or_halves(State& state, double h, int n_halvings) {
 StepReport TimeStepper::step_in_parts(State& state, double h) {
   constexpr double kSafety = 0.9, kShrink = 0.2, kGrow = 2;
   constexpr double kShortest = 1e-9;  // of the step
-  const double end = state.t + h, order = order_of(integrator_);
+  const double end = state.t + h, order = integrator_.order;
   StepReport total;
   if (part_ == 0) part_ = h;
   while (end - state.t > kShortest * h) {
@@ -171,7 +122,6 @@ StepReport TimeStepper::step_in_parts(State& state, double h) {
 
 StepReport TimeStepper::step_whole(State& state, double h) {
   const std::vector<RigidBody>& bodies = motion_.contacts.bodies;
-  const bool is_linearised = integrator_ == Integrator::ImplicitEuler;
   if (motion_.self_contact) motion_.self_contact->begin_step(state.x);
   if (motion_.barrier) motion_.barrier->begin_step(state.t, h, state.x);
   for (size_t i = 0; i < supports_.size(); ++i) {
@@ -179,14 +129,14 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     c.velocity = (prescribed(c, state.t + h, end_) - prescribed(c, state.t, end_)) / h;
     motion_.constraints[i].velocity = c.velocity;
   }
-  if (is_linearised && !bodies.empty()) {
+  if (integrator_.is_linearised && !bodies.empty()) {
     motion_.constraints = supports_;
     touches_.hold(bodies, state, h, motion_.constraints, motion_.friction);
     v_before_ = state.v;
   }
   motion_.constrain(state.v);
   StepReport report = scheme_->advance(state, h, x_, v_);
-  if (is_linearised && !bodies.empty()) {
+  if (integrator_.is_linearised && !bodies.empty()) {
     State after = state;
     after.x = x_;
     after.v = v_;
@@ -194,7 +144,7 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     motion_.forces_at(after, f);
     f = momenta(motion_.model, (v_ - v_before_) / h) - f;
     touches_.settle(bodies, state, h, f, x_, v_);
-  } else if (is_explicit(integrator_)) {
+  } else if (integrator_.is_explicit) {
     push_out_(state, h, x_, v_);
   }
   prescribe(supports_, motion_.model.network.X, state.t + h, end_, x_);

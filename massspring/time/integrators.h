@@ -1,53 +1,19 @@
 // Steps in time.
 #pragma once
 
-#include <memory>
-#include <string>
-
-#include "massspring/model/model.h"
-#include "massspring/time/implicit_matrix.h"
+#include "massspring/time/schemes.h"
 
 namespace testbed::massspring {
-
-struct IntegratorOptions {
-  double linear_tolerance = 1e-6;  ///< of the linearised implicit step: |b - A dv| / |b|
-  Gradients gradients = {};        ///< of the linearised implicit step
-  Krylov linear_solver = Krylov::Cg;
-  double tolerance = 0;    ///< error of a part of a step over the body's size; 0: steps are taken whole
-  double sleep_below = 0;  ///< speed (m/s) below which a body that stays so is not stepped
-};
-
-/// One scheme: positions and velocities h seconds after a state whose constrained velocities are those
-/// prescribed.
-class Scheme {
- public:
-  virtual ~Scheme() = default;
-  virtual StepReport advance(const State& state, double h, Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v) = 0;
-  /// Why its linear systems are solved as they are; empty where there are none.
-  virtual std::string solver_choice() const { return {}; }
-};
-
-std::unique_ptr<Scheme> make_explicit_euler(const Motion& motion);
-std::unique_ptr<Scheme> make_symplectic_euler(const Motion& motion);
-std::unique_ptr<Scheme> make_rk4(const Motion& motion);
-std::unique_ptr<Scheme> make_implicit_euler(const Motion& motion, const IntegratorOptions& options);
-std::unique_ptr<Scheme> make_minimising_euler(Motion& motion);
-std::unique_ptr<Scheme> make_midpoint(Motion& motion);
-std::unique_ptr<Scheme> make_bdf2(Motion& motion);
-std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion);
-
-/// Explicit schemes have a largest stable step.
-bool is_explicit(Integrator integrator);
 
 /// Moves constrained directions at the speed that reaches their displacement at `end`, and all else by the
 /// laws of motion.
 class TimeStepper {
  public:
+  /// @param integrator  name among integrators()
   /// @param end  time at which prescribed displacements are complete (s)
-  /// @throws std::runtime_error for spread mass with explicit schemes; for midpoint with obstacles: it ends a
-  /// step beyond where it solves; for a tolerance with contacts or bdf2, which remember the step before; for
-  /// a body without extent
-  TimeStepper(const MassSpringModel& model, const Forces& forces, Integrator integrator, double end,
+  /// @throws std::runtime_error as find_integrator and check_contacts; for spread mass with explicit schemes;
+  /// for a body without extent
+  TimeStepper(const MassSpringModel& model, const Forces& forces, const std::string& integrator, double end,
               const IntegratorOptions& options = {}, const Contacts& contacts = no_contacts);
 
   /// Advances the state by h seconds; leaves it unchanged where the step diverges, which is when a position
@@ -65,7 +31,7 @@ class TimeStepper {
   bool stays_at_rest(const State& state, double h) const;
 
   Motion motion_;
-  Integrator integrator_;
+  const Integrator& integrator_;
   IntegratorOptions options_;
   double part_ = 0;  ///< length of the next part of a step (s)
   double end_;

@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "massspring/time/integrators.h"
+#include "massspring/time/schemes.h"
 
 namespace testbed::massspring {
 namespace {
@@ -52,7 +52,7 @@ class LinearisedEuler : public Scheme {
 
 }  // namespace
 
-std::unique_ptr<Scheme> make_implicit_euler(const Motion& motion, const IntegratorOptions& options) {
+std::unique_ptr<Scheme> make_implicit_euler(Motion& motion, const IntegratorOptions& options) {
   return std::make_unique<LinearisedEuler>(motion, options);
 }
 

@@ -1,33 +1,100 @@
-// What a scene chooses by name.
+// What a scene chooses by name, and the tables of those names.
 #pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "meshing/base/namespace.h"
 
 namespace testbed::meshing {
 
-enum class TimeMode { Static, Dynamic };
-enum class Integrator {
-  ExplicitEuler,
-  SymplecticEuler,
-  Rk4,
-  ImplicitEuler,
-  MinimisingEuler,
-  Midpoint,
-  Bdf2,
-  TrBdf2
+/// A value of an enum and its name in files.
+template <class Enum>
+struct Named {
+  Enum value;
+  const char* name;
 };
+
+/// Whether an enum declares a value: of one that it does not, compilers write the number.
+template <auto value>
+constexpr bool is_declared() {
+  constexpr std::string_view text = __PRETTY_FUNCTION__, before = "value = ";
+  return text[text.find(before) + before.size()] != '(';
+}
+
+/// Whether an enum's table names each of its values once, which count from 0; the order is free.
+template <class Enum>
+constexpr bool is_complete() {
+  constexpr auto table = names_of(Enum());
+  for (size_t value = 0; value < table.size(); ++value) {
+    int n_rows = 0;
+    for (const Named<Enum>& row : table) n_rows += row.value == static_cast<Enum>(value);
+    if (n_rows != 1) return false;
+  }
+  return !is_declared<static_cast<Enum>(table.size())>();
+}
+
+/// The name of a value; every enum with a table names_of has one.
+template <class Enum>
+const char* name_of(Enum value) {
+  static_assert(is_complete<Enum>());
+  for (const Named<Enum>& row : names_of(value))
+    if (row.value == value) return row.name;
+  return "";  // of no declared value
+}
+
+/// The value of a name, if there is one.
+template <class Enum>
+std::optional<Enum> value_of(std::string_view name) {
+  static_assert(is_complete<Enum>());
+  for (const Named<Enum>& row : names_of(Enum()))
+    if (row.name == name) return row.value;
+  return {};
+}
+
+/// Every name of an enum's values.
+template <class Enum>
+std::vector<std::string> all_names() {
+  std::vector<std::string> names;
+  for (const Named<Enum>& row : names_of(Enum())) names.emplace_back(row.name);
+  return names;
+}
+
+enum class TimeMode { Static, Dynamic };
+constexpr std::array<Named<TimeMode>, 2> names_of(TimeMode) {
+  return {{{TimeMode::Static, "static"}, {TimeMode::Dynamic, "dynamic"}}};
+}
+
 /// Method for the linear systems of the linearised implicit step.
 enum class Krylov { Cg, BiCgStab };
+constexpr std::array<Named<Krylov>, 2> names_of(Krylov) {
+  return {{{Krylov::Cg, "cg"}, {Krylov::BiCgStab, "bicgstab"}}};
+}
+
 /// Tension of an independent spring compressed below its rest length r; above it both are
 /// Hooke's [massspring/README.md (3) to (6)].
 enum class SpringLaw {
   Hooke,    ///< k_s (l - r): a network of such springs loses ellipticity at 20 % hydrostatic compression
   Definite  ///< k_s r/4 (1 - (r/l)^4): the same stiffness at rest, without bound as l -> 0
 };
+constexpr std::array<Named<SpringLaw>, 2> names_of(SpringLaw) {
+  return {{{SpringLaw::Hooke, "hooke"}, {SpringLaw::Definite, "definite"}}};
+}
 
 enum class MassMatrix { Consistent, Lumped };
+constexpr std::array<Named<MassMatrix>, 2> names_of(MassMatrix) {
+  return {{{MassMatrix::Consistent, "consistent"}, {MassMatrix::Lumped, "lumped"}}};
+}
 
 /// SmallStrain is a fair reference below a few per cent of strain; NeoHookean is the law of coupled springs.
 enum class ElasticLaw { SmallStrain, StVenantKirchhoff, NeoHookean };
+constexpr std::array<Named<ElasticLaw>, 3> names_of(ElasticLaw) {
+  return {{{ElasticLaw::SmallStrain, "small_strain"},
+           {ElasticLaw::StVenantKirchhoff, "st_venant_kirchhoff"},
+           {ElasticLaw::NeoHookean, "neo_hookean"}}};
+}
 
 }  // namespace testbed::meshing

@@ -99,17 +99,9 @@ SpringNetwork complete_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& i
 
 }  // namespace
 
-const std::vector<std::string>& connectivity_names() {
-  static const std::vector<std::string> kNames = {"surface",  "central", "complete",
-                                                  "delaunay", "pcp",     "completed_pcp"};
-  return kNames;
-}
-
 Connectivity connectivity_of(const std::string& name) {
-  const auto& names = connectivity_names();
-  const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end()) throw std::runtime_error("connectivity '" + name + "'" + suggestion(name, names));
-  return static_cast<Connectivity>(found - names.begin());
+  if (const auto found = value_of<Connectivity>(name)) return *found;
+  throw std::runtime_error("connectivity '" + name + "'" + suggestion(name, all_names<Connectivity>()));
 }
 
 bool is_inside(const SurfaceTree& tree, const Eigen::Matrix3Xd& X, int n_surface, int i, int j) {

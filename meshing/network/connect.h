@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "meshing/base/choices.h"
 #include "meshing/base/mesh.h"
 #include "meshing/network/network.h"
 #include "meshing/surface/surface_tree.h"
@@ -20,8 +21,14 @@ enum class Connectivity {
   CompletedPcp  ///< PCP and symmetric nearest neighbours, and further links until it is rigid
 };
 
-/// surface, central, complete, delaunay, pcp, completed_pcp
-const std::vector<std::string>& connectivity_names();
+constexpr std::array<Named<Connectivity>, 6> names_of(Connectivity) {
+  return {{{Connectivity::Surface, "surface"},
+           {Connectivity::Central, "central"},
+           {Connectivity::Complete, "complete"},
+           {Connectivity::Delaunay, "delaunay"},
+           {Connectivity::Pcp, "pcp"},
+           {Connectivity::CompletedPcp, "completed_pcp"}}};
+}
 /// @throws std::runtime_error for a name not among them.
 Connectivity connectivity_of(const std::string& name);
 

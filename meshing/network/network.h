@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "meshing/base/choices.h"
 #include "meshing/base/mesh.h"
 
 namespace testbed::meshing {
@@ -14,6 +15,10 @@ enum class Sampling {
   Relaxed,  ///< then moved towards the centres of their cells: more even, but phi is no longer kept
   Graded    ///< moved likewise, to be as dense as the surface nearby
 };
+
+constexpr std::array<Named<Sampling>, 3> names_of(Sampling) {
+  return {{{Sampling::Darts, "darts"}, {Sampling::Relaxed, "relaxed"}, {Sampling::Graded, "graded"}}};
+}
 
 /// Lengths are in the normalised box, whose smallest side is 1 [paper 4.2].
 struct SampleOptions {

@@ -34,8 +34,8 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
   }
 }
 
-Session::Session(const std::string& program, const SessionOptions& options, bool is_first)
-    : scene(read_scene(options.scene, options.overrides)),
+Session::Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first)
+    : scene(std::move(scene)),
       progress(options.is_quiet || !is_first),
       program_(program),
       file_(options.scene),
@@ -44,7 +44,7 @@ Session::Session(const std::string& program, const SessionOptions& options, bool
       is_first_(is_first) {
   if (!is_first) return;
   std::filesystem::create_directories(out_);
-  write_file(out_ / "scene.toml", to_toml(scene));
+  write_file(out_ / "scene.toml", to_toml(this->scene));
 }
 
 ExitStatus Session::tell(const nlohmann::ordered_json& result) const {

@@ -29,9 +29,9 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
 
 class Session {
  public:
-  /// Reads the scene, writes it with all its keys to the output folder and loads its surface.
+  /// Writes the scene with all its keys to the output folder.
   /// @param is_first  of the processes that solve it together: it alone writes and speaks
-  Session(const std::string& program, const SessionOptions& options, bool is_first = true);
+  Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first = true);
 
   /// Writes a record that says why the program does not model the scene.
   ExitStatus refuse(const std::string& reason);

@@ -1,29 +1,26 @@
 #include "meshing/scene/build_network.h"
 
-#include <algorithm>
 #include <stdexcept>
 
 #include "meshing/base/names.h"
 #include "meshing/network/connect.h"
+#include "meshing/scene/scene_keys.h"
 #include "meshing/tetrahedra/interior_size.h"
 
 namespace testbed::meshing {
 
 TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
                     TetReport* report) {
-  const std::vector<std::string> known{"darts", "relaxed", "graded", "mesher"};
-  if (std::find(known.begin(), known.end(), options.sampling) == known.end())
-    throw std::runtime_error("network.sampling = '" + options.sampling + "'" +
-                             suggestion(options.sampling, known));
   TetOptions tets;
   if (options.sampling == "mesher") {
     tets.size = interior_size(surface, options.spacing);
     return tetrahedralize(surface, tets, report);
   }
-  tets.interior = sample_interior(surface, {options.phi, options.psi, options.k, options.seed,
-                                            options.sampling == "relaxed"  ? Sampling::Relaxed
-                                            : options.sampling == "graded" ? Sampling::Graded
-                                                                           : Sampling::Darts});
+  const std::optional<Sampling> sampling = value_of<Sampling>(options.sampling);
+  if (!sampling)
+    throw std::runtime_error("network.sampling = '" + options.sampling + "'" +
+                             suggestion(options.sampling, kSamplings));
+  tets.interior = sample_interior(surface, {options.phi, options.psi, options.k, options.seed, *sampling});
   if (needs_tetrahedra) {
     const double body = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm();
     tets.size = Eigen::VectorXd::Constant(surface.X.cols(), body);  // no more nodes than the mesher needs

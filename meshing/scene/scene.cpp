@@ -53,27 +53,29 @@ class Reader {
     if (!fs::is_regular_file(file)) wrong(node, full(key), "a file; there is no " + file.string());
     value = file.string();
   }
-  template <class T>
-  void choice(const char* key, T& value, const std::vector<std::string>& names, const char* meaning) {
+  template <class Enum>
+  void choice(const char* key, Enum& value, const char* meaning) {
     const toml::node* node = find(key);
     if (!node) return;
-    const auto index_of = [&](const toml::node& word, const std::string& name) {
-      const auto at = std::find(names.begin(), names.end(), name);
-      if (at == names.end())
-        fail(word, full(key) + " = " + toml_text(name) + ": unknown name" + suggestion(name, names));
-      return at - names.begin();
-    };
-    if constexpr (std::is_enum_v<T>) {
-      std::string name;
-      read(*node, full(key), name, kAny, meaning);
-      value = static_cast<T>(index_of(*node, name));
-    } else if constexpr (std::is_same_v<T, std::string>) {
-      read(*node, full(key), value, kAny, meaning);
-      if (!value.empty()) index_of(*node, value);
-    } else {
-      read(*node, full(key), value, kAny, meaning);
-      for (size_t i = 0; i < value.size(); ++i) index_of((*node->as_array())[i], value[i]);
-    }
+    std::string name;
+    read(*node, full(key), name, kAny, meaning);
+    expect_one_of(all_names<Enum>(), *node, full(key), name);
+    value = *meshing::value_of<Enum>(name);
+  }
+  void choice(const char* key, std::string& value, const std::vector<std::string>& names,
+              const char* meaning) {
+    const toml::node* node = find(key);
+    if (!node) return;
+    read(*node, full(key), value, kAny, meaning);
+    if (!value.empty()) expect_one_of(names, *node, full(key), value);
+  }
+  void choice(const char* key, std::vector<std::string>& values, const std::vector<std::string>& names,
+              const char* meaning) {
+    const toml::node* node = find(key);
+    if (!node) return;
+    read(*node, full(key), values, kAny, meaning);
+    for (size_t i = 0; i < values.size(); ++i)
+      expect_one_of(names, (*node->as_array())[i], full(key), values[i]);
   }
   void components(const char* key, std::array<bool, 3>& fixed, const char* meaning) {
     const toml::node* node = find(key);
@@ -139,6 +141,12 @@ class Reader {
     const std::string source = source_of(node);
     const std::string line = is_override(source) ? "" : ":" + std::to_string(node.source().begin.line);
     throw std::runtime_error(source + line + ": " + what);
+  }
+
+  static void expect_one_of(const std::vector<std::string>& names, const toml::node& node,
+                            const std::string& key, const std::string& name) {
+    if (std::find(names.begin(), names.end(), name) == names.end())
+      fail(node, key + " = " + toml_text(name) + ": unknown name" + suggestion(name, names));
   }
 
   static std::string value_of(const toml::node& node) {
@@ -337,15 +345,6 @@ Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides
   Reader reader(table, "");
   describe(reader, scene);
   reader.refuse_unknown_keys();
-  const bool has_file = !scene.surface.file.empty(), has_shape = !scene.surface.shape.empty();
-  if (has_file == has_shape)
-    throw std::runtime_error(file.string() + ": surface.file and surface.shape are both " +
-                             (has_file ? "given" : "missing") + ", expected one of them");
-  try {
-    if (scene.time.mode == TimeMode::Dynamic && scene.time.step > 0) n_steps(scene.time, scene.time.step);
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(file.string() + ": " + error.what());
-  }
   return scene;
 }
 

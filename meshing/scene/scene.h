@@ -128,10 +128,10 @@ struct SelfContact {
 
 struct TimeOptions {
   TimeMode mode = TimeMode::Static;
-  int load_steps = 10;  ///< static: loads grow linearly to full in this many steps
-  double step = 0;      ///< dynamic: s; 0 chooses one
-  double end = 1;       ///< dynamic: s
-  Integrator integrator = Integrator::ImplicitEuler;
+  int load_steps = 10;                        ///< static: loads grow linearly to full in this many steps
+  double step = 0;                            ///< dynamic: s; 0 chooses one
+  double end = 1;                             ///< dynamic: s
+  std::string integrator = "implicit_euler";  ///< name of the scheme that springs are stepped by
   double tolerance =
       0;  ///< dynamic: error of a part of a step over the body's size; 0: steps are taken whole
   double sleep_below = 0;       ///< dynamic: a body slower than this, and staying so, is not stepped (m/s)
@@ -149,7 +149,7 @@ struct NetworkOptions {
   std::uint64_t seed = 1;
   std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed, graded or mesher
   double spacing = 0.7;              ///< mesher: edges inside over the surface's nearby
-  std::string connectivity = "pcp";  ///< name among connectivity_names() of meshing/connect.h
+  std::string connectivity = "pcp";  ///< of Connectivity in meshing/network/connect.h
   int neighbours = 8;                ///< completed_pcp: nearest neighbours of every node
   SpringLaw spring_law = SpringLaw::Hooke;
   double spring_damping = 0;  ///< k_d of every independent spring (N s/m)
@@ -214,6 +214,9 @@ struct Scene {
 /// The sum of a polynomial stress field's terms at x (Pa).
 Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vector3d& x);
 
+/// Steps of a motion whose scene leaves their length to the program.
+constexpr int kDefaultSteps = 200;
+
 /// Reads a scene with `overrides` in place: "material.nu=0.3", "loads.0.pressure=5", the value in TOML or
 /// else a string. Paths are relative to the scene file, in overrides to the current folder, and absolute in
 /// the result.
@@ -223,6 +226,15 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<std::strin
 /// Steps of a length (s) to time.end: at least one, and the last may end beyond it.
 /// @throws std::runtime_error with their number when an int does not hold it.
 int n_steps(const TimeOptions& time, double step);
+
+/// A key of a scene: "network.phi", its value in TOML (empty: absent) and meaning.
+struct SceneKey {
+  std::string path, value, meaning;
+  bool is_chosen;  ///< it has no default: whoever writes its table must give it
+};
+
+/// Every key of the scene, in the order of to_toml; those in a list of tables once for each.
+std::vector<SceneKey> keys_of(const Scene& scene);
 
 /// The scene with every default filled in and every key explained, as TOML that read_scene accepts.
 std::string to_toml(const Scene& scene);

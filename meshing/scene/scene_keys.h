@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "meshing/network/connect.h"
 #include "meshing/scene/scene.h"
 #include "meshing/surface/shapes.h"
 
@@ -26,17 +27,11 @@ inline const Range kAtLeastThree{">= 3", [](double x) { return x >= 3; }};
 inline const Range kUpToOne{"in [0, 1]", [](double x) { return x >= 0 && x <= 1; }};
 inline const Range kDegree{"1 or 2", [](double x) { return x == 1 || x == 2; }};
 
-inline const std::vector<std::string> kTimeModes{"static", "dynamic"};
-inline const std::vector<std::string> kIntegrators{"explicit_euler", "symplectic_euler", "rk4",
-                                                   "implicit_euler", "minimising_euler", "midpoint",
-                                                   "bdf2",           "tr_bdf2"};
-inline const std::vector<std::string> kKrylov{"cg", "bicgstab"};
-inline const std::vector<std::string> kSamplings{"darts", "relaxed", "graded", "mesher"};
-inline const std::vector<std::string> kConnectivities{"surface",  "central", "complete",
-                                                      "delaunay", "pcp",     "completed_pcp"};
-inline const std::vector<std::string> kSpringLaws{"hooke", "definite"};
-inline const std::vector<std::string> kLaws{"small_strain", "st_venant_kirchhoff", "neo_hookean"};
-inline const std::vector<std::string> kMasses{"consistent", "lumped"};
+inline const std::vector<std::string> kSamplings = [] {
+  std::vector<std::string> names = all_names<Sampling>();
+  names.emplace_back("mesher");
+  return names;
+}();
 inline const std::vector<std::string> kWarps{"constant", "elastic", "explode", "custom"};
 
 /// The times in front ascend.
@@ -199,19 +194,20 @@ void describe(V& v, SelfContact& c) {
 
 template <class V>
 void describe(V& v, TimeOptions& t) {
-  v.choice("mode", t.mode, kTimeModes, "static (loads grow in load_steps) or dynamic");
+  v.choice("mode", t.mode, "static (loads grow in load_steps) or dynamic");
   v("load_steps", t.load_steps, kAtLeastOne, "steps to full load of a static scene");
-  v("step", t.step, kNotNegative, "s, of a dynamic scene; 0 chooses one");
+  v("step", t.step, kNotNegative,
+    "s, of a dynamic scene; 0: a 200th of end, or half an explicit integrator's stable step");
   v("end", t.end, kPositive, "s, of a dynamic scene");
-  v.choice("integrator", t.integrator, kIntegrators,
-           "dynamic: explicit_euler, symplectic_euler, rk4; implicit_euler (linearised), minimising_euler, "
-           "midpoint, bdf2, tr_bdf2");
+  v("integrator", t.integrator,
+    "dynamic: explicit_euler, symplectic_euler, rk4; implicit_euler (linearised), minimising_euler, "
+    "midpoint, bdf2, tr_bdf2");
   v("tolerance", t.tolerance, kNotNegative,
     "divide steps so that each part errs by this fraction of the body's size; 0: never");
   v("sleep_below", t.sleep_below, kNotNegative, "m/s: a body that stays slower is not stepped; 0: never");
   v("volume_gradient", t.volume_gradient, "implicit_euler: volume forces change within a step");
   v("bend_gradient", t.bend_gradient, "implicit_euler: bending forces change within a step");
-  v.choice("linear_solver", t.linear_solver, kKrylov, "implicit_euler: cg or bicgstab");
+  v.choice("linear_solver", t.linear_solver, "implicit_euler: cg or bicgstab");
 }
 
 template <class V>
@@ -223,13 +219,13 @@ void describe(V& v, NetworkOptions& n) {
   v("seed", n.seed, kNotNegative, "of the random nodes");
   v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed, graded, mesher");
   v("spacing", n.spacing, kPositive, "mesher: edges inside over the surface's nearby, less in thin bodies");
-  v.choice("connectivity", n.connectivity, kConnectivities,
+  v.choice("connectivity", n.connectivity, all_names<Connectivity>(),
            "surface, central, complete, delaunay, pcp, completed_pcp");
   v("neighbours", n.neighbours, kAtLeastOne, "completed_pcp: nearest neighbours of every node");
   v("calibration", n.calibration, "name of the spring model");
-  v.choice("mass", n.mass, kMasses,
+  v.choice("mass", n.mass,
            "of coupled springs: consistent, spread over the tetrahedra (but in explicit steps), or lumped");
-  v.choice("spring_law", n.spring_law, kSpringLaws,
+  v.choice("spring_law", n.spring_law,
            "of independent springs in compression: hooke, or definite, which no force flattens");
   v("link_share", n.link_share, kFraction,
     "of the material's shear stiffness that the network's links have beside coupled springs");
@@ -238,11 +234,11 @@ void describe(V& v, NetworkOptions& n) {
 
 template <class V>
 void describe(V& v, ReferenceOptions& r) {
-  v.choice("law", r.law, kLaws, "small_strain, or at finite strain st_venant_kirchhoff or neo_hookean");
+  v.choice("law", r.law, "small_strain, or at finite strain st_venant_kirchhoff or neo_hookean");
   v("degree", r.degree, kDegree, "of the displacement's polynomials");
   v("interior_size", r.interior_size, kPositive, "edge length inside (m); absent: from the surface");
   v("refine", r.refine, kNotNegative, "times every tetrahedron is split in eight");
-  v.choice("mass", r.mass, kMasses, "consistent or lumped mass matrix");
+  v.choice("mass", r.mass, "consistent or lumped mass matrix");
   v("spectral_radius", r.spectral_radius, kUpToOne,
     "of generalised-alpha at the highest frequencies; absent: Newmark, which damps none");
   v("inertia_relief", r.inertia_relief, "static: inertia balances loads that drive free rigid motions");

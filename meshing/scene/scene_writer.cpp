@@ -23,7 +23,8 @@ namespace {
 /// Writes the scene's structs as TOML, each key with its meaning; what is absent as a comment.
 class Writer {
  public:
-  Writer(std::ostream& out, std::string path) : out_(out), path_(std::move(path)) {}
+  Writer(std::ostream& out, std::vector<SceneKey>& keys, std::string path)
+      : out_(out), keys_(keys), path_(std::move(path)) {}
 
   template <class T>
   void operator()(const char* key, const T& value, const Range&, const char* meaning) {
@@ -35,17 +36,18 @@ class Writer {
   }
   template <class T>
   void required(const char* key, const T& value, const Range&, const char* meaning) {
-    line(key, text(value), meaning);
+    line(key, text(value), meaning, true);
   }
   void path(const char* key, const std::string& value, const char* meaning) {
     line(key, value.empty() ? "" : toml_text(value), meaning);
   }
+  template <class Enum>
+  void choice(const char* key, Enum value, const char* meaning) {
+    line(key, toml_text(name_of(value)), meaning);
+  }
   template <class T>
-  void choice(const char* key, const T& value, const std::vector<std::string>& names, const char* meaning) {
-    if constexpr (std::is_enum_v<T>)
-      line(key, toml_text(names[static_cast<size_t>(value)]), meaning);
-    else
-      line(key, value.empty() ? "" : text(value), meaning);
+  void choice(const char* key, const T& value, const std::vector<std::string>&, const char* meaning) {
+    line(key, value.empty() ? "" : text(value), meaning);
   }
   void components(const char* key, const std::array<bool, 3>& fixed, const char* meaning) {
     std::string letters;
@@ -56,7 +58,7 @@ class Writer {
   template <class T>
   void table(const char* key, T& value) {
     out_ << "\n[" << path_ << key << "]\n";
-    Writer writer(out_, path_ + key + ".");
+    Writer writer(out_, keys_, path_ + key + ".");
     describe(writer, value);
   }
   template <class T>
@@ -67,7 +69,7 @@ class Writer {
   void list(const char* key, std::vector<T>& values) {
     for (T& value : values) {
       out_ << "\n[[" << path_ << key << "]]\n";
-      Writer writer(out_, path_ + key + ".");
+      Writer writer(out_, keys_, path_ + key + ".");
       describe(writer, value);
     }
   }
@@ -77,14 +79,15 @@ class Writer {
   }
   template <class T, class Variant>
   void alternative(const char* key, Variant& shape) {
-    if (T* value = std::get_if<T>(&shape)) line(key, in_braces(*value), "");
+    if (T* value = std::get_if<T>(&shape)) line(key, in_braces(*value), "", true);
   }
 
   void check(const char*, bool, const char*) {}
   void needs_alternative(const char*) {}
 
  private:
-  void line(const char* key, const std::string& value, const std::string& meaning) {
+  void line(const char* key, const std::string& value, const std::string& meaning, bool is_chosen = false) {
+    keys_.push_back({path_ + key, value, meaning, is_chosen});
     if (value.empty()) {
       assert(!is_inline_);
       out_ << "# " << key << ": " << meaning << '\n';
@@ -99,7 +102,8 @@ class Writer {
   template <class T>
   static std::string in_braces(T& value) {
     std::ostringstream out;
-    Writer writer(out, "");
+    std::vector<SceneKey> inner;
+    Writer writer(out, inner, "");
     writer.is_inline_ = true;
     describe(writer, value);
     return "{ " + out.str() + " }";
@@ -126,19 +130,28 @@ class Writer {
   }
 
   std::ostream& out_;
+  std::vector<SceneKey>& keys_;
   std::string path_;
   bool is_inline_ = false;
   std::string separator_;
 };
 
+std::pair<std::string, std::vector<SceneKey>> written(Scene scene) {
+  std::ostringstream out;
+  std::vector<SceneKey> keys;
+  Writer writer(out, keys, "");
+  describe(writer, scene);  // the table of keys is shared with the reader, which needs to write
+  return {out.str(), std::move(keys)};
+}
+
 }  // namespace
 
 std::string to_toml(const Scene& scene) {
-  std::ostringstream out;
-  Writer writer(out, "");
-  Scene copy = scene;  // the table of keys is shared with the reader, which needs to write
-  describe(writer, copy);
-  return out.str();
+  return written(scene).first;
+}
+
+std::vector<SceneKey> keys_of(const Scene& scene) {
+  return written(scene).second;
 }
 
 }  // namespace testbed::meshing

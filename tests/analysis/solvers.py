@@ -1,6 +1,6 @@
 """Programs that stand in for the solvers: each copies a ready run, writes down that it has run, and exits as they do.
 
-material.nu chooses the run: a number, or how a run ends that is not ok.
+material.nu chooses the run: a number, or how a run ends that is not ok. The springs refuse 0.1.
 """
 
 from __future__ import annotations
@@ -18,10 +18,12 @@ import json, os, shutil, sys, time
 name, home = os.path.basename(sys.argv[0]), {home!r}
 out = sys.argv[sys.argv.index("--out") + 1]
 settings = dict(word.split("=", 1) for word in sys.argv if "=" in word)
+nu = settings.get("material.nu", "0.25")
+if "--check" in sys.argv:
+    sys.exit(nu == "0.1")
 with open(home + "/log.txt", "a") as log:
     log.write(name + " " + str(sorted(settings.items())) + "\\n")
 time.sleep({seconds})
-nu = settings.get("material.nu", "0.25")
 if nu == "0.6":
     sys.exit("error: scene.toml: material.nu = 0.6, expected less than 0.5")
 source = home + "/" + name + "_" + nu

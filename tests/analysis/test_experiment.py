@@ -170,6 +170,12 @@ def test_reference_that_did_not_converge_is_an_error_with_its_status(solve):
         solve("far")
 
 
+def test_scene_that_springs_refuse_is_an_error_before_anything_is_solved(solve, tmp_path):
+    with pytest.raises(RunError, match="massspring refuses the scene"):
+        solve("0.1")
+    assert not calls(tmp_path / "home" / "bin")
+
+
 def test_reference_without_a_result_is_an_error(solve):
     with pytest.raises(RunError, match=r"gave no result .exit status 1"):
         solve("0.6")
@@ -191,7 +197,9 @@ def test_refinement_that_gives_no_result_leaves_none_of_an_older_run(solve, tmp_
     assert (older / "run.json").exists()
     program = tmp_path / "home" / "bin" / "fem_reference"
     program.write_text(
-        program.read_text().replace("nu = settings", 'sys.exit("--converge" in sys.argv)\nnu = settings', 1)
+        program.read_text().replace(
+            "source = ", 'if "--converge" in sys.argv:\n    sys.exit(1)\nsource = ', 1
+        )
     )
     solve("0.3")
     assert not older.exists()

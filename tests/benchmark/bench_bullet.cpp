@@ -41,8 +41,7 @@ void ours(benchmark::State& bench, const Table1& row, double E, bool is_implicit
     if (is_held(model, i))
       forces.constraints.push_back({static_cast<int>(i), Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
   const double h = step_of(model, is_implicit);
-  TimeStepper stepper(model, forces, is_implicit ? Integrator::ImplicitEuler : Integrator::SymplecticEuler, 1,
-                      {1e-4});
+  TimeStepper stepper(model, forces, is_implicit ? "implicit_euler" : "symplectic_euler", 1, {1e-4});
   State state = initial_state(model);
   for (int n = 0; n < kWarmUp; ++n) stepper.step(state, h);
   for (auto _ : bench) stepper.step(state, h);

@@ -60,7 +60,7 @@ TEST(SpreadMass, EveryImplicitSchemeSwingsByIt) {
   const double omega = std::sqrt(eigen.eigenvalues()(n_rigid)), amplitude = 1e-6;
   const Matrix3Xd mode = eigen.eigenvectors().col(n_rigid).reshaped(3, X.cols());
   const Forces forces = no_forces(model);
-  const auto phase_error = [&](Integrator integrator, int n_steps) {
+  const auto phase_error = [&](const std::string& integrator, int n_steps) {
     TimeStepper stepper(model, forces, integrator, 1, {1e-12});
     State state = initial_state(model);
     state.x += amplitude * mode;
@@ -73,11 +73,10 @@ TEST(SpreadMass, EveryImplicitSchemeSwingsByIt) {
   // Second order: (2 pi)^3 / 12 / n^2 for the midpoint rule, four times that for BDF2; twice the first
   // order's square.
   constexpr double implicit_error = 0.012;
-  for (Integrator integrator : {Integrator::Midpoint, Integrator::TrBdf2, Integrator::Bdf2,
-                                Integrator::MinimisingEuler, Integrator::ImplicitEuler})
-    EXPECT_LT(phase_error(integrator, 100), implicit_error) << static_cast<int>(integrator);
+  for (const char* integrator : {"midpoint", "tr_bdf2", "bdf2", "minimising_euler", "implicit_euler"})
+    EXPECT_LT(phase_error(integrator, 100), implicit_error) << integrator;
   model.spread_mass.reset();
-  EXPECT_GT(phase_error(Integrator::Midpoint, 100), 0.5);
+  EXPECT_GT(phase_error("midpoint", 100), 0.5);
 }
 
 TEST(SpreadMass, GatheredAtHeldNodesLeavesTheOthersTheirWholeInertia) {
@@ -94,7 +93,7 @@ TEST(SpreadMass, GatheredAtHeldNodesLeavesTheOthersTheirWholeInertia) {
 TEST(SpreadMass, ExplicitSchemesRefuseIt) {
   const MassSpringModel model = bar();
   const Forces forces = no_forces(model);
-  EXPECT_THROW(TimeStepper(model, forces, Integrator::SymplecticEuler, 1), std::runtime_error);
+  EXPECT_THROW(TimeStepper(model, forces, "symplectic_euler", 1), std::runtime_error);
 }
 
 }  // namespace

@@ -59,7 +59,7 @@ TEST(NaturalFrequencies, DampingOfARatioLetsTheLowestVibrationDieByIt) {
   forces.mass_damping = damping_of_ratio(model, {}, ratio);
   State state = initial_state(model);
   state.x += amplitude * mode.reshaped(3, state.x.cols());
-  TimeStepper stepper(model, forces, Integrator::Rk4, 1);
+  TimeStepper stepper(model, forces, "rk4", 1);
   for (int i = 0; i < n_steps; ++i) stepper.step(state, 2 * M_PI / damped / n_steps);
   const double left = (M * (state.x - model.network.X).reshaped()).dot(mode) / amplitude;
   EXPECT_NEAR(left / std::exp(-ratio * omega * 2 * M_PI / damped), 1, 1e-4);

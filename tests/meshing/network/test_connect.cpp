@@ -52,7 +52,7 @@ int count_outside(const SpringNetwork& network, const SurfaceMesh& surface) {
 TEST(Connect, EveryWayPutsTheSurfacesEdgesFirstAndNoPairTwice) {
   const SurfaceMesh surface = make_shape("torus", 200);
   const Eigen::Matrix2Xi edges = edges_of(surface.F);
-  for (const std::string& name : connectivity_names()) {
+  for (const std::string& name : all_names<Connectivity>()) {
     const SpringNetwork network = network_of(surface, connectivity_of(name));
     EXPECT_EQ(network.E.leftCols(edges.cols()), edges) << name;
     EXPECT_EQ(network.X.leftCols(200), surface.X) << name;

@@ -10,6 +10,7 @@
 #include "meshing/base/files.h"
 #include "meshing/base/names.h"
 #include "meshing/run/hash.h"
+#include "meshing/scene/check.h"
 #include "meshing/scene/scene.h"
 #include "meshing/scene/scene_keys.h"
 #include "meshing/surface/shapes.h"
@@ -38,7 +39,7 @@ fs::path write_scene(const std::string& text) {
 std::string error_of(const std::string& text, const std::vector<std::string>& overrides = {}) {
   const fs::path file = write_scene(text);
   try {
-    read_scene(file, overrides);
+    check_scene(read_scene(file, overrides), file.string());
   } catch (const std::runtime_error& error) {
     std::string message = error.what();
     if (message.rfind(file.string(), 0) == 0) message.replace(0, file.string().size(), "scene.toml");
@@ -112,7 +113,7 @@ TEST(Scene, IsReadWithItsValues) {
   EXPECT_EQ(scene.skin->bending, 0.1);
   EXPECT_EQ(std::get<Capsule>(scene.obstacles[1].shape).b.x(), 1);
   EXPECT_TRUE(scene.self_contact.is_on);
-  EXPECT_EQ(scene.time.integrator, Integrator::SymplecticEuler);
+  EXPECT_EQ(scene.time.integrator, "symplectic_euler");
   EXPECT_EQ(*scene.network.k, 500);
   EXPECT_FALSE(scene.network.phi);
   EXPECT_EQ(scene.comparison.calibrations, (std::vector<std::string>{"uniform", "lloyd"}));
@@ -223,8 +224,10 @@ TEST(Scene, OverridesThatAreNoTomlAreStrings) {
 
 TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
   const std::string ball = "[surface]\nshape = \"ball\"\n";
-  EXPECT_EQ(error_of(ball + "[time]\nstep = -0.01\n"),
-            "scene.toml:4: time.step = -0.01, expected >= 0: s, of a dynamic scene; 0 chooses one");
+  EXPECT_EQ(
+      error_of(ball + "[time]\nstep = -0.01\n"),
+      "scene.toml:4: time.step = -0.01, expected >= 0: s, of a dynamic scene; 0: a 200th of end, or half an "
+      "explicit integrator's stable step");
   EXPECT_EQ(error_of(ball + "[material]\nnu = 0.5\n"),
             "scene.toml:4: material.nu = 0.5, expected in (-1, 0.5): Poisson's ratio");
   EXPECT_EQ(error_of(ball + "[material]\nE = \"soft\"\n"),
@@ -400,14 +403,13 @@ std::vector<std::string> others_than(const std::string& value) {
   std::vector<std::string> others{toml_text((test_folder() / "one.obj").string()),
                                   toml_text((test_folder() / "two.obj").string())};
   for (const auto& names : {shape_names(),
-                            kTimeModes,
-                            kIntegrators,
-                            kKrylov,
+                            all_names<TimeMode>(),
+                            all_names<Krylov>(),
                             kSamplings,
-                            kConnectivities,
-                            kSpringLaws,
-                            kLaws,
-                            kMasses,
+                            all_names<Connectivity>(),
+                            all_names<SpringLaw>(),
+                            all_names<ElasticLaw>(),
+                            all_names<MassMatrix>(),
                             kWarps,
                             {"x", "some text"}})
     for (const std::string& name : names) others.push_back(toml_text(name));
