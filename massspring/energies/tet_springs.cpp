@@ -14,6 +14,7 @@
 #include <string>
 #include <utility>
 
+#include "massspring/algebra/rigid_motion.h"
 #include "massspring/kernels/parts.h"
 
 namespace testbed::massspring {
@@ -144,12 +145,6 @@ void add_projection(const Matrix3d& F, const VolumeLaw& law, double mu, Modes& m
       modes.add(-eigen.eigenvalues()[k], U * eigen.eigenvectors().col(k).asDiagonal() * V.transpose());
 }
 
-Matrix3d cross_product_by(const Vector3d& a) {
-  Matrix3d C;
-  C << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
-  return C;
-}
-
 /// psi'' in 3 x 3 blocks (a, b) of the columns a and b of F: column a holds (a, 0), (a, 1) and (a, 2).
 using Stiffness = Eigen::Matrix<double, 27, 3>;
 
@@ -166,7 +161,7 @@ Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curva
   for (int a = 0; a < 3; ++a) {
     const int b = (a + 1) % 3, c = (a + 2) % 3;
     block(a, a) = mu * Matrix3d::Identity();
-    block(a, b) = -law.dg * cross_product_by(F.col(c));
+    block(a, b) = -law.dg * cross_product_matrix(F.col(c));
     block(b, a) = -block(a, b);
   }
   for (int m = 0; m < modes.n; ++m)

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "massspring/algebra/conjugate_gradients.h"
+#include "massspring/algebra/rigid_motion.h"
 #include "meshing/base/random.h"
 
 namespace testbed::massspring {
@@ -29,11 +30,7 @@ Eigen::MatrixXd free_rigid_motions(const Matrix3Xd& X, const std::vector<Constra
   const Eigen::Vector3d centre = X.rowwise().mean();
   const double size = (X.colwise() - centre).colwise().norm().maxCoeff();
   Eigen::MatrixXd R(X.size(), 6);
-  for (int i = 0; i < X.cols(); ++i) {
-    const Eigen::Vector3d d = (X.col(i) - centre) / size;
-    R.block<3, 3>(3 * i, 0).setIdentity();
-    for (int k = 0; k < 3; ++k) R.block<3, 1>(3 * i, 3 + k) = Eigen::Vector3d::Unit(k).cross(d);
-  }
+  for (int i = 0; i < X.cols(); ++i) R.middleRows<3>(3 * i) = rigid_motions_at((X.col(i) - centre) / size);
   Eigen::Matrix<double, 6, 6> held = Eigen::Matrix<double, 6, 6>::Zero();
   for (const Constraint& c : constraints) {
     const Eigen::Matrix<double, 3, 6> moved =

@@ -1,9 +1,9 @@
 #include "massspring/time/implicit_stage.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "massspring/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -14,28 +14,9 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// The rotation in a field of small displacements dx.
-struct Turn {
-  Vector3d centre, angle;
-};
-
-Turn turn_in(const Matrix3Xd& x, const Matrix3Xd& dx, const Eigen::VectorXd& mass) {
-  Turn turn;
-  turn.centre = x * mass / mass.sum();
-  Matrix3d inertia = Matrix3d::Zero();
-  Vector3d momentum = Vector3d::Zero();
-  for (Eigen::Index i = 0; i < x.cols(); ++i) {
-    const Vector3d d = x.col(i) - turn.centre;
-    inertia += mass(i) * (d.squaredNorm() * Matrix3d::Identity() - d * d.transpose());
-    momentum += mass(i) * d.cross(dx.col(i));
-  }
-  turn.angle = inertia.ldlt().solve(momentum);
-  return turn;
-}
-
 /// Takes the turn in a straight step from `before` to x round its circle. Straight, it would also stretch a
 /// stiff body, which Newton's method then turns in thousands of small steps.
-void bend(const Turn& turn, double step, const Matrix3Xd& before, Matrix3Xd& x) {
+void bend(const SmallRotation& turn, double step, const Matrix3Xd& before, Matrix3Xd& x) {
   const Vector3d angle = step * turn.angle;
   const double size = angle.norm();
   if (!(size > 0)) return;
@@ -117,7 +98,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
 
     const State before = trial;
     const double value = objective(before, start.x, a, w), slope = -r.cwiseProduct(dx).sum(), norm = r.norm();
-    const Turn turn = is_free ? turn_in(before.x, dx, motion_.model.mass) : Turn{};
+    const SmallRotation turn = is_free ? best_rotation(dx, before.x, motion_.model.mass) : SmallRotation{};
     const auto move = [&](double step) {
       trial.x = before.x + step * dx;
       if (is_free) bend(turn, step, before.x, trial.x);
