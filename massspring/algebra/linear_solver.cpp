@@ -17,48 +17,13 @@ constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;  // iterations at which a factor is made anew
 constexpr int kMaxIterations = 5000, kMaxMultigrid = 1000;
 
-struct RoundedReport {
-  int iterations = 0;
-  double residual = 0;
-  bool is_indefinite = false;
-};
-
-/// Conjugate gradients in single precision for A x = r, |r| = 1, from x = 0; r becomes the residual, as far
-/// as rounding lets it.
-template <class Precondition>
-RoundedReport rounded_conjugate_gradients(const LinearSystem& A, const Precondition& precondition,
-                                          PaddedField& r, PaddedField& x, double tolerance,
-                                          int max_iterations) {
-  constexpr double kRounding = 1e-5;
-  RoundedReport report;
-  PaddedField z, Ap;
-  double rz = precondition(r, z);
-  PaddedField p = z;
-  x.setZero(4, r.cols());
-  while (report.iterations < max_iterations) {
-    const double pAp = A.rounded_product(p, Ap);
-    if (!(pAp > 0 && rz > 0)) {
-      report.is_indefinite = pAp < -kRounding * std::sqrt(dot(p, p) * dot(Ap, Ap));
-      break;
-    }
-    const double rr = advance(static_cast<float>(rz / pAp), p, Ap, x, r);
-    ++report.iterations;
-    report.residual = std::sqrt(rr);
-    if (report.residual <= tolerance) break;
-    const double rz_before = rz;
-    rz = precondition(r, z);
-    turn(static_cast<float>(rz / rz_before), z, p);
-  }
-  return report;
-}
-
 }  // namespace
 
 /// Iterative refinement: the residual in double precision, corrections to it in single.
 template <class Precondition>
 SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
                                  Matrix3Xd& x, double tolerance, int max_iterations) {
-  constexpr double kDeepest = 1e-5, kBelow = 0.9, kLost = 0.5;
+  constexpr double kDeepest = 1e-5, kBelow = 0.9, kLost = 0.5, kRounding = 1e-5;
   SolveReport report;
   const double b_norm = b.norm();
   Matrix3Xd r, Ax;
@@ -73,14 +38,16 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
   while (!report.is_converged && report.iterations < max_iterations) {
     const double before = report.residual, size = r.norm();
     pad(r, 1 / size, rounded);
-    const RoundedReport inner = rounded_conjugate_gradients(A, precondition, rounded, correction,
-                                                            std::max(kDeepest, kBelow * tolerance / before),
-                                                            max_iterations - report.iterations);
+    correction.setZero(4, rounded.cols());
+    const SolveReport inner = conjugate_gradients(A.rounded_product, precondition, rounded, 1, correction,
+                                                  std::max(kDeepest, kBelow * tolerance / before),
+                                                  max_iterations - report.iterations);
     report.iterations += inner.iterations;
     add_unpadded(correction, size, x);
     measure();
-    if (report.is_converged || inner.is_indefinite) break;
-    if (!(report.residual <= kLost * before || report.residual <= 2 * inner.residual * before)) {
+    if (report.is_converged || inner.curvature < -kRounding) break;
+    const bool is_as_foreseen = inner.iterations > 0 && report.residual <= 2 * inner.residual * before;
+    if (!(report.residual <= kLost * before || is_as_foreseen)) {
       is_single_enough_ = false;
       add_unpadded(correction, -size, x);
       break;
