@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "massspring/algebra/status.h"
 #include "massspring/energies/bending.h"
 #include "massspring/energies/springs.h"
 #include "massspring/energies/tet_springs.h"
@@ -42,8 +43,6 @@ struct State {
   double target_volume = 0;     ///< of the global volume force (m3)
 };
 
-/// How a step ended. Divergence is data, not an exception.
-enum class Status { Ok, NotConverged, Diverged };
 const char* name_of(Status status);
 
 struct StepReport {
