@@ -25,7 +25,9 @@ BELOW = {
         "massspring/contact", "massspring/model", "massspring/energies", "massspring/algebra", "massspring/kernels", "meshing",
     ],
     "massspring/statics": ["massspring/model", "massspring/energies", "massspring/algebra", "meshing"],
-    "massspring/calibrations": ["massspring/statics", "massspring/model", "massspring/energies", "massspring/kernels", "meshing"],
+    "massspring/calibrations": [
+        "massspring/statics", "massspring/model", "massspring/energies", "massspring/algebra", "massspring/kernels", "meshing",
+    ],
     "massspring/choices": ["massspring/calibrations", "massspring/time", "meshing"],
     "fem_reference/base": ["meshing/base"],
     "fem_reference/elements": ["fem_reference/base", "meshing"],

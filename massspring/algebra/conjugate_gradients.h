@@ -1,8 +1,11 @@
-// Preconditioned conjugate gradients on node vectors.
+// Preconditioned conjugate gradients on node vectors and other fields.
 #pragma once
 
 #include <Eigen/Core>
 #include <cmath>
+#include <type_traits>
+
+#include "massspring/kernels/single_precision.h"
 
 namespace testbed::massspring {
 
@@ -10,43 +13,86 @@ struct SolveReport {
   int iterations = 0;
   double residual = 0;  ///< |b - A x| / |b|
   bool is_converged = false;
+  double curvature = 0;  ///< p . A p / (|p| |A p|) of the search direction p that ended it, if one did
 };
 
+// What iterations do with fields of double precision; single_precision.h has those of single precision.
+
+/// Over all entries.
+template <class U, class W>
+double dot(const Eigen::MatrixBase<U>& u, const Eigen::MatrixBase<W>& w) {
+  return u.cwiseProduct(w).sum();
+}
+
+/// x += alpha p, r -= alpha Ap; r . r.
+template <class Field>
+typename Field::Scalar advance(typename Field::Scalar alpha, const Field& p, const Field& Ap, Field& x,
+                               Field& r) {
+  x += alpha * p;
+  r -= alpha * Ap;
+  return r.squaredNorm();
+}
+
+/// p = z + beta p.
+template <class Field>
+void aypx(typename Field::Scalar beta, const Field& z, Field& p) {
+  p = z + beta * p;
+}
+
+/// y = A u; u . y, which some operators return, as they have both at hand.
+template <class Operator, class Field>
+double apply(const Operator& A, const Field& u, Field& y) {
+  if constexpr (std::is_void_v<std::invoke_result_t<const Operator&, const Field&, Field&>>) {
+    A(u, y);
+    return dot(u, y);
+  } else {
+    return A(u, y);
+  }
+}
+
 /// Solves A x = b for a symmetric positive semidefinite A and a right-hand side in its range, from the guess
-/// in x [Hestenes & Stiefel 1952].
+/// in x [Hestenes & Stiefel 1952]. Fields need dot, advance and aypx.
 /// @param product       (p, y): y = A p
 /// @param precondition  (r, z): z = a symmetric positive definite approximation of A^-1 times r
+/// @param r             b - A x of the guess; becomes that of the solution, as far as rounding lets it
+/// @param size          that residuals are relative to, |b| or 1
+template <class Product, class Precondition, class Field>
+SolveReport conjugate_gradients(const Product& product, const Precondition& precondition, Field& r,
+                                double size, Field& x, double tolerance, int max_iterations) {
+  using Scalar = typename Field::Scalar;
+  SolveReport report;
+  Field z, p, Ap;
+  double rr = dot(r, r), rz_before = 0;
+  while (true) {
+    report.residual = std::sqrt(rr) / size;
+    report.is_converged = report.residual <= tolerance;
+    if (report.is_converged || report.iterations == max_iterations) return report;
+    const double rz = apply(precondition, r, z);
+    if (report.iterations == 0)
+      p = z;
+    else
+      aypx(static_cast<Scalar>(rz / rz_before), z, p);
+    const double pAp = apply(product, p, Ap);
+    if (!(pAp > 0 && rz > 0)) {  // p lies in the null space: nothing more to gain
+      report.curvature = pAp / std::sqrt(dot(p, p) * dot(Ap, Ap));
+      return report;
+    }
+    rr = advance(static_cast<Scalar>(rz / pAp), p, Ap, x, r);
+    rz_before = rz;
+    ++report.iterations;
+  }
+}
+
+/// The same from a right-hand side, in double precision.
 template <class Product, class Precondition>
 SolveReport conjugate_gradients(const Product& product, const Precondition& precondition,
                                 const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance,
                                 int max_iterations) {
-  const auto dot = [](const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& w) {
-    return u.cwiseProduct(w).sum();
-  };
-  SolveReport report;
   const double b_norm = b.norm();
-  Eigen::Matrix3Xd r, z, p, Ap;
-  product(x, Ap);
-  r = b - Ap;
-  precondition(r, z);
-  p = z;
-  double rz = dot(r, z);
-  while (true) {
-    report.residual = b_norm > 0 ? r.norm() / b_norm : r.norm();
-    report.is_converged = report.residual <= tolerance;
-    if (report.is_converged || report.iterations == max_iterations) return report;
-    product(p, Ap);
-    const double pAp = dot(p, Ap);
-    if (!(pAp > 0 && rz > 0)) return report;  // p lies in the null space: nothing more to gain
-    const double alpha = rz / pAp;
-    x += alpha * p;
-    r -= alpha * Ap;
-    precondition(r, z);
-    const double rz_before = rz;
-    rz = dot(r, z);
-    p = z + rz / rz_before * p;
-    ++report.iterations;
-  }
+  Eigen::Matrix3Xd r;
+  product(x, r);
+  r = b - r;
+  return conjugate_gradients(product, precondition, r, b_norm > 0 ? b_norm : 1, x, tolerance, max_iterations);
 }
 
 /// The same for any regular A, in two products an iteration [van der Vorst 1992].
@@ -54,9 +100,6 @@ template <class Product, class Precondition>
 SolveReport bi_conjugate_gradients(const Product& product, const Precondition& precondition,
                                    const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance,
                                    int max_iterations) {
-  const auto dot = [](const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& w) {
-    return u.cwiseProduct(w).sum();
-  };
   SolveReport report;
   const double b_norm = b.norm();
   Eigen::Matrix3Xd r, p, z, Az, Ap;

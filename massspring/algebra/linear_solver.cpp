@@ -17,48 +17,39 @@ constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;  // iterations at which a factor is made anew
 constexpr int kMaxIterations = 5000, kMaxMultigrid = 1000;
 
-struct RoundedReport {
-  int iterations = 0;
-  double residual = 0;
-  bool is_indefinite = false;
-};
-
-/// Conjugate gradients in single precision for A x = r, |r| = 1, from x = 0; r becomes the residual, as far
-/// as rounding lets it.
-template <class Precondition>
-RoundedReport rounded_conjugate_gradients(const LinearSystem& A, const Precondition& precondition,
-                                          PaddedField& r, PaddedField& x, double tolerance,
-                                          int max_iterations) {
-  constexpr double kRounding = 1e-5;
-  RoundedReport report;
-  PaddedField z, Ap;
-  double rz = precondition(r, z);
-  PaddedField p = z;
-  x.setZero(4, r.cols());
-  while (report.iterations < max_iterations) {
-    const double pAp = A.rounded_product(p, Ap);
-    if (!(pAp > 0 && rz > 0)) {
-      report.is_indefinite = pAp < -kRounding * std::sqrt(dot(p, p) * dot(Ap, Ap));
-      break;
-    }
-    const double rr = advance(static_cast<float>(rz / pAp), p, Ap, x, r);
-    ++report.iterations;
-    report.residual = std::sqrt(rr);
-    if (report.residual <= tolerance) break;
-    const double rz_before = rz;
-    rz = precondition(r, z);
-    aypx(static_cast<float>(rz / rz_before), z, p);
-  }
-  return report;
+void set_inverse_diagonal(const LinearSystem& A, std::vector<Eigen::Matrix3d>& inverse) {
+  A.diagonal(inverse);
+  for (Eigen::Matrix3d& block : inverse) block = block.inverse().eval();
 }
 
+/// Multigrid on a system in either precision; its own is single.
+struct OfSystem {
+  Multigrid& multigrid;
+  const LinearSystem& A;
+
+  double operator()(const PaddedField& r, PaddedField& z) const { return multigrid.apply(A, r, z); }
+  void operator()(const Matrix3Xd& r, Matrix3Xd& z) const {
+    const double size = r.norm();
+    PaddedField rounded_r, rounded_z;
+    pad(r, size > 0 ? 1 / size : 1, rounded_r);
+    multigrid.apply(A, rounded_r, rounded_z);
+    z = Matrix3Xd::Zero(3, r.cols());
+    add_unpadded(rounded_z, size, z);
+  }
+};
+
 }  // namespace
+
+void LinearSolver::BlockJacobi::operator()(const Matrix3Xd& r, Matrix3Xd& z) const {
+  z.resizeLike(r);
+  for (Eigen::Index i = 0; i < r.cols(); ++i) z.col(i).noalias() = inverse[i] * r.col(i);
+}
 
 /// Iterative refinement: the residual in double precision, corrections to it in single.
 template <class Precondition>
 SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
                                  Matrix3Xd& x, double tolerance, int max_iterations) {
-  constexpr double kDeepest = 1e-5, kBelow = 0.9, kLost = 0.5;
+  constexpr double kDeepest = 1e-5, kBelow = 0.9, kLost = 0.5, kRounding = 1e-5;
   SolveReport report;
   const double b_norm = b.norm();
   Matrix3Xd r, Ax;
@@ -73,14 +64,16 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
   while (!report.is_converged && report.iterations < max_iterations) {
     const double before = report.residual, size = r.norm();
     pad(r, 1 / size, rounded);
-    const RoundedReport inner = rounded_conjugate_gradients(A, precondition, rounded, correction,
-                                                            std::max(kDeepest, kBelow * tolerance / before),
-                                                            max_iterations - report.iterations);
+    correction.setZero(4, rounded.cols());
+    const SolveReport inner = conjugate_gradients(A.rounded_product, precondition, rounded, 1, correction,
+                                                  std::max(kDeepest, kBelow * tolerance / before),
+                                                  max_iterations - report.iterations);
     report.iterations += inner.iterations;
     add_unpadded(correction, size, x);
     measure();
-    if (report.is_converged || inner.is_indefinite) break;
-    if (!(report.residual <= kLost * before || report.residual <= 2 * inner.residual * before)) {
+    if (report.is_converged || inner.curvature < -kRounding) break;
+    const bool is_as_foreseen = inner.iterations > 0 && report.residual <= 2 * inner.residual * before;
+    if (!(report.residual <= kLost * before || is_as_foreseen)) {
       is_single_enough_ = false;
       add_unpadded(correction, -size, x);
       break;
@@ -89,71 +82,79 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
   return report;
 }
 
-SolveReport LinearSolver::solve(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance) {
-  if (factor_) return solve_by_factor(A, b, x, tolerance);
-  A.diagonal(inverse_);
-  for (Eigen::Matrix3d& block : inverse_) block = block.inverse().eval();
-  const auto jacobi = [&](const Matrix3Xd& r, Matrix3Xd& z) {
-    z.resizeLike(r);
-    for (Eigen::Index i = 0; i < r.cols(); ++i) z.col(i).noalias() = inverse_[i] * r.col(i);
-  };
-  if (is_multigrid_chosen_) return solve_by_multigrid(A, b, x, tolerance);
-  if (krylov_ == Krylov::BiCgStab) {
-    choice_ = "bi-conjugate gradients, block Jacobi: asked for";
-    return bi_conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
+/// In single precision where that serves, else, or where it is spent without success, in double.
+template <class Precondition>
+SolveReport LinearSolver::iterate(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
+                                  Matrix3Xd& x, double tolerance, int max_iterations, int& n) {
+  bool is_spent = false;
+  if (is_single_enough_ && b.cols() >= kSmallest) {
+    const SolveReport single = refine(A, precondition, b, x, tolerance, max_iterations);
+    n += single.iterations;
+    is_spent = !single.is_converged && single.iterations >= max_iterations && b.cols() <= kLargestFactored;
+    if (is_single_enough_ && !is_spent) return single;
   }
-  const bool is_large = b.cols() > kLargestFactored;
-  const int many = is_large ? kManyLarge : patience_;
-  SolveReport first;
-  const bool is_single = is_single_enough_ && b.cols() >= kSmallest;
-  if (is_single) {
-    rounded_inverse_ = pad(inverse_);
-    const auto rounded_jacobi = [&](const PaddedField& r, PaddedField& z) {
-      return multiply(rounded_inverse_, r, z);
-    };
-    first = refine(A, rounded_jacobi, b, x, tolerance, many);
-  }
-  int n_before = 0;
-  const bool is_hard = is_single && !first.is_converged && first.iterations >= many;
-  if (!is_single || !is_single_enough_ || (is_hard && !is_large)) {
-    n_before = first.iterations;
-    first = conjugate_gradients(A.product, jacobi, b, x, tolerance, many);
-    if (is_hard && first.is_converged) is_single_enough_ = false;
-  }
-  const bool is_done = first.is_converged || first.iterations < many;
-  first.iterations += n_before;
-  if (is_done) return first;
-
-  SolveReport rest;
-  const std::string why = ": block Jacobi took more than " + std::to_string(many) + " iterations";
-  if (is_large) {
-    is_multigrid_chosen_ = true;
-    choice_ = "multigrid" + why + ", and " + std::to_string(b.cols()) + " nodes are too many to factorise";
-    rest = solve_by_multigrid(A, b, x, tolerance);
-  } else if (factor_ = std::make_unique<BlockCholesky>(A.matrix()); factor_->is_ok()) {
-    choice_ = "Cholesky factor of an earlier matrix" + why;
-    rest = solve_by_factor(A, b, x, tolerance);
-  } else {
-    factor_.reset();
-    rest = conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
-  }
-  rest.iterations += first.iterations;
-  return rest;
+  const SolveReport report = conjugate_gradients(A.product, precondition, b, x, tolerance, max_iterations);
+  n += report.iterations;
+  if (is_spent && report.is_converged) is_single_enough_ = false;
+  return report;
 }
 
-SolveReport LinearSolver::solve_by_factor(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
-                                          double tolerance) {
+SolveReport LinearSolver::solve(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance) {
+  int n = 0;
+  SolveReport report = solve_on(A, b, x, tolerance, n);
+  report.iterations = n;
+  return report;
+}
+
+SolveReport LinearSolver::solve_on(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance,
+                                   int& n) {
+  return std::visit([&](auto& with) { return solve_with(with, A, b, x, tolerance, n); }, preconditioner_);
+}
+
+SolveReport LinearSolver::solve_with(BlockJacobi& jacobi, const LinearSystem& A, const Matrix3Xd& b,
+                                     Matrix3Xd& x, double tolerance, int& n) {
+  set_inverse_diagonal(A, jacobi.inverse);
+  if (krylov_ == Krylov::BiCgStab) {
+    choice_ = "bi-conjugate gradients, block Jacobi: asked for";
+    const SolveReport report = bi_conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
+    n += report.iterations;
+    return report;
+  }
+  jacobi.rounded = pad(jacobi.inverse);
+  const bool is_large = b.cols() > kLargestFactored;
+  const int many = is_large ? kManyLarge : patience_;
+  const SolveReport first = iterate(A, jacobi, b, x, tolerance, many, n);
+  if (first.is_converged || first.iterations < many) return first;
+
+  const std::string why = ": block Jacobi took more than " + std::to_string(many) + " iterations";
+  if (is_large) {
+    choice_ = "multigrid" + why + ", and " + std::to_string(b.cols()) + " nodes are too many to factorise";
+    preconditioner_ = RigidGroups{};
+  } else if (auto factor = std::make_unique<BlockCholesky>(A.matrix()); factor->is_ok()) {
+    choice_ = "Cholesky factor of an earlier matrix" + why;
+    preconditioner_ = std::move(factor);
+  } else {
+    const SolveReport rest = conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
+    n += rest.iterations;
+    return rest;
+  }
+  return solve_on(A, b, x, tolerance, n);
+}
+
+SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
+                                     double tolerance, int& n) {
   const auto precondition = [&](const Matrix3Xd& r, Matrix3Xd& z) {
-    factor_->solve(r, z);
+    factor->solve(r, z);
     A.filter(z);  // constraints may have come since
   };
   const SolveReport report = conjugate_gradients(A.product, precondition, b, x, tolerance, kMaxIterations);
+  n += report.iterations;
   if (report.iterations > kWornOut) {
     const int cost = static_cast<int>((kFactor + kFactorSolve * report.iterations) * b.cols());
     const bool is_worth_it = cost <= patience_;
-    if (is_worth_it) factor_->update(A.matrix());
-    if (!is_worth_it || !factor_->is_ok()) {
-      factor_.reset();
+    if (is_worth_it) factor->update(A.matrix());
+    if (!is_worth_it || !factor->is_ok()) {
+      preconditioner_ = BlockJacobi{};
       choice_ = "block Jacobi: a Cholesky factor wears out too soon";
     }
     patience_ = std::max(patience_, cost);
@@ -161,26 +162,17 @@ SolveReport LinearSolver::solve_by_factor(const LinearSystem& A, const Matrix3Xd
   return report;
 }
 
-SolveReport LinearSolver::solve_by_multigrid(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
-                                             double tolerance) {
-  const bool is_new = !multigrid_;
-  if (is_new) multigrid_ = std::make_unique<Multigrid>(A, inverse_);
-  multigrid_->set_smoother(inverse_);
-  const auto precondition = [&](const PaddedField& r, PaddedField& z) { return multigrid_->apply(A, r, z); };
-  const auto widened = [&](const Matrix3Xd& r, Matrix3Xd& z) {
-    const double size = r.norm();
-    PaddedField rounded_r, rounded_z;
-    pad(r, size > 0 ? 1 / size : 1, rounded_r);
-    precondition(rounded_r, rounded_z);
-    z = Matrix3Xd::Zero(3, r.cols());
-    add_unpadded(rounded_z, size, z);
-  };
-  SolveReport report;
-  if (is_single_enough_) report = refine(A, precondition, b, x, tolerance, kMaxMultigrid);
-  if (!is_single_enough_) report = conjugate_gradients(A.product, widened, b, x, tolerance, kMaxMultigrid);
-  if (is_new) first_iterations_ = report.iterations;
+SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A, const Matrix3Xd& b,
+                                     Matrix3Xd& x, double tolerance, int& n) {
+  std::vector<Eigen::Matrix3d> inverse;
+  set_inverse_diagonal(A, inverse);
+  const bool is_new = !groups.multigrid;
+  if (is_new) groups.multigrid = std::make_unique<Multigrid>(A, inverse);
+  groups.multigrid->set_smoother(inverse);
+  const SolveReport report = iterate(A, OfSystem{*groups.multigrid, A}, b, x, tolerance, kMaxMultigrid, n);
+  if (is_new) groups.first_iterations = report.iterations;
   constexpr int kMore = 15;  // iterations that cost as much as making it anew
-  if (!report.is_converged || report.iterations > first_iterations_ + kMore) multigrid_.reset();
+  if (!report.is_converged || report.iterations > groups.first_iterations + kMore) groups.multigrid.reset();
   return report;
 }
 

@@ -3,6 +3,8 @@
 
 #include <memory>
 #include <string>
+#include <variant>
+#include <vector>
 
 #include "massspring/algebra/cholesky.h"
 #include "massspring/algebra/conjugate_gradients.h"
@@ -28,20 +30,39 @@ class LinearSolver {
 
  private:
   using Matrix3Xd = Eigen::Matrix3Xd;
+
+  /// Preconditioner of the system at hand, in either precision.
+  struct BlockJacobi {
+    std::vector<Eigen::Matrix3d> inverse;  ///< of the diagonal blocks
+    SymmetricBlocks rounded;
+
+    void operator()(const Matrix3Xd& r, Matrix3Xd& z) const;
+    double operator()(const PaddedField& r, PaddedField& z) const { return multiply(rounded, r, z); }
+  };
+  using Factor = std::unique_ptr<BlockCholesky>;  ///< of an earlier system
+  struct RigidGroups {
+    std::unique_ptr<Multigrid> multigrid;  ///< of an earlier system; empty: to be made anew
+    int first_iterations = 0;              ///< with it when it was made
+  };
+
+  // Each solves a system and decides what preconditions the next one; they add up iterations in n.
+  SolveReport solve_with(BlockJacobi& jacobi, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
+                         double tolerance, int& n);
+  SolveReport solve_with(Factor& factor, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
+                         double tolerance, int& n);
+  SolveReport solve_with(RigidGroups& groups, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
+                         double tolerance, int& n);
+  SolveReport solve_on(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance, int& n);
   template <class Precondition>
   SolveReport refine(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
                      Matrix3Xd& x, double tolerance, int max_iterations);
-  SolveReport solve_by_factor(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance);
-  SolveReport solve_by_multigrid(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance);
+  template <class Precondition>
+  SolveReport iterate(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
+                      Matrix3Xd& x, double tolerance, int max_iterations, int& n);
 
   Krylov krylov_;
-  std::unique_ptr<BlockCholesky> factor_;
-  std::unique_ptr<Multigrid> multigrid_;
-  bool is_multigrid_chosen_ = false;
-  int patience_ = 500;        ///< iterations with block Jacobi beyond which a factor is tried
-  int first_iterations_ = 0;  ///< of multigrid when it was made
-  std::vector<Eigen::Matrix3d> inverse_;
-  SymmetricBlocks rounded_inverse_;
+  std::variant<BlockJacobi, Factor, RigidGroups> preconditioner_;
+  int patience_ = 500;            ///< iterations with block Jacobi beyond which a factor is tried
   bool is_single_enough_ = true;  ///< single precision led to the tolerance so far
   std::string choice_ = "block Jacobi: no system was hard so far";
 };

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "massspring/algebra/rigid_motion.h"
 #include "meshing/base/random.h"
 
 namespace testbed::massspring {
@@ -33,7 +34,7 @@ Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& A) {
 template <int D>
 Eigen::Matrix<double, D, 6> prolongation(const Vector3d& d) {
   Eigen::Matrix<double, 6, 6> P = Eigen::Matrix<double, 6, 6>::Identity();
-  P.topRightCorner<3, 3>() << 0, d(2), -d(1), -d(2), 0, d(0), d(1), -d(0), 0;
+  P.topRows<3>() = rigid_motions_at(d);
   return P.topRows<D>();
 }
 

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "massspring/algebra/conjugate_gradients.h"
 #include "massspring/calibrations/calibrations.h"
 #include "massspring/statics/linear_statics.h"
 
@@ -134,19 +135,13 @@ VectorXd newton_direction(const Fit& fit, const VectorXd& active, const VectorXd
   for (int row = 0; row < r.size(); ++row)
     for (decltype(fit.A)::InnerIterator a(fit.A, row); a; ++a)
       diagonal[row] += active[a.col()] * a.value() * a.value();
-  VectorXd d = VectorXd::Zero(r.size()), residual = r, z = residual.cwiseQuotient(diagonal), p = z;
-  double rz = residual.dot(z);
-  for (int k = 0; k < kMaxIterations && residual.norm() > kTolerance * r.norm(); ++k) {
+  const auto product = [&](const VectorXd& p, VectorXd& y) {
     const VectorXd weighted = active.cwiseProduct(fit.A.transpose() * p);
-    const VectorXd Mp = kRho * p + fit.A * weighted;
-    const double alpha = rz / p.dot(Mp);
-    d += alpha * p;
-    residual -= alpha * Mp;
-    z = residual.cwiseQuotient(diagonal);
-    const double before = rz;
-    rz = residual.dot(z);
-    p = z + rz / before * p;
-  }
+    y = kRho * p + fit.A * weighted;
+  };
+  const auto precondition = [&](const VectorXd& v, VectorXd& z) { z = v.cwiseQuotient(diagonal); };
+  VectorXd d = VectorXd::Zero(r.size()), residual = r;
+  conjugate_gradients(product, precondition, residual, r.norm(), d, kTolerance, kMaxIterations);
   return d;
 }
 

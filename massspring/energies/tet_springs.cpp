@@ -14,6 +14,7 @@
 #include <string>
 #include <utility>
 
+#include "massspring/algebra/rigid_motion.h"
 #include "massspring/kernels/patch_kernels.h"
 #include "massspring/kernels/subdomains.h"
 #include "meshing/base/geometry.h"
@@ -149,11 +150,6 @@ void add_projection(const Matrix3d& F, const VolumeLaw& law, double mu, Modes& m
       modes.add(-eigen.eigenvalues()[k], U * eigen.eigenvectors().col(k).asDiagonal() * V.transpose());
 }
 
-Matrix3d cross_product_by(const Vector3d& a) {
-  Matrix3d C;
-  C << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
-  return C;
-}
 
 /// psi'' = mu |dF|^2 + g'' (C : dF)^2 + g' d2J, of which block (a, b) of d2J takes v to -F_c x v when a, b, c
 /// follow each other.
@@ -168,7 +164,7 @@ Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curva
   for (int a = 0; a < 3; ++a) {
     const int b = (a + 1) % 3, c = (a + 2) % 3;
     block(a, a) = mu * Matrix3d::Identity();
-    block(a, b) = -law.dg * cross_product_by(F.col(c));
+    block(a, b) = -law.dg * cross_product_matrix(F.col(c));
     block(b, a) = -block(a, b);
   }
   for (int m = 0; m < modes.n; ++m)

@@ -9,6 +9,7 @@
 #include <tuple>
 #include <vector>
 
+#include "massspring/algebra/status.h"
 #include "massspring/energies/bending.h"
 #include "massspring/energies/springs.h"
 #include "massspring/energies/tet_springs.h"
@@ -60,11 +61,6 @@ struct State {
   double target_volume = 0;     ///< of the global volume force (m3)
 };
 
-/// How a step ended. Divergence is data, not an exception.
-enum class Status { Ok, NotConverged, Diverged };
-constexpr std::array<Named<Status>, 3> names_of(Status) {
-  return {{{Status::Ok, "ok"}, {Status::NotConverged, "not_converged"}, {Status::Diverged, "diverged"}}};
-}
 
 struct StepReport {
   Status status = Status::Ok;

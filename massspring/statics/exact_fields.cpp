@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "massspring/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -16,17 +17,9 @@ using Eigen::Vector3d;
 
 /// u without the small rigid motion a + w x X that fits it best in the weighted mean square.
 Matrix3Xd without_rigid_motion(const Matrix3Xd& u, const Matrix3Xd& X, const Eigen::VectorXd& weights) {
-  const double total = weights.sum();
-  const Matrix3Xd r = X.colwise() - Vector3d(X * weights / total);
-  Matrix3Xd rest = u.colwise() - Vector3d(u * weights / total);
-  Matrix3d inertia = Matrix3d::Zero();
-  Vector3d moment = Vector3d::Zero();
-  for (Eigen::Index i = 0; i < u.cols(); ++i) {
-    inertia += weights[i] * (r.col(i).squaredNorm() * Matrix3d::Identity() - r.col(i) * r.col(i).transpose());
-    moment += weights[i] * r.col(i).cross(rest.col(i));
-  }
-  const Vector3d w = inertia.ldlt().solve(moment);
-  for (Eigen::Index i = 0; i < u.cols(); ++i) rest.col(i) -= w.cross(r.col(i));
+  const SmallRotation w = best_rotation(u, X, weights);
+  Matrix3Xd rest = u.colwise() - Vector3d(u * weights / weights.sum());
+  for (Eigen::Index i = 0; i < u.cols(); ++i) rest.col(i) -= w.angle.cross(X.col(i) - w.centre);
   return rest;
 }
 

@@ -11,6 +11,8 @@
 #include <utility>
 
 #include "massspring/algebra/conjugate_gradients.h"
+#include "massspring/algebra/newton.h"
+#include "massspring/algebra/rigid_motion.h"
 #include "meshing/base/random.h"
 
 namespace testbed::massspring {
@@ -29,11 +31,7 @@ Eigen::MatrixXd free_rigid_motions(const Matrix3Xd& X, const std::vector<Constra
   const Eigen::Vector3d centre = X.rowwise().mean();
   const double size = (X.colwise() - centre).colwise().norm().maxCoeff();
   Eigen::MatrixXd R(X.size(), 6);
-  for (int i = 0; i < X.cols(); ++i) {
-    const Eigen::Vector3d d = (X.col(i) - centre) / size;
-    R.block<3, 3>(3 * i, 0).setIdentity();
-    for (int k = 0; k < 3; ++k) R.block<3, 1>(3 * i, 3 + k) = Eigen::Vector3d::Unit(k).cross(d);
-  }
+  for (int i = 0; i < X.cols(); ++i) R.middleRows<3>(3 * i) = rigid_motions_at((X.col(i) - centre) / size);
   Eigen::Matrix<double, 6, 6> held = Eigen::Matrix<double, 6, 6>::Zero();
   for (const Constraint& c : constraints) {
     const Eigen::Matrix<double, 3, 6> moved =
@@ -163,39 +161,40 @@ void QuasiStaticSolver::predict(double load_factor, State& state) const {
 
 StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   constexpr double kTightest = 1e-6, kLoosest = 1e-2;  // linear solves: no tighter than balance asks for
-  constexpr double kSufficientDecrease = 1e-4;
-  constexpr int kMaxNewton = 100, kPatience = 100, kMaxLinear = 2000, kMaxHalvings = 30;
+  constexpr int kMaxNewton = 100, kPatience = 100, kMaxLinear = 2000;
 
+  StepReport report;
+  if (!state.x.allFinite()) {
+    report.status = Status::Diverged;
+    report.residual = std::numeric_limits<double>::quiet_NaN();
+    return report;
+  }
   predict(load_factor, state);
   const Matrix3Xd start = state.x;
   const double far =
       (start.rowwise().maxCoeff() - start.rowwise().minCoeff()).norm();  // supports' motion included
-  StepReport report;
+  Matrix3Xd before = start;
   // Without a load, forces are what the rounding of positions makes of the stiffness: those are balanced.
   constexpr double kRounding = std::numeric_limits<double>::epsilon();
   double scale = kRounding * largest_stiffness_ * state.x.norm() / kTolerance;
-  for (Matrix3Xd r = residual(state, load_factor);; r = residual(state, load_factor)) {
+
+  Objective energy;
+  energy.value = [&] { return potential(model_, forces_, state, load_factor); };
+  energy.negative_gradient = [&](Matrix3Xd& r) { r = residual(state, load_factor); };
+  energy.is_end = [&](const Matrix3Xd& r, NewtonReport& newton) {
     // The largest forces met on the way: those at the end vanish where supports only move a body.
     scale =
         std::max({scale, load_factor * forces_.load.norm() + elastic_forces(model_, state).norm(), r.norm()});
     report.residual = scale > 0 ? r.norm() / scale : 0;
-    if (!std::isfinite(report.residual)) {
-      report.status = Status::Diverged;
-      return report;
+    if (report.residual <= kTolerance) return true;
+    const bool is_astray = (state.x - start).colwise().norm().maxCoeff() > far;
+    if (is_astray) {
+      newton.status = Status::NotConverged;
+      newton.reason = "the body runs away by more than its size: no equilibrium is near";
     }
-    if (report.residual <= kTolerance) {
-      before_last_ = std::exchange(last_, {load_factor, state.x});
-      return report;
-    }
-    if (report.newton_iterations == kMaxNewton) {
-      report.reason = std::to_string(kMaxNewton) + " Newton iterations did not balance the forces";
-      break;
-    }
-    if ((state.x - start).colwise().norm().maxCoeff() > far) {
-      report.reason = "the body runs away by more than its size: no equilibrium is near";
-      break;
-    }
-
+    return is_astray;
+  };
+  energy.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
     const std::optional<Matrix3Xd> g = volume_stiffness_root(model_, forces_, state);
     std::vector<VolumeCurvature> curvatures;
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
@@ -208,51 +207,35 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       preconditioner_->solve(v, z);
       project(z);
     };
-    Matrix3Xd dx;
-    SolveReport linear;
     const double tolerance = std::clamp(kTolerance / report.residual / 2, kTightest, kLoosest);
-    const auto solve_linear = [&](int max_iterations) {
+    const auto is_solved = [&](int max_iterations) {
       dx = Matrix3Xd::Zero(3, r.cols());
-      linear = conjugate_gradients(product, precondition, r, dx, tolerance, max_iterations);
+      const SolveReport linear = conjugate_gradients(product, precondition, r, dx, tolerance, max_iterations);
       report.linear_iterations += linear.iterations;
+      return linear.is_converged;
     };
     // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
     if (model_.tet_springs && n_energies(model_) == 1) {
       K_.set_zero();
       add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact, state.patch_scale);
       curvatures = volume_curvatures(model_, forces_, state, load_factor);
-      solve_linear(kPatience);
+      if (is_solved(kPatience)) return true;
       curvatures.clear();
     }
-    if (!linear.is_converged) {
-      K_.set_zero();
-      add_stiffness(model_, state, K_);
-      solve_linear(kPatience);
-    }
-    if (!linear.is_converged) {
-      factorise(simple_stiffness(model_, state));
-      solve_linear(kMaxLinear);
-    }
-    ++report.newton_iterations;
-
-    const double slope = -r.cwiseProduct(dx).sum(), before = potential(model_, forces_, state, load_factor);
-    const Matrix3Xd x = state.x;
-    bool is_accepted = false;
-    double step = 1;
-    for (int halving = 0; halving < kMaxHalvings && !is_accepted; ++halving, step /= 2) {
-      state.x = x + step * dx;
-      // Near equilibrium the energy is flat to rounding; there the balance of forces decides.
-      is_accepted =
-          potential(model_, forces_, state, load_factor) <= before + kSufficientDecrease * step * slope ||
-          residual(state, load_factor).norm() < 0.5 * r.norm();
-    }
-    if (!is_accepted) {
-      state.x = x;
-      report.reason = "no step along Newton's direction lowers the energy";
-      break;
-    }
-  }
-  report.status = Status::NotConverged;
+    K_.set_zero();
+    add_stiffness(model_, state, K_);
+    if (is_solved(kPatience)) return false;
+    factorise(simple_stiffness(model_, state));
+    is_solved(kMaxLinear);
+    return false;
+  };
+  energy.move = [&](const Matrix3Xd& dx, double step) { state.x = before + step * dx; };
+  energy.accept = [&] { before = state.x; };
+  const NewtonReport newton = minimise(energy, {kMaxNewton, largest_stiffness_ * far * far});
+  report.status = newton.status;
+  report.newton_iterations = newton.iterations;
+  report.reason = newton.reason;
+  if (report.status == Status::Ok) before_last_ = std::exchange(last_, {load_factor, state.x});
   return report;
 }
 

@@ -8,8 +8,7 @@ namespace testbed::massspring {
 /// Solves v = w + a M^-1 f(x, v), x = y + a v on the free directions as the minimum over x [(24)] of
 ///   1/(2 a^2) |x - y - a w|_M^2 + potential(x) + a R((x - y)/a),
 /// R the power that damping takes, springs damped along their directions at the start [Martin et al. 2011].
-/// Newton's method with a positive semidefinite Hessian, inexact linear solves and backtracking, so that
-/// every iterate lowers the sum.
+/// Newton's method solves its linear systems no better than it needs, and lowers the sum in every iteration.
 class ImplicitStage {
  public:
   /// Of Newton's last step, over the body's size: its error is far less.
@@ -24,11 +23,6 @@ class ImplicitStage {
   const std::string& solver_choice() const { return solver_.choice(); }
 
  private:
-  double objective(const State& trial, const Eigen::Matrix3Xd& start_x, double a,
-                   const Eigen::Matrix3Xd& w) const;
-  void negative_gradient(const State& trial, const Eigen::Matrix3Xd& start_x, double a,
-                         const Eigen::Matrix3Xd& w, Eigen::Matrix3Xd& r) const;
-
   Motion& motion_;
   ImplicitMatrix A_;
   LinearSolver solver_;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -112,6 +113,50 @@ TEST(BiConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvalues) {
   EXPECT_TRUE(report.is_converged);
   EXPECT_EQ(report.iterations, eigenvalues.size());
   EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), tolerance * b.norm());
+}
+
+/// The matrix of these eigenvalues, each three times, in a random basis.
+Eigen::MatrixXd symmetric(const Eigen::Vector4d& eigenvalues) {
+  const Eigen::MatrixXd V = random_points(4 * 12, 1, 7).reshaped(12, 12);
+  const Eigen::MatrixXd Q = Eigen::HouseholderQR<Eigen::MatrixXd>(V).householderQ();
+  return Q * eigenvalues.replicate(3, 1).asDiagonal() * Q.transpose();
+}
+
+template <class Field>
+SolveReport solve_symmetric(const Eigen::MatrixXd& A, const Matrix3Xd& b, double tolerance, Matrix3Xd& x) {
+  const auto product = [&](const Field& p, Field& y) {
+    const Eigen::VectorXd Ap = A * p.template topRows<3>().template cast<double>().reshaped();
+    y = Field::Zero(p.rows(), p.cols());
+    y.template topRows<3>() = Ap.reshaped(3, p.cols()).template cast<typename Field::Scalar>();
+  };
+  const auto precondition = [](const Field& r, Field& z) { z = r; };
+  Field r = Field::Zero(Field::RowsAtCompileTime, b.cols()), solution = r;
+  r.template topRows<3>() = b.cast<typename Field::Scalar>();
+  const SolveReport report = conjugate_gradients(product, precondition, r, b.norm(), solution, tolerance, 20);
+  x = solution.template topRows<3>().template cast<double>();
+  return report;
+}
+
+TEST(ConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvaluesInEitherPrecision) {
+  const Eigen::MatrixXd A = symmetric({1, 2, 4, 7});
+  const Matrix3Xd b = random_points(4, 1, 2);
+  Matrix3Xd x;
+  SolveReport report = solve_symmetric<Matrix3Xd>(A, b, 1e-12, x);
+  EXPECT_EQ(report.iterations, 4);
+  EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), 2e-12 * b.norm());
+  report = solve_symmetric<PaddedField>(A, b, 1e-5, x);
+  EXPECT_EQ(report.iterations, 4);
+  EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), 2e-5 * b.norm());
+}
+
+TEST(ConjugateGradients, EndAtADirectionOfNegativeCurvatureAndTellIt) {
+  Matrix3Xd x;
+  const Matrix3Xd b = random_points(4, 1, 2);
+  EXPECT_LT(solve_symmetric<Matrix3Xd>(symmetric({-1, -1, -1, -2}), b, 1e-12, x).curvature, -0.9);
+  EXPECT_EQ(x.norm(), 0);
+  const SolveReport flat = solve_symmetric<Matrix3Xd>(symmetric({0, 0, 0, 0}), b, 1e-12, x);
+  EXPECT_FALSE(flat.is_converged);
+  EXPECT_FALSE(flat.curvature < 0);
 }
 
 TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {

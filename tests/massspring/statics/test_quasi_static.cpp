@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/statics/quasi_static.h"
 #include "meshing/surface/surface.h"
@@ -126,6 +128,25 @@ TEST(QuasiStatic, WithoutAnyLoadABodyStaysAtRest) {
           EXPECT_LT((state.x - model.network.X).norm(), kRounding * model.network.X.norm());
         }
       }
+}
+
+TEST(QuasiStatic, DivergesFromAStateThatIsNotFiniteAndRecovers) {
+  for (const char* calibration : {"van_gelder", "node_averaged"}) {
+    const MassSpringModel model = box_of(calibration, 1, 0.2);
+    Forces forces = no_load(model);
+    for (int i = 0; i < 12; i += 3)
+      forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+    QuasiStaticSolver solver(model, forces);
+    for (const double bad : {std::nan(""), HUGE_VAL}) {
+      State state = initial_state(model);
+      state.x(1, 4) = bad;
+      const StepReport report = solver.solve(0.5, state);
+      EXPECT_EQ(report.status, Status::Diverged) << calibration << ' ' << bad;
+      EXPECT_FALSE(report.residual <= QuasiStaticSolver::kTolerance);
+      state = initial_state(model);
+      EXPECT_EQ(solver.solve(0.5, state).status, Status::Ok);
+    }
+  }
 }
 
 TEST(QuasiStatic, ALoadMayBeNothingAtOneLoadFactorAndComeBack) {

@@ -1,0 +1,21 @@
+#include "massspring/algebra/rigid_motion.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+
+namespace testbed::massspring {
+
+SmallRotation best_rotation(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
+                            const Eigen::VectorXd& weights) {
+  const Eigen::Vector3d centre = X * weights / weights.sum();
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();  // that of a translation is 0
+  for (Eigen::Index i = 0; i < u.cols(); ++i) {
+    const Eigen::Vector3d d = X.col(i) - centre;
+    inertia += weights(i) * (d.squaredNorm() * Eigen::Matrix3d::Identity() - d * d.transpose());
+    moment += weights(i) * d.cross(u.col(i));
+  }
+  return {centre, inertia.ldlt().solve(moment)};
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,14 @@
+// How a step or an iteration ends.
+#pragma once
+
+#include "meshing/base/choices.h"
+
+namespace testbed::massspring {
+
+/// Divergence is data, not an exception.
+enum class Status { Ok, NotConverged, Diverged };
+constexpr std::array<Named<Status>, 3> names_of(Status) {
+  return {{{Status::Ok, "ok"}, {Status::NotConverged, "not_converged"}, {Status::Diverged, "diverged"}}};
+}
+
+}  // namespace testbed::massspring

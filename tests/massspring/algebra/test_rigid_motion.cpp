@@ -1,0 +1,51 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include "massspring/algebra/rigid_motion.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+constexpr double kRounding = 1e-14;
+constexpr int n = 7;
+
+TEST(RigidMotion, OfAPointIsTheTranslationAndTheRotationTimesItsOffset) {
+  const Matrix3Xd p = random_points(3, 1, 1);
+  const Vector3d d = p.col(0), translation = p.col(1), rotation = p.col(2);
+  Eigen::Matrix<double, 6, 1> motion;
+  motion << translation, rotation;
+  EXPECT_LT((rigid_motions_at(d) * motion - translation - rotation.cross(d)).norm(), kRounding);
+  EXPECT_LT((cross_product_matrix(rotation) * d - rotation.cross(d)).norm(), kRounding);
+}
+
+TEST(RigidMotion, BestRotationIsThatOfABodyThatTurnsAsItGoes) {
+  const Matrix3Xd X = random_points(n, 1, 2);
+  const Eigen::VectorXd weights = random_points(n, 1, 3).row(0).cwiseAbs();
+  const Vector3d angle(0.3, -0.2, 0.5), translation(1, 2, 3);
+  Matrix3Xd u(3, n);
+  for (int i = 0; i < n; ++i) u.col(i) = translation + angle.cross(X.col(i));
+  const SmallRotation best = best_rotation(u, X, weights);
+  EXPECT_LT((best.angle - angle).norm(), 100 * kRounding);
+  EXPECT_LT((best.centre - X * weights / weights.sum()).norm(), kRounding);
+}
+
+// The weighted mean square of what is left is at its minimum over translations and rotations.
+TEST(RigidMotion, BestRotationOfAnyFieldLeavesNoWeightedMoment) {
+  const Matrix3Xd X = random_points(n, 1, 2), u = random_points(n, 1, 4);
+  const Eigen::VectorXd weights = random_points(n, 1, 3).row(0).cwiseAbs();
+  const SmallRotation best = best_rotation(u, X, weights);
+  Vector3d moment = Vector3d::Zero();
+  for (int i = 0; i < n; ++i) {
+    const Vector3d d = X.col(i) - best.centre;
+    moment += weights(i) * d.cross(u.col(i) - best.angle.cross(d));
+  }
+  EXPECT_LT(moment.norm(), 100 * kRounding);
+}
+
+}  // namespace
+}  // namespace testbed::massspring
