@@ -31,7 +31,7 @@ struct Options {
   double link_share = 0;
 };
 
-constexpr const char* header =
+constexpr const char* kHeader =
     "surface,spacing,seed,n_surface,n_nodes,n_tets,n_springs,nu,model,load,status,error_l2,error_max,"
     "compliance,"
     "volume_change_error,iterations,setup_seconds,solve_seconds\n";
@@ -84,7 +84,7 @@ class Table {
     while (std::getline(before, line)) done_.insert(key_of(line));
     out_.open(file, std::ios::app);
     if (!out_) throw std::runtime_error(file + ": cannot be written");
-    if (done_.empty()) out_ << header;
+    if (done_.empty()) out_ << kHeader;
   }
   bool has(const std::string& key) const { return done_.count(key) > 0; }
   void add(const std::string& row) { out_ << row << std::endl; }

@@ -68,8 +68,8 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
   step_ = time.step;
   if (step_ == 0)
-    step_ = integrator.is_explicit ? kSafety * stable_step(model_, forces_, state_)
-                                         : time.end / kDefaultSteps;
+    step_ =
+        integrator.is_explicit ? kSafety * stable_step(model_, forces_, state_) : time.end / kDefaultSteps;
   report_.n_steps = meshing::n_steps(time, step_);
   IntegratorOptions options;
   options.gradients = {time.volume_gradient, time.bend_gradient};

@@ -28,7 +28,7 @@ void start_mpi() {
 }
 
 const Processes& processes() {
-  static const Processes result = [] {
+  static const Processes kResult = [] {
     const char* size = std::getenv("OMPI_COMM_WORLD_SIZE");
     Processes started;
     started.n_threads = static_cast<int>(dealii::MultithreadInfo::n_threads());
@@ -39,7 +39,7 @@ const Processes& processes() {
     started.n_threads = 1;
     return started;
   }();
-  return result;
+  return kResult;
 }
 
 void abort_processes(const char* message) {

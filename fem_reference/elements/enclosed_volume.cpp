@@ -33,10 +33,10 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
 EnclosedVolume enclosed_volume(const Eigen::Matrix3Xd& x) {
   const Eigen::Index n = x.cols();
   EnclosedVolume v{0, Eigen::Matrix3Xd::Zero(3, n), Eigen::MatrixXd::Zero(3 * n, 3 * n)};
-  static const dealii::QGaussSimplex<2> points(3);  // exact to degree 5, where 3 is needed
-  for (unsigned q = 0; q < points.size(); ++q) {
-    const double w = points.weight(q) / 3;
-    const Eigen::Matrix3Xd N = shape_functions(n, points.point(q)[0], points.point(q)[1]);
+  static const dealii::QGaussSimplex<2> kPoints(3);  // exact to degree 5, where 3 is needed
+  for (unsigned q = 0; q < kPoints.size(); ++q) {
+    const double w = kPoints.weight(q) / 3;
+    const Eigen::Matrix3Xd N = shape_functions(n, kPoints.point(q)[0], kPoints.point(q)[1]);
     const Eigen::Matrix3d at = x * N.transpose();  // x, dx/dr, dx/ds
     v.volume += w * at.determinant();
     Eigen::Matrix3d cofactors;

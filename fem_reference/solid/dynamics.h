@@ -30,7 +30,7 @@ struct TimeScheme {
   double alpha_m, alpha_f, beta, gamma;
 };
 /// Average acceleration [Newmark 1959]: conserves energy of undamped motion exactly.
-constexpr TimeScheme newmark{0, 0, 0.25, 0.5};
+constexpr TimeScheme kNewmark{0, 0, 0.25, 0.5};
 /// Second order; `rho`, in [0, 1], is what is left per step of the highest frequencies.
 constexpr TimeScheme generalised_alpha(double rho) {
   const double alpha_m = (2 * rho - 1) / (rho + 1), alpha_f = rho / (rho + 1), d = 1 - alpha_m + alpha_f;

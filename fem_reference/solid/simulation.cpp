@@ -52,7 +52,7 @@ void Simulation::set_in_motion() {
     };
   timer_.start("solve");
   const std::optional<double> radius = scene_.reference.spectral_radius;
-  motion_.emplace(std::move(system), step_, radius ? generalised_alpha(*radius) : newmark);
+  motion_.emplace(std::move(system), step_, radius ? generalised_alpha(*radius) : kNewmark);
 }
 
 bool Simulation::advance() {

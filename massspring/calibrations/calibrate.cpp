@@ -30,7 +30,7 @@ void sort_springs(MassSpringModel& model) {
   const TetMesh& network = model.network;
   const Eigen::Matrix2Xi E = model.springs->E, edges = edges_of(network.F);
   const auto n = static_cast<int>(E.cols());
-  const bool is_subdivided = network.X.cols() >= least_subdivided;
+  const bool is_subdivided = network.X.cols() >= kLeastSubdivided;
   const std::vector<int> leaf = is_subdivided ? leaves_of(network.X) : std::vector<int>(network.X.cols(), 0);
   std::set<std::pair<int, int>> surface;
   for (const auto& e : edges.colwise()) surface.insert(std::minmax(e(0), e(1)));
@@ -38,7 +38,7 @@ void sort_springs(MassSpringModel& model) {
   for (int s = 0; s < n; ++s) {
     const auto [a, b] = std::minmax(leaf[E(0, s)], leaf[E(1, s)]);
     const bool is_inside = surface.count(std::minmax(E(0, s), E(1, s))) == 0;
-    order[s] = {subdomain_of(a, b) + (is_inside ? n_subdomains : 0), E(0, s), E(1, s), s};
+    order[s] = {subdomain_of(a, b) + (is_inside ? kSubdomains : 0), E(0, s), E(1, s), s};
   }
   std::sort(order.begin(), order.end());
   const Eigen::VectorXd stiffness = model.springs->stiffness;
@@ -47,7 +47,7 @@ void sort_springs(MassSpringModel& model) {
     model.springs->stiffness(s) = stiffness(order[s][3]);
   }
   if (!is_subdivided) return;
-  for (int range = 0; range <= 2 * n_subdomains; ++range)
+  for (int range = 0; range <= 2 * kSubdomains; ++range)
     model.springs->first.push_back(static_cast<int>(
         std::lower_bound(order.begin(), order.end(), std::array<int, 4>{range, 0, 0, 0}) - order.begin()));
 }
@@ -62,15 +62,15 @@ void calibrate_coupled(MassSpringModel& model, const Eigen::Matrix2Xi&) {
 const std::vector<Calibration>& calibrations() {
   // Springs alone have nu = 1/4, which volume terms only raise; those without such terms take any nu for that.
   constexpr double kSprings = 0.25, kLeast = -1, kLargest = 0.5;
-  static const std::vector<Calibration> all{
+  static const std::vector<Calibration> kAll{
       {"uniform", true, false, false, kLeast, kLargest, calibrate_uniform},
       {"affine", true, false, false, kLeast, kLargest, calibrate_affine},
       {"van_gelder", false, true, false, kSprings, kLargestNu, calibrate_van_gelder},
       {"lloyd", false, true, false, kSprings, kLargestNu, calibrate_lloyd},
       {"moment", false, true, false, kSprings, kLargestNu, calibrate_moment},
-      {"edge_coupled", false, true, true, kLeastNu, kLargestNu, calibrate_coupled<edge_coupled>},
-      {"node_averaged", false, true, true, kLeastNu, kLargestNu, calibrate_coupled<node_averaged>}};
-  return all;
+      {"edge_coupled", false, true, true, kLeastNu, kLargestNu, calibrate_coupled<kEdgeCoupled>},
+      {"node_averaged", false, true, true, kLeastNu, kLargestNu, calibrate_coupled<kNodeAveraged>}};
+  return kAll;
 }
 
 const Calibration& find_calibration(const std::string& name) {

@@ -34,7 +34,7 @@ constexpr int kLinearRows = 10, kRows = 25;
 
 /// Index triples and quadruples a <= b <= c (<= d) of symmetric tensors.
 const std::vector<std::array<int, 4>>& moments() {
-  static const std::vector<std::array<int, 4>> all = [] {
+  static const std::vector<std::array<int, 4>> kAll = [] {
     std::vector<std::array<int, 4>> result;
     for (int a = 0; a < 3; ++a)
       for (int b = a; b < 3; ++b)
@@ -45,7 +45,7 @@ const std::vector<std::array<int, 4>>& moments() {
           for (int d = c; d < 3; ++d) result.push_back({a, b, c, d});
     return result;
   }();
-  return all;
+  return kAll;
 }
 
 /// Pairs of nodes within two tetrahedra edges, each node's nearest ones.

@@ -13,7 +13,7 @@ struct Contacts {
   std::optional<double> self_thickness;  ///< that the surface keeps from itself (m)
 };
 
-inline const Contacts no_contacts;
+inline const Contacts kNoContacts;
 
 /// @throws std::runtime_error when the mesh of an obstacle cannot be read or is not closed
 Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface);

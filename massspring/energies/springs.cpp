@@ -155,7 +155,7 @@ double damping_power(const Springs& springs, const Eigen::Matrix3Xd& x, const Ei
 
 void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                 Eigen::Matrix3Xd& f) {
-  if (!has_vectors) return plain::add_forces(springs, rest_length, x, f);
+  if (!kHasVectors) return plain::add_forces(springs, rest_length, x, f);
   with_law(springs, [&](auto law) {
     add_spring_forces<decltype(law)>(arrays_of(springs), springs.stiffness.data(), rest_length.data(), x, f);
   });
@@ -163,7 +163,7 @@ void add_forces(const Springs& springs, const Eigen::VectorXd& rest_length, cons
 
 SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                      double scale, Curvature curvature) {
-  if (!has_vectors) return plain::hessian(springs, rest_length, x, scale, curvature);
+  if (!kHasVectors) return plain::hessian(springs, rest_length, x, scale, curvature);
   return with_law(springs, [&](auto law) {
     return spring_blocks<decltype(law)>(arrays_of(springs), springs.stiffness.data(), rest_length.data(),
                                         scale, least_across(curvature), x);
@@ -171,13 +171,13 @@ SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length,
 }
 
 void add_diagonal(const Springs& springs, const SpringBlocks& B, std::vector<Eigen::Matrix3d>& diagonal) {
-  if (!has_vectors) return plain::add_diagonal(springs, B, diagonal);
+  if (!kHasVectors) return plain::add_diagonal(springs, B, diagonal);
   add_spring_diagonal(arrays_of(springs), B, diagonal);
 }
 
 void add_product(const Springs& springs, const SpringBlocks& B, const Eigen::Matrix3Xd& p,
                  Eigen::Matrix3Xd& y) {
-  if (!has_vectors) return plain::add_product(springs, B, p, y);
+  if (!kHasVectors) return plain::add_product(springs, B, p, y);
   add_spring_product(arrays_of(springs), B, p, y);
 }
 

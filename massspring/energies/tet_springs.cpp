@@ -29,7 +29,7 @@ using Eigen::Matrix4Xi;
 using Eigen::Vector3d;
 using TetGradients = Eigen::Matrix<double, 3, 4>;
 
-constexpr double least_jacobian = 0.1;  // J_0 of the law
+constexpr double kLeastJacobian = 0.1;  // J_0 of the law
 
 /// Gradients of the four barycentric coordinates (1/m).
 TetGradients barycentric_gradients(const Matrix3Xd& X, const Eigen::Vector4i& t) {
@@ -47,7 +47,7 @@ struct VolumeLaw {
 
 /// g(J) of the law and its derivatives.
 [[gnu::always_inline]] inline VolumeLaw volume_law(double J, double lambda, double mu) {
-  const double c = mu + lambda / 2, j = std::max(J, least_jacobian);
+  const double c = mu + lambda / 2, j = std::max(J, kLeastJacobian);
   VolumeLaw law{lambda / 4 * (j * j - 1) - c * std::log(j), lambda / 2 * j - c / j, lambda / 2 + c / (j * j)};
   const double d = J - j;
   law.g += law.dg * d + law.ddg / 2 * d * d;
@@ -150,7 +150,6 @@ void add_projection(const Matrix3d& F, const VolumeLaw& law, double mu, Modes& m
       modes.add(-eigen.eigenvalues()[k], U * eigen.eigenvectors().col(k).asDiagonal() * V.transpose());
 }
 
-
 /// psi'' = mu |dF|^2 + g'' (C : dF)^2 + g' d2J, of which block (a, b) of d2J takes v to -F_c x v when a, b, c
 /// follow each other.
 Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curvature) {
@@ -225,7 +224,7 @@ void for_each_range(const TetSprings& springs, const Visit& visit) {
   const std::vector<int>& first = springs.subdomain_first;
   if (first.empty()) return visit(0, 0, springs.n_patches());
   for_each_subdomain([&](int subdomain) {
-    for (std::size_t k = subdomain; k + 1 < first.size(); k += n_subdomains)
+    for (std::size_t k = subdomain; k + 1 < first.size(); k += kSubdomains)
       visit(subdomain, first[k], first[k + 1]);
   });
 }
@@ -241,7 +240,7 @@ std::vector<std::vector<int>> patches_of_subdomains(const Matrix3Xd& X, const Ma
         range(0, p) = std::min(range(0, p), leaf[i]);
         range(1, p) = std::max(range(1, p), leaf[i]);
       }
-  std::vector<std::vector<int>> result(n_subdomains);
+  std::vector<std::vector<int>> result(kSubdomains);
   for (int p = 0; p < range.cols(); ++p) result[subdomain_of(range(0, p), range(1, p))].push_back(p);
   return result;
 }
@@ -271,7 +270,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
 
   std::vector<int> order(n_new);
   std::iota(order.begin(), order.end(), 0);
-  if (X.cols() >= least_subdivided) {
+  if (X.cols() >= kLeastSubdivided) {
     order.clear();
     for (const std::vector<int>& own : patches_of_subdomains(X, T, patches)) {
       springs.subdomain_first.push_back(n_before + static_cast<int>(order.size()));
@@ -336,7 +335,7 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
 }
 
 double energy(const TetSprings& springs, const Matrix3Xd& x, const Eigen::VectorXd& scale) {
-  std::array<double, n_subdomains> sums{};
+  std::array<double, kSubdomains> sums{};
   for_each_range(springs, [&](int subdomain, int begin, int end) {
     double sum = 0;
     for (int p = begin; p < end; ++p) {

@@ -50,11 +50,11 @@ struct TetSprings {
 struct Blend {
   double tetrahedra, edges, nodes;
 };
-inline constexpr Blend edge_coupled{1, 0, 0};
+inline constexpr Blend kEdgeCoupled{1, 0, 0};
 /// Chosen on shapes and rotated fields that no study is judged by (head, handle, bar:500, sphere_small,
 /// circle_knot): error over that of P1 0.18 in the geometric mean, 0.28 for {0.3, 0, 0.7}; within 5 % of that
 /// for edges 0.8 to 1.
-inline constexpr Blend node_averaged{0, 0.9, 0.1};
+inline constexpr Blend kNodeAveraged{0, 0.9, 0.1};
 
 /// Patches of a blend, those of tetrahedra, edges and nodes in this order, each kind in the order of the
 /// subdomains of a body that is large enough. X 3 x n (m), T 4 x m of positive volume. With node patches,

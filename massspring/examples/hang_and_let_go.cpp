@@ -11,8 +11,9 @@ int main() {
   using namespace testbed;
   using namespace testbed::massspring;
 
-  // 1. The scene: a soft bar, held at x = 0, whose weight pulls along x.
+  // 1. The scene: a bar, held at x = 0, whose weight pulls along x.
   Scene scene;
+  scene.material.E = 1e6;
   scene.surface.shape = "bar";
   scene.surface.n_vertices = 200;
   scene.gravity = Eigen::Vector3d(9.81, 0, 0);

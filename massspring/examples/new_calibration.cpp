@@ -34,12 +34,13 @@ int main() {
   ball.n_vertices = 162;
   const SpringNetwork network = build_network(load_surface(ball), options, true, true);
 
-  // 3. The entry of the table: name, needs links, needs tetrahedra, rule.
-  const Calibration rods{"rods", true, true, calibrate_rods};
+  // 3. The entry of the table: name, needs links, needs tetrahedra, is coupled, range of nu, rule.
+  const Calibration rods{"rods", true, true, false, -1, 0.5, calibrate_rods};
 
   // 4. Beside known models: errors of two exact fields, and the work of bending over the exact one.
   double pressure_error = 1;
-  for (const Calibration& calibration : {rods, find_calibration("affine"), find_calibration("node_averaged")}) {
+  for (const Calibration& calibration :
+       {rods, find_calibration("affine"), find_calibration("node_averaged")}) {
     const Diagnostics found = diagnose(calibrate(network, Material{}, calibration));
     std::printf("%-14s pressure %6.3f, uniaxial %6.3f, bending %6.3f\n", calibration.name.c_str(),
                 found.pressure_error, found.uniaxial_error, found.bending_compliance);

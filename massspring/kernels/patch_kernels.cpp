@@ -31,7 +31,7 @@ TESTBED_NARROW void add_blocks(const double* psi, double V, const double* b, int
 
 void add_patch_blocks(const Stiffness& psi, double V, const double* b, int n, const int* at,
                       Eigen::Matrix3d* block) {
-  if (has_vectors)
+  if (kHasVectors)
     add_blocks(psi.data(), V, b, n, at, block);
   else
     plain::add_patch_blocks(psi, V, b, n, at, block);

@@ -80,9 +80,9 @@ TESTBED_EVERY_WIDTH void add_scaled_by(float alpha, const Lanes* u, Lanes* y, Ei
 /// @param B, p, y  4 floats per place in a row, per node, per node
 TESTBED_EVERY_WIDTH double add_product_of_rows(int n, const int* start, const int* other, const float* B,
                                                const float* p, float* y) {
-  const Four* P = reinterpret_cast<const Four*>(p);
-  const Eight* block = reinterpret_cast<const Eight*>(B);
-  Four* Y = reinterpret_cast<Four*>(y);
+  const Four* P = reinterpret_cast<const Four*>(p);        // NOLINT(modernize-use-auto): it forgets alignment
+  const Eight* block = reinterpret_cast<const Eight*>(B);  // NOLINT(modernize-use-auto)
+  Four* Y = reinterpret_cast<Four*>(y);                    // NOLINT(modernize-use-auto)
   double total = 0;
   for (int first = 0; first < n; first += kNodes) {
     Four dot{};
@@ -115,8 +115,8 @@ TESTBED_EVERY_WIDTH double add_product_of_rows(int n, const int* start, const in
 /// @param blocks  9 floats each, and three more at the end
 TESTBED_EVERY_WIDTH double multiply_blocks(int begin, int end, const int* start, const int* column,
                                            const float* blocks, const float* p, float* y) {
-  const Four* P = reinterpret_cast<const Four*>(p);
-  Four* Y = reinterpret_cast<Four*>(y);
+  const Four* P = reinterpret_cast<const Four*>(p);  // NOLINT(modernize-use-auto): it forgets alignment
+  Four* Y = reinterpret_cast<Four*>(y);              // NOLINT(modernize-use-auto)
   double total = 0;
   for (int first = begin; first < end; first += kNodes) {
     Four dot{};
@@ -154,13 +154,13 @@ struct BodyRows {
   const float *block, *inverse, *b;
 
   /// b_i less the blocks from begin to end times x.
-  [[gnu::always_inline]] inline void rest(int i, int begin, int end, const float* x, Eight& r) const {
+  [[gnu::always_inline]] void rest(int i, int begin, int end, const float* x, Eight& r) const {
     Eight sum{};
     for (int k = begin; k < end; ++k) add_block_product(block + kBlock * k, x + kBody * column[k], sum);
     r = *reinterpret_cast<const Eight*>(b + kBody * i) - sum;
   }
   /// The same, and x_i += its inverse times it.
-  [[gnu::always_inline]] inline void solve(int i, int begin, int end, float* x) const {
+  [[gnu::always_inline]] void solve(int i, int begin, int end, float* x) const {
     Eight r;
     rest(i, begin, end, x, r);
     Eight& x_i = *reinterpret_cast<Eight*>(x + kBody * i);

@@ -181,7 +181,7 @@ void apply_padded(const SpringPairs& springs, const Kernel& kernel, const Eigen:
     kernel(Range{0, static_cast<int>(springs.E.cols()), n}, P, Y);
   else
     for_each_subdomain([&](int subdomain) {
-      for (int k : {subdomain, n_subdomains + subdomain}) kernel(Range{first[k], first[k + 1], n}, P, Y);
+      for (int k : {subdomain, kSubdomains + subdomain}) kernel(Range{first[k], first[k + 1], n}, P, Y);
     });
   for_each_chunk(n, [&](Eigen::Index begin, Eigen::Index end) {
     out.middleCols(begin, end - begin) += padded_out.middleCols(begin, end - begin).topRows<3>();

@@ -11,10 +11,10 @@ namespace testbed::massspring {
 /// Subdomains of a body bisected three times, a binary tree: its leaves 0 ... 7, the quarters 8 ... 11, the
 /// halves 12 and 13, and the whole 14. A spring, or a patch of coupled ones, belongs to the smallest that
 /// holds all its nodes, so that those of different subdomains of one size share none.
-inline constexpr int n_subdomains = 15;
+inline constexpr int kSubdomains = 15;
 
 /// Bodies of fewer nodes do not repay a second thread.
-inline constexpr int least_subdivided = 5000;
+inline constexpr int kLeastSubdivided = 5000;
 
 /// The leaf that each node lies in; X 3 x n (m).
 std::vector<int> leaves_of(const Eigen::Matrix3Xd& X);
@@ -32,21 +32,21 @@ void for_each_subdomain(const Visit& visit) {
 }
 
 /// Nodes, or rows of a matrix, that a thread takes at a time.
-inline constexpr Eigen::Index chunk_size = 512;
+inline constexpr Eigen::Index kChunkSize = 512;
 
 /// Calls visit(begin, end) for chunks of 0 ... n - 1, many at once.
 template <class Visit>
 void for_each_chunk(Eigen::Index n, const Visit& visit) {
-#pragma omp parallel for schedule(static, 1) if (n >= least_subdivided)
-  for (Eigen::Index begin = 0; begin < n; begin += chunk_size) visit(begin, std::min(n, begin + chunk_size));
+#pragma omp parallel for schedule(static, 1) if (n >= kLeastSubdivided)
+  for (Eigen::Index begin = 0; begin < n; begin += kChunkSize) visit(begin, std::min(n, begin + kChunkSize));
 }
 
 /// Sum of what visit(begin, end) returns for each chunk, added in their order.
 template <class Visit>
 double sum_over_chunks(Eigen::Index n, const Visit& visit) {
-  std::vector<double> sums((n + chunk_size - 1) / chunk_size);
+  std::vector<double> sums((n + kChunkSize - 1) / kChunkSize);
   for_each_chunk(n,
-                 [&](Eigen::Index begin, Eigen::Index end) { sums[begin / chunk_size] = visit(begin, end); });
+                 [&](Eigen::Index begin, Eigen::Index end) { sums[begin / kChunkSize] = visit(begin, end); });
   return std::accumulate(sums.begin(), sums.end(), 0.);
 }
 

@@ -16,7 +16,7 @@ typedef double Double4 __attribute__((vector_size(32), aligned(8)));
 typedef float Float4 __attribute__((vector_size(16), aligned(4)));
 typedef float Float8 __attribute__((vector_size(32), aligned(4)));
 typedef float Float16 __attribute__((vector_size(64), aligned(4)));
-inline constexpr bool has_vectors = true;
+inline constexpr bool kHasVectors = true;
 }  // namespace testbed::massspring
 
 /// The numbered lanes of u and, numbered on, of w.
@@ -69,7 +69,7 @@ using Double4 = PlainVector<double, 4>;
 using Float4 = PlainVector<float, 4>;
 using Float8 = PlainVector<float, 8>;
 using Float16 = PlainVector<float, 16>;
-inline constexpr bool has_vectors = false;
+inline constexpr bool kHasVectors = false;
 }  // namespace testbed::massspring
 
 #define TESTBED_SHUFFLED(u, w, ...) shuffled<__VA_ARGS__>(u, w)

@@ -33,7 +33,7 @@ struct MassSpringModel {
 
 /// The elastic energies that a model may have. Each has the verbs energy, add_forces, add_hessian and
 /// pairs_of, which is all that sums, matrices and their patterns are made of.
-inline constexpr std::tuple elastic_energies{&MassSpringModel::springs, &MassSpringModel::tet_springs,
+inline constexpr std::tuple kElasticEnergies{&MassSpringModel::springs, &MassSpringModel::tet_springs,
                                              &MassSpringModel::bending, &MassSpringModel::local_volume};
 
 /// Calls visit(energy) for each energy that the model has, in the order of the list.
@@ -42,7 +42,7 @@ void for_each_energy(const MassSpringModel& model, const Visit& visit) {
   const auto visit_one = [&](const auto& energy) {
     if (energy) visit(*energy);
   };
-  std::apply([&](auto... member) { (visit_one(model.*member), ...); }, elastic_energies);
+  std::apply([&](auto... member) { (visit_one(model.*member), ...); }, kElasticEnergies);
 }
 
 /// Number of energies that the model has.
@@ -60,7 +60,6 @@ struct State {
   Eigen::VectorXd patch_scale;  ///< length of the rest shape of each patch of coupled springs; empty: ones
   double target_volume = 0;     ///< of the global volume force (m3)
 };
-
 
 struct StepReport {
   Status status = Status::Ok;

@@ -26,9 +26,9 @@ Matrix3Xd without_rigid_motion(const Matrix3Xd& u, const Matrix3Xd& X, const Eig
 }  // namespace
 
 const std::vector<std::string>& exact_field_names() {
-  static const std::vector<std::string> names{"pressure", "uniaxial", "shear",
-                                              "bending",  "torsion",  "cubic_harmonic"};
-  return names;
+  static const std::vector<std::string> kNames{"pressure", "uniaxial", "shear",
+                                               "bending",  "torsion",  "cubic_harmonic"};
+  return kNames;
 }
 
 ExactField exact_field(const std::string& name, const Lame& lame, const Vector3d& centre) {

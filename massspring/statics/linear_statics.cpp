@@ -30,7 +30,7 @@ BlockCholesky preconditioner_of(const MassSpringModel& model, const std::vector<
     return BlockCholesky(K);
   MassSpringModel p1;
   p1.network = model.network;
-  p1.tet_springs = couple_springs(X, T, lame_of(model.material), edge_coupled);
+  p1.tet_springs = couple_springs(X, T, lame_of(model.material), kEdgeCoupled);
   return BlockCholesky(stiffness_at_rest(p1, constraints));
 }
 

@@ -87,7 +87,7 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
     return K;
   }
   const TetSprings simple =
-      couple_springs(model.network.X, model.network.T, lame_of(model.material), edge_coupled);
+      couple_springs(model.network.X, model.network.T, lame_of(model.material), kEdgeCoupled);
   BlockMatrix K = make_block_matrix(static_cast<int>(state.x.cols()), pairs_of(simple));
   add_hessian(simple, state.x, K);
   return K;
@@ -156,7 +156,7 @@ void QuasiStaticSolver::predict(double load_factor, State& state) const {
   State ahead = state;
   ahead.x = last_.x + (load_factor - last_.load_factor) / way * (last_.x - before_last_.x);
   prescribe(forces_.constraints, model_.network.X, load_factor, 1, ahead.x);
-  if (residual(ahead, load_factor).norm() < residual(state, load_factor).norm()) state = ahead;
+  if (residual(ahead, load_factor).norm() < residual(state, load_factor).norm()) state = std::move(ahead);
 }
 
 StepReport QuasiStaticSolver::solve(double load_factor, State& state) {

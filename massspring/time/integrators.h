@@ -14,7 +14,7 @@ class TimeStepper {
   /// @throws std::runtime_error as find_integrator and check_contacts; for spread mass with explicit schemes;
   /// for a body without extent
   TimeStepper(const MassSpringModel& model, const Forces& forces, const std::string& integrator, double end,
-              const IntegratorOptions& options = {}, const Contacts& contacts = no_contacts);
+              const IntegratorOptions& options = {}, const Contacts& contacts = kNoContacts);
 
   /// Advances the state by h seconds; leaves it unchanged where the step diverges, which is when a position
   /// or velocity is not finite or the body a million times its size. With a tolerance in parts, each taken

@@ -7,7 +7,7 @@
 namespace testbed::massspring {
 
 struct Motion {
-  Motion(const MassSpringModel& model, const Forces& forces, const Contacts& contacts = no_contacts);
+  Motion(const MassSpringModel& model, const Forces& forces, const Contacts& contacts = kNoContacts);
 
   /// f(x, v) (N), the list of all that acts on the model.
   void forces_at(const State& state, Eigen::Matrix3Xd& f) const;

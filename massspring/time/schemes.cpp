@@ -10,7 +10,7 @@ MakeScheme make_explicit_euler, make_symplectic_euler, make_rk4, make_implicit_e
     make_midpoint, make_bdf2, make_tr_bdf2;
 
 const std::vector<Integrator>& integrators() {
-  static const std::vector<Integrator> all{
+  static const std::vector<Integrator> kAll{
       {"explicit_euler", 1, true, false, false, true, make_explicit_euler},
       {"symplectic_euler", 1, true, false, false, true, make_symplectic_euler},
       {"rk4", 4, true, false, false, true, make_rk4},
@@ -19,7 +19,7 @@ const std::vector<Integrator>& integrators() {
       {"midpoint", 2, false, false, false, false, make_midpoint},
       {"bdf2", 2, false, false, true, true, make_bdf2},
       {"tr_bdf2", 2, false, false, false, true, make_tr_bdf2}};
-  return all;
+  return kAll;
 }
 
 const Integrator& find_integrator(const std::string& name) {

@@ -21,20 +21,20 @@ struct Named {
 /// Whether an enum declares a value: of one that it does not, compilers write the number.
 template <auto value>
 constexpr bool is_declared() {
-  constexpr std::string_view text = __PRETTY_FUNCTION__, before = "value = ";
-  return text[text.find(before) + before.size()] != '(';
+  constexpr std::string_view kText = __PRETTY_FUNCTION__, kBefore = "value = ";
+  return kText[kText.find(kBefore) + kBefore.size()] != '(';
 }
 
 /// Whether an enum's table names each of its values once, which count from 0; the order is free.
 template <class Enum>
 constexpr bool is_complete() {
-  constexpr auto table = names_of(Enum());
-  for (size_t value = 0; value < table.size(); ++value) {
+  constexpr auto kTable = names_of(Enum());
+  for (size_t value = 0; value < kTable.size(); ++value) {
     int n_rows = 0;
-    for (const Named<Enum>& row : table) n_rows += row.value == static_cast<Enum>(value);
+    for (const Named<Enum>& row : kTable) n_rows += row.value == static_cast<Enum>(value);
     if (n_rows != 1) return false;
   }
-  return !is_declared<static_cast<Enum>(table.size())>();
+  return !is_declared<static_cast<Enum>(kTable.size())>();
 }
 
 /// The name of a value; every enum with a table names_of has one.

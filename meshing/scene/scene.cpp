@@ -20,9 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 
 template <class T>
-struct is_vector : std::false_type {};
+struct IsVector : std::false_type {};
 template <class T>
-struct is_vector<std::vector<T>> : std::true_type {};
+struct IsVector<std::vector<T>> : std::true_type {};
 
 /// Fills the scene's structs from a TOML table and refuses every key it was not asked for.
 class Reader {
@@ -211,11 +211,11 @@ class Reader {
         refuse(T::SizeAtCompileTime == 3 ? "three numbers [x, y, z]"
                                          : std::to_string(T::SizeAtCompileTime) + " numbers");
       // A range is that of values, not of the time in front of them.
-      constexpr bool has_time = T::SizeAtCompileTime != 3;
+      constexpr bool kHasTime = T::SizeAtCompileTime != 3;
       for (int c = 0; c < T::SizeAtCompileTime; ++c)
-        read((*array)[c], key + "." + std::to_string(c), value(c), has_time && c == 0 ? kAny : range,
+        read((*array)[c], key + "." + std::to_string(c), value(c), kHasTime && c == 0 ? kAny : range,
              meaning);
-    } else if constexpr (is_vector<T>::value) {
+    } else if constexpr (IsVector<T>::value) {
       const toml::array* array = node.as_array();
       if (!array) refuse("a list");
       value.resize(array->size());

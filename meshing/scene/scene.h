@@ -78,8 +78,8 @@ struct Load {
   Region region;
   double pressure = 0;                ///< Pa, acts against the outward normal
   Eigen::Vector3d traction{0, 0, 0};  ///< Pa
-  bool is_follower =
-      false;  ///< pressure acts on the deformed surface; the region holds whole components of it
+  /// The pressure acts on the deformed surface; the region holds whole components of it.
+  bool is_follower = false;
   std::vector<StressTerm> stress;  ///< traction = sum of its terms times the outward normal
 };
 
@@ -132,8 +132,8 @@ struct TimeOptions {
   double step = 0;                            ///< dynamic: s; 0 chooses one
   double end = 1;                             ///< dynamic: s
   std::string integrator = "implicit_euler";  ///< name of the scheme that springs are stepped by
-  double tolerance =
-      0;  ///< dynamic: error of a part of a step over the body's size; 0: steps are taken whole
+  /// Dynamic: error of a part of a step over the body's size; 0: steps are taken whole.
+  double tolerance = 0;
   double sleep_below = 0;       ///< dynamic: a body slower than this, and staying so, is not stepped (m/s)
   bool volume_gradient = true;  ///< linearised: in the matrix, else volume forces are taken as they were
   bool bend_gradient = true;    ///< the same of bending

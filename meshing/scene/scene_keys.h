@@ -51,7 +51,7 @@ inline bool is_polynomial(const std::vector<StressTerm>& terms) {
 }
 
 template <class V>
-void describe(V& v, Everywhere&) {}
+void describe(V&, Everywhere&) {}
 
 template <class V>
 void describe(V& v, Box& box) {

@@ -81,28 +81,36 @@ void neighbours(benchmark::State& state, bool is_brute_force) {
   }
 }
 
-constexpr int thousand = 1000, million = 1000000;
+constexpr int kThousand = 1000, kMillion = 1000000;
 
 }  // namespace
 
-BENCHMARK(sample)->RangeMultiplier(10)->Range(thousand, million)->Complexity()->Unit(benchmark::kMillisecond);
+BENCHMARK(sample)
+    ->RangeMultiplier(10)
+    ->Range(kThousand, kMillion)
+    ->Complexity()
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(link, pcp, Connectivity::Pcp)
     ->RangeMultiplier(10)
-    ->Range(thousand, million)
+    ->Range(kThousand, kMillion)
     ->Complexity()
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(link, completed_pcp, Connectivity::CompletedPcp)
     ->RangeMultiplier(10)
-    ->Range(thousand, million)
+    ->Range(kThousand, kMillion)
     ->Complexity()
     ->Unit(benchmark::kMillisecond);
-BENCHMARK(whole)->RangeMultiplier(10)->Range(thousand, million)->Complexity()->Unit(benchmark::kMillisecond);
+BENCHMARK(whole)
+    ->RangeMultiplier(10)
+    ->Range(kThousand, kMillion)
+    ->Complexity()
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(neighbours, k_d_tree, false)
-    ->Arg(thousand)
-    ->Arg(10 * thousand)
+    ->Arg(kThousand)
+    ->Arg(10 * kThousand)
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(neighbours, brute_force, true)
-    ->Arg(thousand)
-    ->Arg(10 * thousand)
+    ->Arg(kThousand)
+    ->Arg(10 * kThousand)
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_MAIN();

@@ -127,7 +127,7 @@ void newmark_step(benchmark::State& bench, const Case& at) {
   system.M = solid.mass();
   system.load = solid.load();
   for (const HeldComponent& h : solid.held()) system.held.push_back(3 * h.node + h.component);
-  TimeIntegrator motion(std::move(system), 1e-4, newmark);
+  TimeIntegrator motion(std::move(system), 1e-4, kNewmark);
   for (auto _ : bench) motion.step();
   bench.counters["dofs"] = solid.n_dofs();
 }

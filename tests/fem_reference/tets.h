@@ -24,7 +24,7 @@ inline double volume_of(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& t) {
 /// Values and gradients (by barycentric coordinates) of the Lagrange functions of 4 or 10 nodes in VTK's
 /// order.
 inline void shape_functions(int n, const Eigen::Vector4d& l, Eigen::VectorXd& N, Eigen::MatrixXd& dN) {
-  constexpr int edges[6][2] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
+  constexpr int kEdges[6][2] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
   N.resize(n);
   dN.setZero(n, 4);
   for (int i = 0; i < 4; ++i) {
@@ -32,7 +32,7 @@ inline void shape_functions(int n, const Eigen::Vector4d& l, Eigen::VectorXd& N,
     dN(i, i) = n == 4 ? 1 : 4 * l(i) - 1;
   }
   for (int e = 0; n == 10 && e < 6; ++e) {
-    const int i = edges[e][0], j = edges[e][1];
+    const int i = kEdges[e][0], j = kEdges[e][1];
     N(4 + e) = 4 * l(i) * l(j);
     dN(4 + e, i) = 4 * l(j);
     dN(4 + e, j) = 4 * l(i);

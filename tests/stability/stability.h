@@ -26,14 +26,14 @@ struct Method {
 };
 
 inline const std::vector<Method>& methods() {
-  static const std::vector<Method> all{
+  static const std::vector<Method> kAll{
       {"explicit_euler", "uniform", SpringLaw::Hooke, true, "explicit_euler", true},
       {"symplectic_euler", "uniform", SpringLaw::Hooke, true, "symplectic_euler", true},
       {"implicit_euler", "uniform", SpringLaw::Hooke, true, "implicit_euler", true},
       {"minimising_definite_springs", "uniform", SpringLaw::Definite, true, "minimising_euler", false},
       {"minimising_edge_coupled", "edge_coupled", SpringLaw::Hooke, false, "minimising_euler", false},
       {"minimising_node_averaged", "node_averaged", SpringLaw::Hooke, false, "minimising_euler", false}};
-  return all;
+  return kAll;
 }
 
 struct Start {
@@ -55,14 +55,14 @@ inline const std::vector<Start>& starts() {
     };
   };
   constexpr double kJitter = 1e-3;  // m: no start is so symmetric that it balances on an edge
-  static const std::vector<Start> all{
+  static const std::vector<Start> kAll{
       {"rest", scaled(1, 1, 1, kJitter)},
       {"squashed", scaled(1, 1, 0.5, kJitter)},
       {"crushed", scaled(0.05, 0.05, 0.05, 0.02)},
       {"mirrored", scaled(-1, 1, 1, kJitter)},
       {"flattened", scaled(1, 1, 0, kJitter)},
       {"random", [](const Matrix3Xd& X, Random& random) { return noise(X.cols(), 0.5, random); }}};
-  return all;
+  return kAll;
 }
 
 /// A ball of PCP springs, 102 nodes, or a jittered cube of tetrahedra, 125 nodes; 1 m, centred.

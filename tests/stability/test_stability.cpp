@@ -26,11 +26,11 @@ INSTANTIATE_TEST_SUITE_P(Ours, Stability,
 TEST_P(Stability, FromEveryStartStepsConvergeAndGainNoEnergy) {
   for (const Start& start : starts())
     for (const double h : {1e-3, 1e-1}) {
-      constexpr double E = 1e5, rounding = 1e-9;
+      constexpr double E = 1e5, kRounding = 1e-9;
       const Outcome outcome = run_cell(find_method(GetParam()), start, E, h);
       EXPECT_TRUE(outcome.name == "ok" || outcome.name == "short")
           << start.name << ' ' << h << ' ' << outcome.name;
-      EXPECT_LE(outcome.energy_ratio, 1 + rounding) << start.name << ' ' << h;
+      EXPECT_LE(outcome.energy_ratio, 1 + kRounding) << start.name << ' ' << h;
       EXPECT_GT(outcome.t, 0);
     }
 }

@@ -19,8 +19,8 @@ const ElasticLaw kFiniteLaws[] = {ElasticLaw::StVenantKirchhoff, ElasticLaw::Neo
 constexpr double kShrinkage = 0.1;
 
 const LameConstants& lame() {
-  static const LameConstants constants(Material{1000, 0.3, 1, 0});
-  return constants;
+  static const LameConstants kConstants(Material{1000, 0.3, 1, 0});
+  return kConstants;
 }
 
 const Matrix3d& deformation() {
@@ -81,11 +81,11 @@ TEST(Laws, StressAndEnergyAreZeroAtRestToTheLastBit) {
 }
 
 TEST(Laws, ABarStretchesAsYoungAndPoissonSay) {
-  constexpr double E = 1000, nu = 0.3, strain = 1e-3;
-  const Vector3d stretch(1 + strain, 1 - nu * strain, 1 - nu * strain);
+  constexpr double E = 1000, nu = 0.3, kStrain = 1e-3;
+  const Vector3d stretch(1 + kStrain, 1 - nu * kStrain, 1 - nu * kStrain);
   const ElasticResponse r = respond(ElasticLaw::SmallStrain, lame(), stretch.asDiagonal(), 0);
-  EXPECT_LT((r.P - Vector3d(E * strain, 0, 0).asDiagonal().toDenseMatrix()).norm(), 1e-12 * E);
-  EXPECT_NEAR(r.energy, E * strain * strain / 2, 1e-12 * E * strain);
+  EXPECT_LT((r.P - Vector3d(E * kStrain, 0, 0).asDiagonal().toDenseMatrix()).norm(), 1e-12 * E);
+  EXPECT_NEAR(r.energy, E * kStrain * kStrain / 2, 1e-12 * E * kStrain);
 }
 
 TEST(Laws, ResponseWithoutTheTangentIsTheSame) {

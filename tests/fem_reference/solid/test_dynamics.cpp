@@ -91,7 +91,7 @@ double error_of(const Bar& bar, const TimeScheme& scheme, int steps_per_period, 
 
 TEST(TimeIntegrator, IsOfSecondOrder) {
   const Bar bar;
-  for (const TimeScheme& scheme : {newmark, generalised_alpha(0.5)})
+  for (const TimeScheme& scheme : {kNewmark, generalised_alpha(0.5)})
     for (double damping : {0.0, 0.2}) {
       const double fine = error_of(bar, scheme, 80, damping);
       EXPECT_LT(fine, 0.02);
@@ -101,19 +101,19 @@ TEST(TimeIntegrator, IsOfSecondOrder) {
 
 // Its three unknowns of a step at once, as the method's equations stand in the paper.
 TEST(TimeIntegrator, MovesADampedOscillatorByTheSchemesRecurrence) {
-  constexpr double m = 2, k = 50, c = 3, h = 0.1, f = 7, start = 0.4, speed = -1, kRounding = 1e-12;
+  constexpr double m = 2, k = 50, c = 3, h = 0.1, f = 7, kStart = 0.4, kSpeed = -1, kRounding = 1e-12;
   const auto scalar = [](double value) {
     Eigen::SparseMatrix<double> A(1, 1);
     A.insert(0, 0) = value;
     return A;
   };
   for (bool is_by_stiffness : {false, true})
-    for (const TimeScheme& scheme : {newmark, generalised_alpha(0.8), generalised_alpha(0.3)}) {
+    for (const TimeScheme& scheme : {kNewmark, generalised_alpha(0.8), generalised_alpha(0.3)}) {
       const auto& [alpha_m, alpha_f, beta, gamma] = scheme;
       Dynamics s{scalar(k), scalar(m), 0, 0, VectorXd::Constant(1, f), {}, {}, {}};
       (is_by_stiffness ? s.stiffness_damping : s.damping) = c / (is_by_stiffness ? k : m);
       TimeIntegrator motion(s, h, scheme);
-      motion.restart(VectorXd::Constant(1, start), VectorXd::Constant(1, speed));
+      motion.restart(VectorXd::Constant(1, kStart), VectorXd::Constant(1, kSpeed));
       Eigen::Matrix3d A, B;  // A (u, v, a) = B (u, v, a)_before + (f, 0, 0)
       A << k * (1 - alpha_f), c * (1 - alpha_f), m * (1 - alpha_m),  //
           1, 0, -h * h * beta,                                       //
@@ -121,7 +121,7 @@ TEST(TimeIntegrator, MovesADampedOscillatorByTheSchemesRecurrence) {
       B << -k * alpha_f, -c * alpha_f, -m * alpha_m,  //
           1, h, h * h * (0.5 - beta),                 //
           0, 1, h * (1 - gamma);
-      Vector3d x(start, speed, (f - c * speed - k * start) / m);
+      Vector3d x(kStart, kSpeed, (f - c * kSpeed - k * kStart) / m);
       for (int n = 0; n < 30; ++n) {
         ASSERT_TRUE(motion.step());
         x = A.inverse() * (B * x + Vector3d(f, 0, 0));
@@ -138,7 +138,7 @@ TEST(TimeIntegrator, RestartsItsClock) {
   s.held_motion = [n = bar.held.size()](double t) -> VectorXd {
     return VectorXd::Constant(static_cast<Eigen::Index>(n), 0.3 * t);
   };
-  TimeIntegrator motion(s, h, newmark);
+  TimeIntegrator motion(s, h, kNewmark);
   for (int n = 0; n < 7; ++n) motion.step();
   motion.restart(VectorXd::Zero(bar.solid.n_dofs()), VectorXd::Zero(bar.solid.n_dofs()));
   EXPECT_EQ(motion.t(), 0);
@@ -154,7 +154,7 @@ TEST(TimeIntegrator, NewmarkConservesEnergy) {
   Dynamics s = bar.system();
   VectorXd start = VectorXd::Zero(bar.solid.n_dofs());
   for (int i = 0; i < bar.solid.X().cols(); ++i) start(3 * i + 1) = std::pow(bar.solid.X()(0, i), 2);
-  TimeIntegrator motion(std::move(s), 0.01, newmark);
+  TimeIntegrator motion(std::move(s), 0.01, kNewmark);
   motion.restart(VectorXd::Zero(start.size()), start);
   const double energy = motion.kinetic_energy();
   double least_kinetic = energy;
@@ -181,7 +181,7 @@ TEST(TimeIntegrator, GeneralisedAlphaDampsTheHighestMotionsAsItSays) {
     for (int n = 0; n < kSteps; ++n) motion.step();
     return motion.u().norm() / before;
   };
-  EXPECT_NEAR(left_by_half(newmark), 1, 0.01);
+  EXPECT_NEAR(left_by_half(kNewmark), 1, 0.01);
   for (double rho : {0.5, 0.8}) {
     const double left = left_by_half(generalised_alpha(rho));
     EXPECT_GE(left, 0.5 * std::pow(rho, kSteps));
@@ -196,7 +196,7 @@ TEST(TimeIntegrator, DampedMotionEndsAtEquilibrium) {
   s.load = bar.solid.load();
   const Modes modes = natural_modes(s.K, s.M, s.held, 1);
   s.damping = 4 * M_PI * modes.frequency(0);  // critical for the first mode
-  TimeIntegrator motion(std::move(s), 0.02 / modes.frequency(0), newmark);
+  TimeIntegrator motion(std::move(s), 0.02 / modes.frequency(0), kNewmark);
   for (int n = 0; n < 400; ++n) motion.step();
   const VectorXd rest = bar.solid.displacement().reshaped();
   EXPECT_LT((motion.u() - rest).norm(),
@@ -209,7 +209,7 @@ TEST(TimeIntegrator, MovesHeldUnknownsAsPrescribed) {
   s.held_motion = [n = bar.held.size()](double t) -> VectorXd {
     return VectorXd::Constant(static_cast<Eigen::Index>(n), 0.3 * t + 0.2 * t * t);
   };
-  TimeIntegrator motion(s, 0.05, newmark);
+  TimeIntegrator motion(s, 0.05, kNewmark);
   for (int n = 0; n < 20; ++n) motion.step();
   EXPECT_LT((motion.u()(s.held).array() - 0.5).abs().maxCoeff(), 1e-12);  // at t = 1
   EXPECT_LT((motion.v()(s.held).array() - 0.7).abs().maxCoeff(), 1e-12);
@@ -219,7 +219,7 @@ TEST(TimeIntegrator, MovesHeldUnknownsAsPrescribed) {
 TEST(TimeIntegrator, TakesAnAcceleratedClampForWeight) {
   constexpr double kAcceleration = 3, kNewton = 1e-6;  // each step stops at 1e-9 of the forces
   for (ElasticLaw law : {ElasticLaw::SmallStrain, ElasticLaw::NeoHookean})
-    for (const TimeScheme& scheme : {newmark, generalised_alpha(0.5)}) {
+    for (const TimeScheme& scheme : {kNewmark, generalised_alpha(0.5)}) {
       const Bar bar(law);
       Dynamics weighed = bar.system(), moved = weighed;
       VectorXd along = VectorXd::Zero(bar.solid.n_dofs());
@@ -250,7 +250,7 @@ Dynamics let_go(const Bar& bar, double weight) {
 TEST(TimeIntegrator, AtFiniteStrainTendsToSmallStrainWithTheLoad) {
   const Bar bar(ElasticLaw::NeoHookean), linear;
   const auto motion = [](const Bar& body, double weight) {
-    TimeIntegrator steps(let_go(body, weight), 0.02, newmark);
+    TimeIntegrator steps(let_go(body, weight), 0.02, kNewmark);
     VectorXd path(40 * body.solid.n_dofs());
     for (int n = 0; n < 40; ++n) {
       EXPECT_TRUE(steps.step());
@@ -269,7 +269,7 @@ TEST(TimeIntegrator, AtFiniteStrainTendsToSmallStrainWithTheLoad) {
 // On few elements, so that a step resolves the fastest of their motions.
 TEST(TimeIntegrator, AtFiniteStrainIsOfSecondOrder) {
   const Bar bar(ElasticLaw::NeoHookean, 1);
-  for (const TimeScheme& scheme : {newmark, generalised_alpha(0.5)}) {
+  for (const TimeScheme& scheme : {kNewmark, generalised_alpha(0.5)}) {
     const auto end = [&](int n_steps) {
       TimeIntegrator motion(let_go(bar, 400), 0.06 / n_steps, scheme);
       for (int n = 0; n < n_steps; ++n) EXPECT_TRUE(motion.step());
@@ -289,7 +289,7 @@ TEST(TimeIntegrator, AtFiniteStrainKeepsTheEnergyBudgetToSecondOrder) {
   const Bar bar(ElasticLaw::NeoHookean);
   const auto largest_gap = [&](int n_steps) {
     const Dynamics s = let_go(bar, 8);
-    TimeIntegrator motion(s, 1.0 / n_steps, newmark);
+    TimeIntegrator motion(s, 1.0 / n_steps, kNewmark);
     double gap = 0, work = 0;
     for (int n = 0; n < n_steps; ++n) {
       EXPECT_TRUE(motion.step());
@@ -319,7 +319,7 @@ TEST(TimeIntegrator, SpinsFreeBodiesAndKeepsTheirEnergyAndMomentumToSecondOrder)
     s.linearise = [&](const VectorXd& u, bool with_tangent) {
       return solid.linearise(u.reshaped(3, X.cols()), 1, with_tangent);
     };
-    TimeIntegrator motion(s, 6 * M_PI / kTurn / n_steps, newmark);
+    TimeIntegrator motion(s, 6 * M_PI / kTurn / n_steps, kNewmark);
     motion.restart(VectorXd::Zero(start.size()), start);
     const auto momentum = [&] {
       const VectorXd p = s.M * motion.v();
@@ -356,7 +356,7 @@ TEST(TimeIntegrator, SaysWhenAStepHasNoSolutionAndStays) {
     for (Eigen::Index k = 0; k < u.size(); k += 3) u(k) = t > 0 ? 5 : 0;
     return u;
   };
-  TimeIntegrator motion(s, 0.1, newmark);
+  TimeIntegrator motion(s, 0.1, kNewmark);
   EXPECT_FALSE(motion.step());
   EXPECT_EQ(motion.t(), 0);
   EXPECT_EQ(motion.u().norm(), 0);

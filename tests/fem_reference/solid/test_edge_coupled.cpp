@@ -23,7 +23,7 @@ class EdgeCoupled : public testing::TestWithParam<double> {};
 INSTANTIATE_TEST_SUITE_P(Nu, EdgeCoupled, testing::Values(0., 0.25, 0.3, 0.45, 0.499));
 
 TEST_P(EdgeCoupled, HasTheStiffnessOfLinearElements) {
-  constexpr double rounding = 1e-10;  // of the largest entry
+  constexpr double kRounding = 1e-10;  // of the largest entry
   const TetMesh mesh = box_tets(3, 2, 2, 0.4, 0.25);
   const Material material{1e5, GetParam(), 1000, 0};
   ElasticSolid solid(mesh, 1);
@@ -31,9 +31,9 @@ TEST_P(EdgeCoupled, HasTheStiffnessOfLinearElements) {
   const Eigen::MatrixXd expected = solid.stiffness();
   const double largest = expected.cwiseAbs().maxCoeff();
   ASSERT_GT(largest, 1e4);
-  EXPECT_LT((stiffness_of(mesh, material, edge_coupled) - expected).cwiseAbs().maxCoeff(),
-            rounding * largest);
-  EXPECT_GT((stiffness_of(mesh, material, node_averaged) - expected).cwiseAbs().maxCoeff(), 0.01 * largest)
+  EXPECT_LT((stiffness_of(mesh, material, kEdgeCoupled) - expected).cwiseAbs().maxCoeff(),
+            kRounding * largest);
+  EXPECT_GT((stiffness_of(mesh, material, kNodeAveraged) - expected).cwiseAbs().maxCoeff(), 0.01 * largest)
       << "averaged strain is another model";
 }
 

@@ -18,7 +18,7 @@ TEST(BlockMatrix, HoldsTheDiagonalAndEveryPairOnceInBothOrders) {
 }
 
 TEST(BlockMatrix, MultipliesAsADenseMatrix) {
-  constexpr double rounding = 1e-14;
+  constexpr double kRounding = 1e-14;
   constexpr int n = 5;
   Eigen::Matrix2Xi pairs(2, 3);
   pairs << 0, 1, 4,  //
@@ -34,7 +34,7 @@ TEST(BlockMatrix, MultipliesAsADenseMatrix) {
   Eigen::Matrix3Xd x(3, n), y;
   for (double& c : x.reshaped()) c = random.uniform();
   multiply(A, x, y);
-  EXPECT_LT((y.reshaped() - dense * x.reshaped()).norm(), rounding * dense.norm() * x.norm());
+  EXPECT_LT((y.reshaped() - dense * x.reshaped()).norm(), kRounding * dense.norm() * x.norm());
 }
 
 TEST(BlockMatrix, MirrorsTheUpperHalf) {

@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-constexpr double solver_tolerance = 1e-12, agreement = 1e-8;
+constexpr double kSolverTolerance = 1e-12, kAgreement = 1e-8;
 
 /// Chains of n nodes in all, their springs in three directions of stiffness k, and mass 1: hard for k large.
 BlockMatrix chain(int n, double k, int length = std::numeric_limits<int>::max()) {
@@ -92,14 +92,14 @@ TEST(BlockCholesky, AgreesWithADenseSolveAlsoForBlocksThatAreNotSymmetricAndAfte
     Matrix3Xd x;
     factor->solve(b, x);
     const Eigen::VectorXd exact = dense(A).llt().solve(b.reshaped());
-    EXPECT_LT((x.reshaped() - exact).norm(), solver_tolerance * exact.norm());
+    EXPECT_LT((x.reshaped() - exact).norm(), kSolverTolerance * exact.norm());
   }
 }
 
 // Without rounding the residual is gone after as many iterations as the matrix has different eigenvalues.
 TEST(BiConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvalues) {
   constexpr int n = 4;
-  constexpr double tolerance = 1e-9;  // rounding and the condition of the eigenvectors
+  constexpr double kTolerance = 1e-9;  // rounding and the condition of the eigenvectors
   const Eigen::Vector4d eigenvalues(1, 2, 4, 7);
   Eigen::MatrixXd V = Eigen::MatrixXd::Identity(3 * n, 3 * n);
   V += random_points(n * 3 * n, 0.2, 5).reshaped(3 * n, 3 * n);
@@ -109,10 +109,10 @@ TEST(BiConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvalues) {
   Matrix3Xd x = Matrix3Xd::Zero(3, n);
   const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) { y = (A * p.reshaped()).reshaped(3, n); };
   const auto precondition = [](const Matrix3Xd& r, Matrix3Xd& z) { z = r; };
-  const SolveReport report = bi_conjugate_gradients(product, precondition, b, x, tolerance, 100);
+  const SolveReport report = bi_conjugate_gradients(product, precondition, b, x, kTolerance, 100);
   EXPECT_TRUE(report.is_converged);
   EXPECT_EQ(report.iterations, eigenvalues.size());
-  EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), tolerance * b.norm());
+  EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), kTolerance * b.norm());
 }
 
 /// The matrix of these eigenvalues, each three times, in a random basis.
@@ -168,8 +168,8 @@ TEST(LinearSolver, AgreesWithADirectSolveWhateverItChooses) {
     const Eigen::VectorXd exact = direct(A, g, b);
     for (int repeat = 0; repeat < 2; ++repeat) {  // the second one with the factor, where that was chosen
       Matrix3Xd x = Matrix3Xd::Zero(3, n);
-      EXPECT_TRUE(solver.solve(system_of(A, g, g), b, x, solver_tolerance).is_converged);
-      EXPECT_LT((x.reshaped() - exact).norm(), agreement * exact.norm()) << "k = " << k;
+      EXPECT_TRUE(solver.solve(system_of(A, g, g), b, x, kSolverTolerance).is_converged);
+      EXPECT_LT((x.reshaped() - exact).norm(), kAgreement * exact.norm()) << "k = " << k;
     }
   }
 }
@@ -183,9 +183,9 @@ TEST(LinearSolver, AgreesWithADirectSolveWhereSinglePrecisionDoesNotReach) {
     Matrix3Xd exact, x = Matrix3Xd::Zero(3, n);
     BlockCholesky(A).solve(b, exact);
     LinearSolver solver;
-    EXPECT_TRUE(solver.solve(system_of(A, none, none), b, x, solver_tolerance).is_converged);
+    EXPECT_TRUE(solver.solve(system_of(A, none, none), b, x, kSolverTolerance).is_converged);
     EXPECT_EQ(solver.choice().rfind("block Jacobi", 0), 0u) << solver.choice();
-    EXPECT_LT((x - exact).norm(), agreement * exact.norm());
+    EXPECT_LT((x - exact).norm(), kAgreement * exact.norm());
   }
 }
 
@@ -195,13 +195,13 @@ TEST(LinearSolver, KeepsBlockJacobiWhereItIsFastAndAFactorWhereItIsNot) {
   const BlockMatrix weak = chain(n, 0.1), strong = chain(n, 1e5), stronger = chain(n, 1.1e5);
   LinearSolver soft, stiff;
   Matrix3Xd x = Matrix3Xd::Zero(3, n);
-  soft.solve(system_of(weak, none, none), b, x, solver_tolerance);
+  soft.solve(system_of(weak, none, none), b, x, kSolverTolerance);
   EXPECT_EQ(soft.choice().rfind("block Jacobi", 0), 0u) << soft.choice();
   x.setZero();
-  const int slow = stiff.solve(system_of(strong, none, none), b, x, solver_tolerance).iterations;
+  const int slow = stiff.solve(system_of(strong, none, none), b, x, kSolverTolerance).iterations;
   EXPECT_EQ(stiff.choice().rfind("Cholesky", 0), 0u) << stiff.choice();
   x.setZero();
-  const int fast = stiff.solve(system_of(stronger, none, none), b, x, solver_tolerance).iterations;
+  const int fast = stiff.solve(system_of(stronger, none, none), b, x, kSolverTolerance).iterations;
   EXPECT_LT(fast, slow / 10);
 }
 
@@ -211,7 +211,7 @@ TEST(LinearSolver, AFactorServesOnWhereConstraintsHaveComeSince) {
   const BlockMatrix A = chain(n, 1e5);
   Matrix3Xd b = random_points(n, 1, 2), x = Matrix3Xd::Zero(3, n);
   LinearSolver solver;
-  solver.solve(system_of(A, none, none), b, x, solver_tolerance);
+  solver.solve(system_of(A, none, none), b, x, kSolverTolerance);
   ASSERT_EQ(solver.choice().rfind("Cholesky", 0), 0u) << solver.choice();
 
   const std::vector<int> held{0, 120, 250};
@@ -226,7 +226,7 @@ TEST(LinearSolver, AFactorServesOnWhereConstraintsHaveComeSince) {
   system.filter = filter;
   filter(b);
   x.setZero();
-  EXPECT_TRUE(solver.solve(system, b, x, solver_tolerance).is_converged);
+  EXPECT_TRUE(solver.solve(system, b, x, kSolverTolerance).is_converged);
   Eigen::MatrixXd D = dense(A);
   for (int i : held) {
     D.middleRows<3>(3 * i).setZero();
@@ -234,7 +234,7 @@ TEST(LinearSolver, AFactorServesOnWhereConstraintsHaveComeSince) {
     D.block<3, 3>(3 * i, 3 * i).setIdentity();
   }
   const Eigen::VectorXd exact = D.llt().solve(b.reshaped());
-  EXPECT_LT((x.reshaped() - exact).norm(), agreement * exact.norm());
+  EXPECT_LT((x.reshaped() - exact).norm(), kAgreement * exact.norm());
 }
 
 TEST(LinearSolver, DropsAFactorThatWearsOutSoonerThanItIsWorth) {
@@ -263,10 +263,10 @@ TEST(LinearSolver, TakesMultigridWhereNodesAreTooManyToFactorise) {
   const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
   const BlockMatrix A = chain(n, 1e5);
   LinearSolver solver;
-  EXPECT_TRUE(solver.solve(system_of(A, none, line), b, x, solver_tolerance).is_converged);
+  EXPECT_TRUE(solver.solve(system_of(A, none, line), b, x, kSolverTolerance).is_converged);
   EXPECT_EQ(solver.choice().rfind("multigrid", 0), 0u) << solver.choice();
   BlockCholesky(A).solve(b, exact);  // a chain has no fill
-  EXPECT_LT((x - exact).norm(), agreement * exact.norm());
+  EXPECT_LT((x - exact).norm(), kAgreement * exact.norm());
 }
 
 }  // namespace

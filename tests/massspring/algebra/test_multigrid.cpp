@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-constexpr double single_rounding = 1e-5;
+constexpr double kSingleRounding = 1e-5;
 
 /// A cube of 1 m, m tetrahedra's edges wide, held on its underside: the system of a step of 0.1 s.
 struct Step {
@@ -52,7 +52,7 @@ void apply(Multigrid& multigrid, const LinearSystem& A, const Matrix3Xd& r, Matr
   PaddedField rounded_r, rounded_z;
   pad(r, 1, rounded_r);
   const double r_z = multigrid.apply(A, rounded_r, rounded_z);
-  EXPECT_NEAR(r_z, dot(rounded_r, rounded_z), single_rounding * r_z);
+  EXPECT_NEAR(r_z, dot(rounded_r, rounded_z), kSingleRounding * r_z);
   z = Matrix3Xd::Zero(3, r.cols());
   add_unpadded(rounded_z, 1, z);
 }
@@ -72,7 +72,7 @@ TEST_P(MultigridOf, IsSymmetricPositiveDefiniteAndKeepsConstraints) {
   apply(multigrid, A, v, Mv);
   const double uMv = u.cwiseProduct(Mv).sum(), size = u.norm() * Mv.norm();
   ASSERT_GT(std::abs(uMv), 1e-6 * size);
-  EXPECT_NEAR(v.cwiseProduct(Mu).sum(), uMv, single_rounding * size);
+  EXPECT_NEAR(v.cwiseProduct(Mu).sum(), uMv, kSingleRounding * size);
   EXPECT_GT(u.cwiseProduct(Mu).sum(), 0);
   for (const Constraint& c : step.forces.constraints) EXPECT_EQ(Mu.col(c.node), Eigen::Vector3d::Zero());
 }

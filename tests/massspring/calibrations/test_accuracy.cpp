@@ -16,8 +16,8 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-constexpr double patch_tolerance = 1e-10;
-constexpr double solver_tolerance = 1e-12;
+constexpr double kPatchTolerance = 1e-10;
+constexpr double kSolverTolerance = 1e-12;
 
 SpringNetwork network_of(const std::string& file) {
   SurfaceSource source;
@@ -45,7 +45,7 @@ class RealMesh : public testing::TestWithParam<const char*> {
     for (const std::string& name : fields) {
       const ExactField field = exact_field(name, lame_of(material), network.X.rowwise().mean());
       Matrix3Xd u;
-      statics.solve(traction_forces(field.stress, network.X, network.F), u, solver_tolerance);
+      statics.solve(traction_forces(field.stress, network.X, network.F), u, kSolverTolerance);
       result.push_back(surface_error(u, displacements(field, network.X), network.X, network.F).l2);
     }
     return result;
@@ -60,19 +60,19 @@ INSTANTIATE_TEST_SUITE_P(Accuracy, RealMesh,
 TEST_P(RealMesh, PatchTestsAreExact) {
   for (double nu : {0., 0.3, 0.49})
     for (double error : errors("node_averaged", nu, {"pressure", "uniaxial", "shear"}))
-      EXPECT_LT(error, patch_tolerance) << " nu " << nu;
+      EXPECT_LT(error, kPatchTolerance) << " nu " << nu;
 }
 
 TEST_P(RealMesh, AveragingBeatsLinearElementsAndDoesNotLock) {
-  constexpr double largest_ratio = 0.65,
-                   largest_growth = 1.5;  // bars of the study: 0.6 and 1.5; coarse meshes here
+  constexpr double kLargestRatio = 0.65,
+                   kLargestGrowth = 1.5;  // bars of the study: 0.6 and 1.5; coarse meshes here
   const std::vector<std::string> fields{"bending", "torsion", "cubic_harmonic"};
   const std::vector<double> p1 = errors("edge_coupled", 0.25, fields);
   const std::vector<double> averaged = errors("node_averaged", 0.25, fields);
   const std::vector<double> stiff = errors("node_averaged", 0.49, fields);
   for (std::size_t k = 0; k < fields.size(); ++k) {
-    EXPECT_LT(averaged[k], largest_ratio * p1[k]) << fields[k];
-    EXPECT_LT(stiff[k], largest_growth * averaged[k]) << fields[k];
+    EXPECT_LT(averaged[k], kLargestRatio * p1[k]) << fields[k];
+    EXPECT_LT(stiff[k], kLargestGrowth * averaged[k]) << fields[k];
   }
 }
 

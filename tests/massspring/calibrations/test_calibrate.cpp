@@ -14,7 +14,7 @@
 namespace testbed::massspring {
 namespace {
 
-constexpr double rounding = 1e-10;
+constexpr double kRounding = 1e-10;
 
 SpringNetwork network_of(const TetMesh& mesh) {
   SpringNetwork network{mesh.X, mesh.F, {}, mesh.T, mesh.n_surface};
@@ -52,7 +52,7 @@ INSTANTIATE_TEST_SUITE_P(Calibrate, EveryCalibration, testing::ValuesIn(calibrat
 TEST_P(EveryCalibration, TotalMassIsExact) {
   const MassSpringModel model = model_of(GetParam().name);
   EXPECT_NEAR(model.mass.sum(), model.material.rho * lumped_mass(model.network.X, model.network.T, 1).sum(),
-              rounding);
+              kRounding);
 }
 
 TEST_P(EveryCalibration, StiffnessScalesWithYoungsModulus) {
@@ -90,8 +90,8 @@ TEST(Calibrate, WithoutTetrahedraSurfaceNodesWeighByTheirAreaHalfAsMuchAsInnerOn
   const MassSpringModel model = calibrate(network, material_of(0.25), find_calibration("affine"));
   const Eigen::VectorXd areas = (Eigen::VectorXd(4) << 5.5, 7.5, 8, 6).finished() / 6.75;  // mean 1
   const double total = model.material.rho * 2 * 3 * 1 / 6, inner = total / (1 + 4 * 0.5);
-  EXPECT_NEAR(model.mass(4), inner, rounding);
-  EXPECT_LT((model.mass.head(4) - inner / 2 * areas).norm(), rounding);
+  EXPECT_NEAR(model.mass(4), inner, kRounding);
+  EXPECT_LT((model.mass.head(4) - inner / 2 * areas).norm(), kRounding);
 }
 
 TEST(Calibrate, SumOfStiffnessTimesSquaredLengthIsThatOfTheContinuum) {
@@ -100,7 +100,7 @@ TEST(Calibrate, SumOfStiffnessTimesSquaredLengthIsThatOfTheContinuum) {
     const double V = lumped_mass(model.network.X, model.network.T, 1).sum(), mu = model.material.E / 2.5;
     EXPECT_NEAR(
         model.springs->stiffness.dot(squared_lengths(model.network.X, model.springs->E)) / (15 * V * mu), 1,
-        rounding)
+        kRounding)
         << name;
   }
 }
@@ -115,7 +115,7 @@ TEST(Calibrate, LloydIsVanGelderTimes24By25OnARegularTetrahedron) {
   const auto k = [&](const char* name) {
     return calibrate(network, material_of(0.25), find_calibration(name)).springs->stiffness.eval();
   };
-  EXPECT_LT((k("lloyd") - 24. / 25 * k("van_gelder")).norm(), rounding * k("lloyd").norm());
+  EXPECT_LT((k("lloyd") - 24. / 25 * k("van_gelder")).norm(), kRounding * k("lloyd").norm());
 }
 
 TEST(Calibrate, MomentFitNearlyPassesThePatchTestWhereVanGelderFails) {
@@ -124,9 +124,9 @@ TEST(Calibrate, MomentFitNearlyPassesThePatchTestWhereVanGelderFails) {
   EXPECT_GT(van_gelder.uniaxial_error, 0.05);
   EXPECT_LT(moment.uniaxial_error, van_gelder.uniaxial_error / 5);
   EXPECT_GE(model.springs->stiffness.minCoeff(), 0);
-  constexpr double coarse = 0.1;  // as few nodes leave of bending and torsion
-  EXPECT_NEAR(moment.bending_compliance, 1, coarse);
-  EXPECT_NEAR(moment.torsion_compliance, 1, coarse);
+  constexpr double kCoarse = 0.1;  // as few nodes leave of bending and torsion
+  EXPECT_NEAR(moment.bending_compliance, 1, kCoarse);
+  EXPECT_NEAR(moment.torsion_compliance, 1, kCoarse);
 }
 
 /// What the moment fit wants of springs E, written out: min |A q - b|^2 / (2 rho) + |q - 1|^2 / 2, q >= 0.
@@ -137,7 +137,7 @@ struct MomentFit {
 };
 
 MomentFit moment_fit(const SpringNetwork& network, double mu) {
-  constexpr double quadratic_weight = 0.1;
+  constexpr double kQuadraticWeight = 0.1;
   const Eigen::Matrix3Xd& X = network.X;
   const Eigen::Index n = X.cols();
   const Eigen::VectorXd V = lumped_mass(X, network.T, 1);
@@ -195,7 +195,7 @@ MomentFit moment_fit(const SpringNetwork& network, double mu) {
           add_row(i, 1 / (mu * std::pow(V[i], 2. / 3)), -(N[a] * I(b, c) + N[b] * I(a, c) + N[c] * I(a, b)),
                   [&](const Eigen::Vector3d& l) { return l[a] * l[b] * l[c] / l.squaredNorm(); });
           for (int d = c; d < 3; ++d)
-            add_row(i, quadratic_weight / (mu * V[i]),
+            add_row(i, kQuadraticWeight / (mu * V[i]),
                     I(a, b) * H[i](c, d) + I(a, c) * H[i](b, d) + I(a, d) * H[i](b, c) +
                         I(b, c) * H[i](a, d) + I(b, d) * H[i](a, c) + I(c, d) * H[i](a, b),
                     [&](const Eigen::Vector3d& l) { return l[a] * l[b] * l[c] * l[d] / l.squaredNorm(); });
@@ -210,7 +210,7 @@ MomentFit moment_fit(const SpringNetwork& network, double mu) {
 }
 
 TEST(Calibrate, MomentFitIsThatOfItsEquationsWrittenOut) {
-  constexpr double rho = 1e-4, fit_tolerance = 1e-5;  // the fit stops at a residual of 1e-6, often far below
+  constexpr double rho = 1e-4, kFitTolerance = 1e-5;  // the fit stops at a residual of 1e-6, often far below
   const SpringNetwork network = network_of(box_tets(2, 2, 2, 0.4, 0.2));
   const MassSpringModel model = calibrate(network, material_of(0.25), find_calibration("moment"));
   const MomentFit fit = moment_fit(network, model.material.E / 2.5);
@@ -231,10 +231,10 @@ TEST(Calibrate, MomentFitIsThatOfItsEquationsWrittenOut) {
     const int s = used[k];
     error = std::max(error, std::abs(found.at({fit.E(0, s), fit.E(1, s)}) / fit.k_affine[s] - q[k]));
   }
-  EXPECT_LT(error, fit_tolerance * q.maxCoeff());
+  EXPECT_LT(error, kFitTolerance * q.maxCoeff());
   // Springs that are not there would have to be negative.
   const Eigen::VectorXd wished = (1 + (fit.A.transpose() * (fit.b - A * q)).array() / rho)(unused);
-  EXPECT_LT(wished.maxCoeff(), fit_tolerance * q.maxCoeff());
+  EXPECT_LT(wished.maxCoeff(), kFitTolerance * q.maxCoeff());
 }
 
 TEST(Calibrate, DilatationTermRaisesTheBulkModulusOfSprings) {
@@ -252,11 +252,11 @@ TEST(Calibrate, DilatationTermRaisesTheBulkModulusOfSprings) {
 }
 
 TEST(Calibrate, LinksBesideCoupledSpringsKeepTheBulkModulus) {
-  constexpr double kStrain = 1e-5, share = 0.3;
+  constexpr double kStrain = 1e-5, kShare = 0.3;
   const SpringNetwork network = network_of(box_tets(4, 3, 3, 0.4, 0.2));
   for (double nu : {0.25, 0.45}) {
     const Calibration& calibration = find_calibration("node_averaged");
-    const MassSpringModel model = calibrate_with_links(network, material_of(nu), calibration, share);
+    const MassSpringModel model = calibrate_with_links(network, material_of(nu), calibration, kShare);
     State state = initial_state(model);
     state.x *= 1 + kStrain;
     const double V = lumped_mass(network.X, network.T, 1).sum();
@@ -264,11 +264,11 @@ TEST(Calibrate, LinksBesideCoupledSpringsKeepTheBulkModulus) {
     EXPECT_NEAR(elastic_energy(model, state) / expected, 1, 1e-3) << nu;  // third-order terms
     const double by_links = energy(*model.springs, state.rest_length, state.x) / expected;
     const auto [lambda, mu] = lame_of(model.material);
-    EXPECT_NEAR(by_links, share * 5 * mu / (3 * lambda + 2 * mu), 1e-3) << nu;
+    EXPECT_NEAR(by_links, kShare * 5 * mu / (3 * lambda + 2 * mu), 1e-3) << nu;
   }
-  EXPECT_THROW(calibrate_with_links(network, material_of(0.1), find_calibration("node_averaged"), share),
+  EXPECT_THROW(calibrate_with_links(network, material_of(0.1), find_calibration("node_averaged"), kShare),
                std::runtime_error);
-  EXPECT_THROW(calibrate_with_links(network, material_of(0.3), find_calibration("van_gelder"), share),
+  EXPECT_THROW(calibrate_with_links(network, material_of(0.3), find_calibration("van_gelder"), kShare),
                std::runtime_error);
 }
 

@@ -115,16 +115,18 @@ struct SlidingCube : Cube {
 };
 
 TEST_P(ContactOf, OnAnInclineItStopsJustAboveTheAngleOfFrictionAndSpeedsUpJustBelow) {
-  constexpr double g = SlidingCube::g, c = SlidingCube::c, start = 0.3;
+  constexpr double g = SlidingCube::g, c = SlidingCube::c, kStart = 0.3;
   const double angle = std::atan(0.5);
   for (const double friction : {0.55, 0.45}) {
     SlidingCube cube(GetParam(), angle, floor_with(friction));
-    cube.state.v.row(0).setConstant(start);
+    cube.state.v.row(0).setConstant(kStart);
     const double a = g * (std::sin(angle) - friction * std::cos(angle));
     const double first = cube.run_for(0.5), second = cube.run_for(0.5);
-    const auto way = [&](double t) { return a / c * t + (start / c - a / (c * c)) * (1 - std::exp(-c * t)); };
+    const auto way = [&](double t) {
+      return a / c * t + (kStart / c - a / (c * c)) * (1 - std::exp(-c * t));
+    };
     if (friction > 0.5) {
-      const double stop = std::log(1 - c * start / a) / c;  // v = a/c + (start - a/c) e^-ct
+      const double stop = std::log(1 - c * kStart / a) / c;  // v = a/c + (start - a/c) e^-ct
       EXPECT_NEAR(first, way(stop), 0.02 * way(stop));
       EXPECT_LT(std::abs(second), 0.01 * way(stop));
     } else {
@@ -135,16 +137,16 @@ TEST_P(ContactOf, OnAnInclineItStopsJustAboveTheAngleOfFrictionAndSpeedsUpJustBe
 }
 
 TEST_P(ContactOf, AMovingPlateDragsTheBodyUntilItMovesWithThePlate) {
-  constexpr double friction = 0.3, speed = 0.3, a = friction * SlidingCube::g, c = SlidingCube::c;
-  Obstacle plate = floor_with(friction);
-  plate.motion = {{0, 0, 0, 0}, {10, 10 * speed, 0, 0}};
+  constexpr double kFriction = 0.3, kSpeed = 0.3, a = kFriction * SlidingCube::g, c = SlidingCube::c;
+  Obstacle plate = floor_with(kFriction);
+  plate.motion = {{0, 0, 0, 0}, {10, 10 * kSpeed, 0, 0}};
   SlidingCube cube(GetParam(), 0, plate);
-  EXPECT_LT(cube.state.v.row(0).norm(), 1e-4 * speed) << "no friction yet";
-  const double until = -std::log(1 - c * speed / a) / c;  // v = a/c (1 - e^-ct)
-  const double slip = speed * until - a / c * until + a / (c * c) * (1 - std::exp(-c * until));
+  EXPECT_LT(cube.state.v.row(0).norm(), 1e-4 * kSpeed) << "no friction yet";
+  const double until = -std::log(1 - c * kSpeed / a) / c;  // v = a/c (1 - e^-ct)
+  const double slip = kSpeed * until - a / c * until + a / (c * c) * (1 - std::exp(-c * until));
   const double way = cube.run_for(0.5);
-  EXPECT_NEAR(0.5 * speed - way, slip, 0.02 * slip);
-  EXPECT_NEAR(cube.run_for(0.2), 0.2 * speed, 0.01 * slip);
+  EXPECT_NEAR(0.5 * kSpeed - way, slip, 0.02 * slip);
+  EXPECT_NEAR(cube.run_for(0.2), 0.2 * kSpeed, 0.01 * slip);
 }
 
 TEST_P(ContactOf, AThinPlateIsNotMissedByAFastBody) {
@@ -194,8 +196,8 @@ struct Column {
 TEST(Touches, ANodeInTouchFollowsItsSupportAlongTheFloor) {
   Column column(0);
   const Vector3d p = Vector3d(1, -1, 0) / std::sqrt(2.0);
-  constexpr double h = 0.01, begin = 0.1, speed = 0.2;
-  Path path{{0, 0, 0, 0}, {begin, 0, 0, 0}, {begin + 1, speed * p(0), speed * p(1), 0}};
+  constexpr double h = 0.01, kBegin = 0.1, kSpeed = 0.2;
+  Path path{{0, 0, 0, 0}, {kBegin, 0, 0, 0}, {kBegin + 1, kSpeed * p(0), kSpeed * p(1), 0}};
   const auto motion = std::make_shared<const Path>(path);
   column.forces.constraints.push_back({0,
                                        Eigen::Matrix3d::Identity() - p * p.transpose(),
@@ -207,24 +209,24 @@ TEST(Touches, ANodeInTouchFollowsItsSupportAlongTheFloor) {
   for (int i = 1; i <= 40; ++i) {
     ASSERT_EQ(stepper.step(state, h).status, Status::Ok);
     if (i < 5) continue;  // it comes into touch
-    const double way = std::sqrt(2.0) * speed * std::max(0.0, state.t - begin);
+    const double way = std::sqrt(2.0) * kSpeed * std::max(0.0, state.t - kBegin);
     EXPECT_LT((state.x.col(0) - Vector3d(way, 0, 0)).norm(), 1e-9) << state.t;
   }
 }
 
 TEST(Touches, ANodeThatHasNotSlippedAtAllSticks) {
-  constexpr double friction = 0.5, weight = 30;
-  Column column(friction);
+  constexpr double kFriction = 0.5, kWeight = 30;
+  Column column(kFriction);
   TimeStepper stepper(column.model, column.forces, "implicit_euler", 1, {1e-13}, column.contacts);
   State state = initial_state(column.model);
   const auto run = [&](int n_steps) {
     for (int i = 0; i < n_steps; ++i) ASSERT_EQ(stepper.step(state, 0.01).status, Status::Ok);
   };
   run(50);
-  column.forces.load(0, 0) = 0.9 * friction * weight;
+  column.forces.load(0, 0) = 0.9 * kFriction * kWeight;
   run(50);
   EXPECT_EQ(state.x(0, 0), 0);
-  column.forces.load(0, 0) = 1.1 * friction * weight;
+  column.forces.load(0, 0) = 1.1 * kFriction * kWeight;
   run(50);
   EXPECT_GT(state.x(0, 0), 0.01);
 }

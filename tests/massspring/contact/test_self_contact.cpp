@@ -188,13 +188,13 @@ TEST_F(TwoBalls, PotentialOfAMotionHasAllItsUndampedForcesAsNegativeGradient) {
 }
 
 TEST(SurfaceContact, NearestPointsOfTwoTrianglesAreThoseOfABruteForceSearch) {
-  constexpr double thickness = 0.3, far = 100;
-  MassSpringModel model = crossing_triangles(0, far);
+  constexpr double kThickness = 0.3, kFar = 100;
+  MassSpringModel model = crossing_triangles(0, kFar);
   for (int trial = 0; trial < 150; ++trial) {
     const Matrix3Xd x = random_points(6, 0.7, trial);
-    SurfaceContact contact(model, thickness);  // that has seen no earlier side of them
+    SurfaceContact contact(model, kThickness);  // that has seen no earlier side of them
     contact.begin_step(x);
-    expect_same(touching_pairs(contact, x), near_pairs(model.network.F, x, thickness));
+    expect_same(touching_pairs(contact, x), near_pairs(model.network.F, x, kThickness));
   }
 }
 
@@ -246,10 +246,10 @@ TEST_F(TwoBalls, AThinGapAtRestGivesNoForceAndPairsFartherApartDo) {
 // those of a spring. The second angle's sine is below a tenth, where parallel edges begin to be smoothed
 // away.
 TEST(SurfaceContact, StiffnessIsTheSlopeOfTheForceAlsoOfNearlyParallelEdges) {
-  constexpr double thickness = 0.05, step = 1e-3;
+  constexpr double kThickness = 0.05, kStep = 1e-3;
   for (const double angle : {1.0, 0.07}) {
     const MassSpringModel model = crossing_triangles(angle, 2);
-    SurfaceContact contact(model, thickness);
+    SurfaceContact contact(model, kThickness);
     const auto at = [&](double gap) {
       Matrix3Xd x = model.network.X;
       x.leftCols(3).row(2).array() += gap - 2;
@@ -263,7 +263,7 @@ TEST(SurfaceContact, StiffnessIsTheSlopeOfTheForceAlsoOfNearlyParallelEdges) {
     contact.begin_step(at(0.04));
     const std::vector<NearPair> pairs = contact.touching(at(0.04));
     ASSERT_EQ(pairs.size(), 1u) << angle;
-    const double slope = (lift(0.04 - step) - lift(0.04 + step)) / (2 * step);
+    const double slope = (lift(0.04 - kStep) - lift(0.04 + kStep)) / (2 * kStep);
     EXPECT_NEAR(pairs[0].stiffness, slope, 1e-9 * slope) << angle;  // the force is linear
     double mean_edge = 0;
     for (const auto& e : model.springs->E.colwise())

@@ -16,7 +16,7 @@ using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 
-constexpr int n_load_steps = 10;
+constexpr int kLoadSteps = 10;
 
 MassSpringModel cube(int n, const std::string& name, double nu) {
   const TetMesh mesh = box_tets(n, n, n, 1. / n, 0.1);
@@ -47,8 +47,8 @@ struct Outcome {
 Outcome solve(const MassSpringModel& model, const Forces& forces) {
   Outcome outcome{initial_state(model)};
   QuasiStaticSolver solver(model, forces);
-  for (int k = 1; k <= n_load_steps; ++k) {
-    const StepReport report = solver.solve(static_cast<double>(k) / n_load_steps, outcome.state);
+  for (int k = 1; k <= kLoadSteps; ++k) {
+    const StepReport report = solver.solve(static_cast<double>(k) / kLoadSteps, outcome.state);
     outcome.newton_iterations += report.newton_iterations;
     outcome.is_ok = outcome.is_ok && report.status == Status::Ok;
   }
@@ -56,7 +56,7 @@ Outcome solve(const MassSpringModel& model, const Forces& forces) {
 }
 
 double smallest_tet_jacobian(const MassSpringModel& model, const State& state) {
-  return smallest_jacobian(couple_springs(model.network.X, model.network.T, {1, 1}, edge_coupled), state.x);
+  return smallest_jacobian(couple_springs(model.network.X, model.network.T, {1, 1}, kEdgeCoupled), state.x);
 }
 
 class CoupledModel : public testing::TestWithParam<const char*> {};
@@ -82,7 +82,7 @@ TEST_P(CoupledModel, HomogeneousBoundaryGivesHomogeneousInside) {
 }
 
 TEST_P(CoupledModel, SixtyPercentCrushAndThreefoldStretchConvergeWithoutInversion) {
-  constexpr int n = 4, most_newton_iterations = 8 * n_load_steps;
+  constexpr int n = 4, kMostNewtonIterations = 8 * kLoadSteps;
   for (double nu : {0.25, 0.45})
     for (double shift : {-0.6, 2.}) {
       const MassSpringModel model = cube(n, GetParam(), nu);
@@ -95,26 +95,26 @@ TEST_P(CoupledModel, SixtyPercentCrushAndThreefoldStretchConvergeWithoutInversio
       const Outcome outcome = solve(model, forces);
       EXPECT_TRUE(outcome.is_ok) << "nu " << nu << " shift " << shift;
       EXPECT_GT(smallest_tet_jacobian(model, outcome.state), 0) << "nu " << nu << " shift " << shift;
-      EXPECT_LT(outcome.newton_iterations, most_newton_iterations);
+      EXPECT_LT(outcome.newton_iterations, kMostNewtonIterations);
     }
 }
 
 TEST_P(CoupledModel, PullThatFollowsTheSurfaceInflatesByTheLaw) {
   constexpr int n = 3;
-  constexpr double volume_ratio = 1.4, stretch = 1.1186889420813968;  // its cube root
+  constexpr double kVolumeRatio = 1.4, kStretch = 1.1186889420813968;  // its cube root
   constexpr double kTolerance = 1e-6;
-  constexpr int most_newton_iterations = 5 * n_load_steps;  // quadratic: the pull's own stiffness counts
+  constexpr int kMostNewtonIterations = 5 * kLoadSteps;  // quadratic: the pull's own stiffness counts
   const MassSpringModel model = cube(n, GetParam(), 0.3);
   const auto [lambda, mu] = lame_of(model.material);
   Forces forces = no_forces(model);
   forces.constraints = hold_rigid_motion(model.network.X);
-  const double pull = mu / stretch + lambda / 2 * volume_ratio - (mu + lambda / 2) / volume_ratio;
+  const double pull = mu / kStretch + lambda / 2 * kVolumeRatio - (mu + lambda / 2) / kVolumeRatio;
   forces.followers.push_back({-pull, model.network.F});
   const Outcome outcome = solve(model, forces);
   EXPECT_TRUE(outcome.is_ok);
-  EXPECT_LT(outcome.newton_iterations, most_newton_iterations);
+  EXPECT_LT(outcome.newton_iterations, kMostNewtonIterations);
   EXPECT_NEAR(volume(outcome.state.x, model.network.F),
-              volume_ratio * volume(model.network.X, model.network.F), kTolerance);
+              kVolumeRatio * volume(model.network.X, model.network.F), kTolerance);
 }
 
 }  // namespace

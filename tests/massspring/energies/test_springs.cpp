@@ -12,9 +12,9 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-constexpr double difference_step = 1e-5;  // central differences: error about 1e-10 of the third derivative
-constexpr double difference_tolerance = 1e-6;
-constexpr double rounding = 1e-12;
+constexpr double kDifferenceStep = 1e-5;  // central differences: error about 1e-10 of the third derivative
+constexpr double kDifferenceTolerance = 1e-6;
+constexpr double kRounding = 1e-12;
 
 class EverySpringLaw : public testing::TestWithParam<SpringLaw> {
  protected:
@@ -35,10 +35,10 @@ class EverySpringLaw : public testing::TestWithParam<SpringLaw> {
     ASSERT_GT(K.norm(), 1);
     for (int k = 0; k < x.size(); ++k) {
       Matrix3Xd up = x, down = x;
-      up(k) += difference_step;
-      down(k) -= difference_step;
-      const Matrix3Xd column = (forces(up) - forces(down)) / (2 * difference_step);
-      EXPECT_LT((K.col(k) + column.reshaped()).norm(), difference_tolerance * K.norm());
+      up(k) += kDifferenceStep;
+      down(k) -= kDifferenceStep;
+      const Matrix3Xd column = (forces(up) - forces(down)) / (2 * kDifferenceStep);
+      EXPECT_LT((K.col(k) + column.reshaped()).norm(), kDifferenceTolerance * K.norm());
     }
   }
 
@@ -59,10 +59,10 @@ TEST_P(EverySpringLaw, ForceIsMinusEnergyGradient) {
     ASSERT_GT(f.norm(), 1);
     for (int k = 0; k < x.size(); ++k) {
       Matrix3Xd up = x, down = x;
-      up(k) += difference_step;
-      down(k) -= difference_step;
-      const double slope = (energy(springs, rest, up) - energy(springs, rest, down)) / (2 * difference_step);
-      EXPECT_NEAR(f(k), -slope, difference_tolerance * f.norm());
+      up(k) += kDifferenceStep;
+      down(k) -= kDifferenceStep;
+      const double slope = (energy(springs, rest, up) - energy(springs, rest, down)) / (2 * kDifferenceStep);
+      EXPECT_NEAR(f(k), -slope, kDifferenceTolerance * f.norm());
     }
   }
 }
@@ -77,23 +77,23 @@ TEST_P(EverySpringLaw, ExactHessianIsMinusForceGradientAlsoUnderCompression) {
 
 TEST_P(EverySpringLaw, BlocksApplyAsTheMatrixTheyForm) {
   const Matrix3Xd p = random_points(5, 1, 5);
-  constexpr double scale = 2.5;
-  const SpringBlocks B = massspring::hessian(springs, rest, crushed, scale);
+  constexpr double kScale = 2.5;
+  const SpringBlocks B = massspring::hessian(springs, rest, crushed, kScale);
   Matrix3Xd y = Matrix3Xd::Zero(3, 5);
   add_product(springs, B, p, y);
-  const Eigen::VectorXd expected = scale * hessian(crushed) * p.reshaped();
+  const Eigen::VectorXd expected = kScale * hessian(crushed) * p.reshaped();
   ASSERT_GT(expected.norm(), 1);
-  EXPECT_LT((y.reshaped() - expected).norm(), rounding * expected.norm());
+  EXPECT_LT((y.reshaped() - expected).norm(), kRounding * expected.norm());
   std::vector<Eigen::Matrix3d> diagonal(5, Eigen::Matrix3d::Zero());
   add_diagonal(springs, B, diagonal);
   for (int i = 0; i < 5; ++i)
-    EXPECT_LT((diagonal[i] - scale * hessian(crushed).block<3, 3>(3 * i, 3 * i)).norm(),
-              rounding * diagonal[i].norm());
+    EXPECT_LT((diagonal[i] - kScale * hessian(crushed).block<3, 3>(3 * i, 3 * i)).norm(),
+              kRounding * diagonal[i].norm());
 }
 
 TEST_P(EverySpringLaw, HessianStaysSemidefiniteUnderCompression) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(hessian(crushed));
-  EXPECT_GT(eigen.eigenvalues().minCoeff(), -rounding * eigen.eigenvalues().maxCoeff());
+  EXPECT_GT(eigen.eigenvalues().minCoeff(), -kRounding * eigen.eigenvalues().maxCoeff());
   EXPECT_GT(eigen.eigenvalues().maxCoeff(), 1);
 }
 
@@ -102,8 +102,8 @@ TEST_P(EverySpringLaw, LinearAndAngularMomentumAreKept) {
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();
   for (int i = 0; i < 5; ++i) torque += crushed.col(i).cross(f.col(i));
   ASSERT_GT(f.norm(), 1);
-  EXPECT_LT(f.rowwise().sum().norm(), rounding * f.norm());
-  EXPECT_LT(torque.norm(), rounding * f.norm());
+  EXPECT_LT(f.rowwise().sum().norm(), kRounding * f.norm());
+  EXPECT_LT(torque.norm(), kRounding * f.norm());
 }
 
 TEST_P(EverySpringLaw, ASpringOfNoLengthExertsNoForce) {
@@ -115,21 +115,21 @@ TEST_P(EverySpringLaw, ASpringOfNoLengthExertsNoForce) {
   springs = Springs{springs.E.rightCols(9).eval(), springs.stiffness.tail(9).eval(), 0, GetParam()};
   rest = rest.tail(9).eval();
   ASSERT_GT(f.norm(), 1);
-  EXPECT_LT((forces(x) - f).norm(), rounding * f.norm()) << "not those of the other springs";
-  EXPECT_LT((hessian(x) - K).norm(), rounding * K.norm());
+  EXPECT_LT((forces(x) - f).norm(), kRounding * f.norm()) << "not those of the other springs";
+  EXPECT_LT((hessian(x) - K).norm(), kRounding * K.norm());
 }
 
 TEST(Springs, DefiniteLawHasTheStiffnessOfHookesAtRest) {
   Springs one{Eigen::Vector2i(0, 1), Eigen::VectorXd::Constant(1, 7), 0, SpringLaw::Definite};
   const Eigen::VectorXd rest = Eigen::VectorXd::Constant(1, 2);
   Matrix3Xd x = Matrix3Xd::Zero(3, 2), f = Matrix3Xd::Zero(3, 2);
-  x(0, 1) = 2 - difference_step;
+  x(0, 1) = 2 - kDifferenceStep;
   add_forces(one, rest, x, f);
-  EXPECT_NEAR(f(0, 1) / difference_step, 7, 1e-3);  // the law's next term is 2.5 difference_step / rest
+  EXPECT_NEAR(f(0, 1) / kDifferenceStep, 7, 1e-3);  // the law's next term is 2.5 difference_step / rest
   x(0, 1) = 1;                                      // k l0/4 (1 - 2^4)
   f.setZero();
   add_forces(one, rest, x, f);
-  EXPECT_NEAR(f(0, 1), 7 * 2 / 4. * 15, rounding * 100);
+  EXPECT_NEAR(f(0, 1), 7 * 2 / 4. * 15, kRounding * 100);
 }
 
 // Its energy is the work from rest, the integral of k l0/4 (1 - (l0/l)^4): not merely what has that slope.
@@ -142,9 +142,9 @@ TEST(Springs, DefiniteLawHasNoEnergyAtRestAndNoneOfItIsAddedThere) {
     return energy(one, rest, x);
   };
   EXPECT_EQ(energy_at(2), 0);
-  EXPECT_NEAR(energy_at(2 - 1e-9), 0, rounding);
-  EXPECT_NEAR(energy_at(1), 7 * 2 / 4. * (1 - 2 + (2 * 2 * 2 - 1) * 2 / 3.), rounding);
-  EXPECT_NEAR(energy_at(3), 7 / 2., rounding);
+  EXPECT_NEAR(energy_at(2 - 1e-9), 0, kRounding);
+  EXPECT_NEAR(energy_at(1), 7 * 2 / 4. * (1 - 2 + (2 * 2 * 2 - 1) * 2 / 3.), kRounding);
+  EXPECT_NEAR(energy_at(3), 7 / 2., kRounding);
 }
 
 TEST(Springs, DampingMatrixIsMinusForceGradientByVelocityAndItsPowerIsLost) {
@@ -156,10 +156,10 @@ TEST(Springs, DampingMatrixIsMinusForceGradientByVelocityAndItsPowerIsLost) {
   add_damping_forces(springs, x, v, f);
   ASSERT_GT(f.norm(), 0.1);
   BlockMatrix D = make_block_matrix(5, model.springs->E);
-  constexpr double scale = 2.5;
-  add_blocks(springs, damping_matrix(springs, x, scale), D);
-  EXPECT_LT((dense(D) * v.reshaped() + scale * f.reshaped()).norm(), rounding * scale * f.norm());
-  EXPECT_NEAR(damping_power(springs, x, v), -f.cwiseProduct(v).sum(), rounding * 100);
+  constexpr double kScale = 2.5;
+  add_blocks(springs, damping_matrix(springs, x, kScale), D);
+  EXPECT_LT((dense(D) * v.reshaped() + kScale * f.reshaped()).norm(), kRounding * kScale * f.norm());
+  EXPECT_NEAR(damping_power(springs, x, v), -f.cwiseProduct(v).sum(), kRounding * 100);
 }
 
 }  // namespace

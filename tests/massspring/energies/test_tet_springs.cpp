@@ -14,8 +14,8 @@ using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 
-constexpr double rounding = 1e-10;  // sums of some 1e3 terms in double precision, with room
-const Lame soft{2.0, 1.0};
+constexpr double kRounding = 1e-10;  // sums of some 1e3 terms in double precision, with room
+const Lame kSoft{2.0, 1.0};
 
 Matrix3Xd random_field(Eigen::Index n, double size, std::uint64_t seed) {
   Random random(seed);
@@ -31,8 +31,8 @@ Matrix3d some_rotation() {
 /// psi(F) for det F > 0.1 (J/m3).
 double soft_energy_density(const Matrix3d& F) {
   const double J = F.determinant();
-  return soft.mu / 2 * (F.squaredNorm() - 3) + soft.lambda / 4 * (J * J - 1) -
-         (soft.mu + soft.lambda / 2) * std::log(J);
+  return kSoft.mu / 2 * (F.squaredNorm() - 3) + kSoft.lambda / 4 * (J * J - 1) -
+         (kSoft.mu + kSoft.lambda / 2) * std::log(J);
 }
 
 struct NamedBlend {
@@ -43,7 +43,7 @@ struct NamedBlend {
 class EveryBlend : public testing::TestWithParam<NamedBlend> {
  protected:
   TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.15);
-  TetSprings springs = couple_springs(mesh.X, mesh.T, soft, GetParam().blend);
+  TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, GetParam().blend);
   const Eigen::VectorXd no_scale;
   /// Of each patch, half as large to half again as large.
   const Eigen::VectorXd scales = Eigen::VectorXd::Ones(springs.n_patches()) +
@@ -55,13 +55,13 @@ class EveryBlend : public testing::TestWithParam<NamedBlend> {
   }
 };
 INSTANTIATE_TEST_SUITE_P(TetSprings, EveryBlend,
-                         testing::Values(NamedBlend{"EdgeCoupled", edge_coupled},
-                                         NamedBlend{"NodeAveraged", node_averaged},
+                         testing::Values(NamedBlend{"EdgeCoupled", kEdgeCoupled},
+                                         NamedBlend{"NodeAveraged", kNodeAveraged},
                                          NamedBlend{"ThreeKinds", Blend{0.3, 0.3, 0.4}}),
                          [](const auto& info) { return info.param.name; });
 
 TEST_P(EveryBlend, ForceIsMinusEnergyGradientFromRestToInversion) {
-  constexpr double h = 1e-6, slope_tolerance = 1e-6;  // central difference: h^2 and rounding / h
+  constexpr double h = 1e-6, kSlopeTolerance = 1e-6;  // central difference: h^2 and rounding / h
   for (double size : {0.01, 0.1, 0.6}) {              // the last one inverts tetrahedra
     const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), size, 3);
     for (const Eigen::VectorXd& scale : {no_scale, scales}) {
@@ -72,7 +72,7 @@ TEST_P(EveryBlend, ForceIsMinusEnergyGradientFromRestToInversion) {
         ahead(c) += h;
         behind(c) -= h;
         const double slope = (energy(springs, ahead, scale) - energy(springs, behind, scale)) / (2 * h);
-        EXPECT_NEAR(-slope, f(c), slope_tolerance * f.norm());
+        EXPECT_NEAR(-slope, f(c), kSlopeTolerance * f.norm());
       }
     }
   }
@@ -80,7 +80,7 @@ TEST_P(EveryBlend, ForceIsMinusEnergyGradientFromRestToInversion) {
 
 TEST_P(EveryBlend, HessianIsForceDifferenceNearRest) {
   // Stretched a little, where nothing is projected away.
-  constexpr double h = 1e-6, difference_tolerance = 1e-6;
+  constexpr double h = 1e-6, kDifferenceTolerance = 1e-6;
   const Matrix3Xd x = 1.05 * mesh.X, p = random_field(x.cols(), 1, 5);
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs));
   add_hessian(springs, x, K);
@@ -88,11 +88,11 @@ TEST_P(EveryBlend, HessianIsForceDifferenceNearRest) {
   multiply(K, p, product);
   const Matrix3Xd difference = (force_at(x - h * p) - force_at(x + h * p)) / (2 * h);
   ASSERT_GT(product.norm(), 1);
-  EXPECT_LT((product - difference).norm(), difference_tolerance * product.norm());
+  EXPECT_LT((product - difference).norm(), kDifferenceTolerance * product.norm());
 }
 
 TEST_P(EveryBlend, ExactHessianIsForceDifferenceWhereItIsIndefinite) {
-  constexpr double h = 1e-6, difference_tolerance = 1e-5;
+  constexpr double h = 1e-6, kDifferenceTolerance = 1e-5;
   const Matrix3Xd x = 0.7 * mesh.X + random_field(mesh.X.cols(), 0.1, 2), p = random_field(x.cols(), 1, 5);
   for (const Eigen::VectorXd& scale : {no_scale, scales}) {
     BlockMatrix exact = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs)), projected = exact;
@@ -102,7 +102,7 @@ TEST_P(EveryBlend, ExactHessianIsForceDifferenceWhereItIsIndefinite) {
     multiply(exact, p, product);
     multiply(projected, p, projected_product);
     const Matrix3Xd difference = (force_at(x - h * p, scale) - force_at(x + h * p, scale)) / (2 * h);
-    EXPECT_LT((product - difference).norm(), difference_tolerance * product.norm());
+    EXPECT_LT((product - difference).norm(), kDifferenceTolerance * product.norm());
     EXPECT_GT((projected_product - difference).norm(), 1e-2 * product.norm());
   }
 }
@@ -113,28 +113,28 @@ TEST_P(EveryBlend, HessianIsAddedToWhatIsThere) {
   add_hessian(springs, x, K);
   const Eigen::MatrixXd once = dense(K);
   add_hessian(springs, x, K);
-  EXPECT_LT((dense(K) - 2 * once).norm(), rounding * once.norm());
-  EXPECT_LT((once - once.transpose()).norm(), rounding * once.norm());
+  EXPECT_LT((dense(K) - 2 * once).norm(), kRounding * once.norm());
+  EXPECT_LT((once - once.transpose()).norm(), kRounding * once.norm());
 }
 
 TEST_P(EveryBlend, RestIsFreeOfForceAtAnyRotation) {
   const Matrix3Xd moved = (some_rotation() * mesh.X).colwise() + Vector3d(3, 4, 5);
   const double scale = force_at(1.1 * mesh.X).norm();
-  EXPECT_LT(force_at(moved).norm(), rounding * scale);
-  EXPECT_NEAR(energy(springs, moved), 0, rounding);
+  EXPECT_LT(force_at(moved).norm(), kRounding * scale);
+  EXPECT_NEAR(energy(springs, moved), 0, kRounding);
 }
 
 TEST_P(EveryBlend, RotationTurnsForcesWithIt) {
   const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), 0.1, 9);
   const Matrix3Xd f = force_at(x), turned = force_at(some_rotation() * x);
   ASSERT_GT(f.norm(), 1e-2);
-  EXPECT_LT((turned - some_rotation() * f).norm(), rounding * f.norm());
+  EXPECT_LT((turned - some_rotation() * f).norm(), kRounding * f.norm());
 }
 
 TEST_P(EveryBlend, AffineStretchHasTheContinuumsEnergy) {
   const Matrix3d F = (Matrix3d() << 1.3, 0.2, 0, 0, 0.8, 0.1, 0, 0, 1.1).finished();
   const double V = lumped_mass(mesh.X, mesh.T, 1).sum();
-  EXPECT_NEAR(energy(springs, F * mesh.X), V * soft_energy_density(F), rounding * V);
+  EXPECT_NEAR(energy(springs, F * mesh.X), V * soft_energy_density(F), kRounding * V);
 }
 
 TEST_P(EveryBlend, ACollapsedBodysEnergyIsThatOfALikeOneOfTheCubeOfItsScale) {
@@ -143,23 +143,23 @@ TEST_P(EveryBlend, ACollapsedBodysEnergyIsThatOfALikeOneOfTheCubeOfItsScale) {
   ASSERT_GT(energy(springs, x), 1e-2);
   for (double s : {0.3, 0.7, 1.6}) {
     const Eigen::VectorXd scale = Eigen::VectorXd::Constant(n, s);
-    EXPECT_NEAR(energy(springs, s * mesh.X, scale), 0, rounding) << "the shape that it collapsed to";
-    EXPECT_NEAR(energy(springs, s * x, scale), s * s * s * energy(springs, x), rounding);
+    EXPECT_NEAR(energy(springs, s * mesh.X, scale), 0, kRounding) << "the shape that it collapsed to";
+    EXPECT_NEAR(energy(springs, s * x, scale), s * s * s * energy(springs, x), kRounding);
   }
 }
 
 TEST_P(EveryBlend, CrushedBodyHasTheSecondOrderExpansionOfTheEnergyOfItsVolume) {
   const double V = lumped_mass(mesh.X, mesh.T, 1).sum();
   for (double J : {0.11, 0.09, 0.02, -0.3}) {
-    constexpr double J_0 = 0.1;
-    const Matrix3d F = Vector3d(1, 1, J).asDiagonal(), F_0 = Vector3d(1, 1, J_0).asDiagonal();
-    const double by_length = soft.mu / 2 * (J * J - J_0 * J_0), c = soft.mu + soft.lambda / 2;
+    constexpr double kJ0 = 0.1;
+    const Matrix3d F = Vector3d(1, 1, J).asDiagonal(), F_0 = Vector3d(1, 1, kJ0).asDiagonal();
+    const double by_length = kSoft.mu / 2 * (J * J - kJ0 * kJ0), c = kSoft.mu + kSoft.lambda / 2;
     const double expansion = soft_energy_density(F_0) + by_length +
-                             (soft.lambda / 2 * J_0 - c / J_0) * (J - J_0) +
-                             (soft.lambda / 2 + c / (J_0 * J_0)) / 2 * (J - J_0) * (J - J_0);
-    const double expected = V * (J > J_0 ? soft_energy_density(F) : expansion);
-    EXPECT_NEAR(energy(springs, F * mesh.X), expected, rounding * expected) << "J " << J;
-    EXPECT_NEAR(smallest_jacobian(springs, F * mesh.X), J, rounding);
+                             (kSoft.lambda / 2 * kJ0 - c / kJ0) * (J - kJ0) +
+                             (kSoft.lambda / 2 + c / (kJ0 * kJ0)) / 2 * (J - kJ0) * (J - kJ0);
+    const double expected = V * (J > kJ0 ? soft_energy_density(F) : expansion);
+    EXPECT_NEAR(energy(springs, F * mesh.X), expected, kRounding * expected) << "J " << J;
+    EXPECT_NEAR(smallest_jacobian(springs, F * mesh.X), J, kRounding);
   }
 }
 
@@ -192,11 +192,11 @@ TEST_P(EveryBlend, NodeOrderDoesNotMatter) {
   TetMesh permuted = mesh;
   permuted.X = mesh.X * order.transpose();  // node i becomes node order(i)
   for (int& i : permuted.T.reshaped()) i = order.indices()[i];
-  const TetSprings again = couple_springs(permuted.X, permuted.T, soft, GetParam().blend);
+  const TetSprings again = couple_springs(permuted.X, permuted.T, kSoft, GetParam().blend);
   const Matrix3Xd x = mesh.X + random_field(n, 0.1, 9), f = force_at(x);
   Matrix3Xd f_again = Matrix3Xd::Zero(3, n);
   add_forces(again, x * order.transpose(), f_again);
-  EXPECT_LT((f_again * order - f).norm(), rounding * f.norm());
+  EXPECT_LT((f_again * order - f).norm(), kRounding * f.norm());
 }
 
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
@@ -219,7 +219,7 @@ Matrix9d second_derivative(const Matrix3d& F, const Lame& lame, Curvature curvat
 }
 
 TEST(TetSprings, ProjectionSetsNegativeEigenvaluesToZeroHoweverCrushed) {
-  constexpr double projection_tolerance = 1e-12;  // rounding
+  constexpr double kProjectionTolerance = 1e-12;  // rounding
   const Matrix3d R = some_rotation(), Q = R * R.transpose().col(0).asDiagonal() * R;
   const Matrix3d flat = Vector3d(1, -2, 3) * Vector3d(2, 0.3, 1).transpose();
   std::vector<Matrix3d> cases{Matrix3d::Identity(), R, 0.5 * R, Matrix3d::Zero(), flat, 1e-9 * flat, -R};
@@ -232,14 +232,14 @@ TEST(TetSprings, ProjectionSetsNegativeEigenvaluesToZeroHoweverCrushed) {
     for (double size : {1e-3, 1., 10.}) cases.push_back(Matrix3d::Identity() + random_field(3, size, seed));
   int n_indefinite = 0;
   for (const Matrix3d& F : cases)
-    for (const Lame& lame : {soft, Lame{50, 1}, Lame{0, 1}}) {
+    for (const Lame& lame : {kSoft, Lame{50, 1}, Lame{0, 1}}) {
       const Matrix9d exact = second_derivative(F, lame, Curvature::Exact);
       const Eigen::SelfAdjointEigenSolver<Matrix9d> eigen(exact);
       const Matrix9d expected = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).asDiagonal() *
                                 eigen.eigenvectors().transpose();
-      n_indefinite += eigen.eigenvalues()[0] < -projection_tolerance * exact.norm();
+      n_indefinite += eigen.eigenvalues()[0] < -kProjectionTolerance * exact.norm();
       ASSERT_LT((second_derivative(F, lame, Curvature::Projected) - expected).norm(),
-                projection_tolerance * exact.norm())
+                kProjectionTolerance * exact.norm())
           << F << "\nlambda " << lame.lambda;
     }
   EXPECT_GT(n_indefinite, 500);
@@ -247,17 +247,17 @@ TEST(TetSprings, ProjectionSetsNegativeEigenvaluesToZeroHoweverCrushed) {
 
 TEST(TetSprings, SmallestJacobianIsThatOfTheMostCrushedPatch) {
   const TetMesh mesh = box_tets(2, 2, 2, 1);
-  const TetSprings springs = couple_springs(mesh.X, mesh.T, soft, edge_coupled);
-  EXPECT_NEAR(smallest_jacobian(springs, mesh.X), 1, rounding);
-  EXPECT_NEAR(smallest_jacobian(springs, 1.2 * mesh.X), 1.2 * 1.2 * 1.2, rounding) << "swollen";
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, kEdgeCoupled);
+  EXPECT_NEAR(smallest_jacobian(springs, mesh.X), 1, kRounding);
+  EXPECT_NEAR(smallest_jacobian(springs, 1.2 * mesh.X), 1.2 * 1.2 * 1.2, kRounding) << "swollen";
   Matrix3Xd x = mesh.X;
   x(0, 2) -= 0.75;  // a corner, where it leaves both its tetrahedra a quarter of their height along x
-  EXPECT_NEAR(smallest_jacobian(springs, x), 0.25, rounding);
+  EXPECT_NEAR(smallest_jacobian(springs, x), 0.25, kRounding);
 }
 
 TEST(TetSprings, EnergyIsThatOfSquaredLengthsAmongThePatch) {
   const TetMesh mesh = box_tets(2, 2, 2, 1, 0.2);
-  const TetSprings springs = couple_springs(mesh.X, mesh.T, soft, node_averaged);
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, kNodeAveraged);
   const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), 0.1, 3);
   for (int p = 0; p < springs.n_patches(); p += 10) {
     Matrix3d F = Matrix3d::Zero(), C = Matrix3d::Zero();
@@ -267,14 +267,14 @@ TEST(TetSprings, EnergyIsThatOfSquaredLengthsAmongThePatch) {
         C -= (x.col(springs.node[e]) - x.col(springs.node[r])).squaredNorm() / 2 * springs.b.col(e) *
              springs.b.col(r).transpose();
     }
-    EXPECT_LT((F.transpose() * F - C).norm(), rounding);
+    EXPECT_LT((F.transpose() * F - C).norm(), kRounding);
   }
 }
 
 TEST(CoupleSprings, AveragedGradientsByBruteForce) {
   const TetMesh mesh = box_tets(2, 2, 1, 1, 0.2);
   const Blend blend{0, 0.6, 0.4};
-  const TetSprings springs = couple_springs(mesh.X, mesh.T, soft, blend);
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, blend);
   const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), 0.3, 3);
   std::vector<std::vector<int>>
       corners;  // of each patch: the two ends of an edge, ascending, then single nodes
@@ -307,8 +307,8 @@ TEST(CoupleSprings, AveragedGradientsByBruteForce) {
     Matrix3d F = Matrix3d::Zero();
     for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
       F += x.col(springs.node[e]) * springs.b.col(e).transpose();
-    EXPECT_NEAR(springs.volume[p], weights, rounding);
-    EXPECT_LT((F - sum / weights).norm(), rounding);
+    EXPECT_NEAR(springs.volume[p], weights, kRounding);
+    EXPECT_LT((F - sum / weights).norm(), kRounding);
   }
 }
 
@@ -321,8 +321,8 @@ TEST(LameOf, RefusesWhatTheModelCannotBe) {
   EXPECT_THROW(lame_of({1e5, 0.5, 1000, 0}), std::runtime_error);
   EXPECT_THROW(lame_of({1e5, -0.1, 1000, 0}), std::runtime_error);
   EXPECT_THROW(lame_of({0, 0.3, 1000, 0}), std::runtime_error);
-  EXPECT_NEAR(lame_of({2.5, 0.25, 1000, 0}).lambda, 1, rounding);
-  EXPECT_NEAR(lame_of({2.5, 0.25, 1000, 0}).mu, 1, rounding);
+  EXPECT_NEAR(lame_of({2.5, 0.25, 1000, 0}).lambda, 1, kRounding);
+  EXPECT_NEAR(lame_of({2.5, 0.25, 1000, 0}).mu, 1, kRounding);
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-constexpr double difference_step = 1e-5, difference_tolerance = 1e-8, rounding = 1e-13;
+constexpr double kDifferenceStep = 1e-5, kDifferenceTolerance = 1e-8, kRounding = 1e-13;
 
 class VolumeForce : public testing::Test {
  protected:
@@ -34,11 +34,11 @@ TEST_F(VolumeForce, IsMinusEnergyGradient) {
   ASSERT_GT(f.norm(), 0.1);
   for (int k = 0; k < x.size(); ++k) {
     Matrix3Xd up = x, down = x;
-    up(k) += difference_step;
-    down(k) -= difference_step;
+    up(k) += kDifferenceStep;
+    down(k) -= kDifferenceStep;
     const double slope =
-        (volume_energy(P, target, F, up) - volume_energy(P, target, F, down)) / (2 * difference_step);
-    EXPECT_NEAR(f(k), -slope, difference_tolerance * f.norm());
+        (volume_energy(P, target, F, up) - volume_energy(P, target, F, down)) / (2 * kDifferenceStep);
+    EXPECT_NEAR(f(k), -slope, kDifferenceTolerance * f.norm());
   }
 }
 
@@ -50,31 +50,31 @@ TEST_F(VolumeForce, RankOneTermIsTheWholeHessianAtTheTarget) {
   ASSERT_GT(g.norm(), 0.1);
   for (int k = 0; k < x.size(); ++k) {
     Matrix3Xd up = x, down = x, f_up = Matrix3Xd::Zero(3, 5), f_down = f_up;
-    up(k) += difference_step;
-    down(k) -= difference_step;
+    up(k) += kDifferenceStep;
+    down(k) -= kDifferenceStep;
     add_volume_forces(P, at_target, F, up, f_up);
     add_volume_forces(P, at_target, F, down, f_down);
-    const Eigen::VectorXd column = (f_up - f_down).reshaped() / (2 * difference_step);
-    EXPECT_LT((g * g(k) + column).norm(), difference_tolerance * g.squaredNorm());
+    const Eigen::VectorXd column = (f_up - f_down).reshaped() / (2 * kDifferenceStep);
+    EXPECT_LT((g * g(k) + column).norm(), kDifferenceTolerance * g.squaredNorm());
   }
 }
 
-// The volume is cubic in the positions, for which mixed central differences are exact but for rounding.
+// The volume is cubic in the positions, for which mixed central differences are exact but for kRounding.
 TEST_F(VolumeForce, CurvatureIsTheSecondDifferenceOfTheVolume) {
-  constexpr double factor = 3, step = 0.5;
+  constexpr double kFactor = 3, kStep = 0.5;
   const Matrix3Xd p = random_points(5, 1, 6), start = random_points(5, 1, 7);
   Matrix3Xd y = start;
-  add_volume_curvature(factor, F, x, p, y);
+  add_volume_curvature(kFactor, F, x, p, y);
   y -= start;
   ASSERT_GT(y.norm(), 0.1);
   for (int k = 0; k < x.size(); ++k) {
     const auto change = [&](double along_p) {
       Matrix3Xd up = x + along_p * p, down = up;
-      up(k) += step;
-      down(k) -= step;
+      up(k) += kStep;
+      down(k) -= kStep;
       return volume(up, F) - volume(down, F);
     };
-    EXPECT_NEAR(y(k), factor * (change(step) - change(-step)) / (4 * step * step), rounding * 100);
+    EXPECT_NEAR(y(k), kFactor * (change(kStep) - change(-kStep)) / (4 * kStep * kStep), kRounding * 100);
   }
 }
 
@@ -82,8 +82,8 @@ TEST_F(VolumeForce, KeepsLinearAndAngularMomentum) {
   const Matrix3Xd f = forces(x);
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();
   for (int i = 0; i < 5; ++i) torque += x.col(i).cross(f.col(i));
-  EXPECT_LT(f.rowwise().sum().norm(), rounding * f.norm());
-  EXPECT_LT(torque.norm(), rounding * f.norm());
+  EXPECT_LT(f.rowwise().sum().norm(), kRounding * f.norm());
+  EXPECT_LT(torque.norm(), kRounding * f.norm());
 }
 
 class LocalVolumeForce : public testing::Test {
@@ -106,10 +106,10 @@ TEST_F(LocalVolumeForce, IsMinusEnergyGradient) {
   ASSERT_GT(f.norm(), 0.1);
   for (int k = 0; k < x.size(); ++k) {
     Matrix3Xd up = x, down = x;
-    up(k) += difference_step;
-    down(k) -= difference_step;
-    EXPECT_NEAR(f(k), -(energy(local, up) - energy(local, down)) / (2 * difference_step),
-                difference_tolerance * f.norm());
+    up(k) += kDifferenceStep;
+    down(k) -= kDifferenceStep;
+    EXPECT_NEAR(f(k), -(energy(local, up) - energy(local, down)) / (2 * kDifferenceStep),
+                kDifferenceTolerance * f.norm());
   }
 }
 
@@ -121,8 +121,8 @@ TEST_F(LocalVolumeForce, HessianIsMinusForceGradientAtRest) {
   multiply(K, p, Kp);
   ASSERT_GT(Kp.norm(), 0.1);
   const Matrix3Xd difference =
-      (forces(mesh.X - difference_step * p) - forces(mesh.X + difference_step * p)) / (2 * difference_step);
-  EXPECT_LT((Kp - difference).norm(), difference_tolerance * Kp.norm());
+      (forces(mesh.X - kDifferenceStep * p) - forces(mesh.X + kDifferenceStep * p)) / (2 * kDifferenceStep);
+  EXPECT_LT((Kp - difference).norm(), kDifferenceTolerance * Kp.norm());
 }
 
 }  // namespace

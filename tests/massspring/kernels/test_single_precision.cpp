@@ -13,7 +13,7 @@ namespace {
 using Eigen::Matrix3Xd;
 using Eigen::MatrixXd;
 
-constexpr double single_rounding = 1e-5;  // 6e-8 times the root of what is added, with room
+constexpr double kSingleRounding = 1e-5;  // 6e-8 times the root of what is added, with room
 
 double product(const Matrix3Xd& u, const Matrix3Xd& w) {
   return u.cwiseProduct(w).sum();
@@ -35,11 +35,11 @@ class OddNodes : public testing::TestWithParam<int> {
   void expect_field(const PaddedField& found, const Matrix3Xd& expected) const {
     ASSERT_EQ(found.cols(), padded(n));
     EXPECT_LT((found.topLeftCorner(3, n).cast<double>() - expected).norm(),
-              single_rounding * expected.norm());
+              kSingleRounding * expected.norm());
     EXPECT_EQ(found.row(3).norm() + found.rightCols(found.cols() - n).norm(), 0);
   }
   void expect_sum(double found, const Matrix3Xd& a, const Matrix3Xd& b) const {
-    EXPECT_NEAR(found, product(a, b), single_rounding * a.norm() * b.norm());
+    EXPECT_NEAR(found, product(a, b), kSingleRounding * a.norm() * b.norm());
   }
   std::vector<Eigen::Matrix3d> symmetric_blocks() const {
     const Matrix3Xd entries = random_points(3 * n, 1, 4);
@@ -62,22 +62,22 @@ TEST_P(OddNodes, FieldsArePaddedTimesAFactorAndBack) {
   expect_field(found, 3 * u);
   Matrix3Xd back = w;
   add_unpadded(found, 0.5, back);
-  EXPECT_LT((back - w - 1.5 * u).norm(), single_rounding * u.norm());
+  EXPECT_LT((back - w - 1.5 * u).norm(), kSingleRounding * u.norm());
 }
 
 TEST_P(OddNodes, StepsOfConjugateGradientsAreThoseOfDoublePrecision) {
-  constexpr float factor = 0.7f;
+  constexpr float kFactor = 0.7f;
   expect_sum(dot(padded_field(u), padded_field(w)), u, w);
   PaddedField x = padded_field(u), rest = padded_field(r);
-  const Matrix3Xd expected_rest = r - factor * u;
-  expect_sum(advance(factor, padded_field(w), padded_field(u), x, rest), expected_rest, expected_rest);
-  expect_field(x, u + factor * w);
+  const Matrix3Xd expected_rest = r - kFactor * u;
+  expect_sum(advance(kFactor, padded_field(w), padded_field(u), x, rest), expected_rest, expected_rest);
+  expect_field(x, u + kFactor * w);
   expect_field(rest, expected_rest);
-  aypx(factor, padded_field(w), x);
-  expect_field(x, w + factor * (u + factor * w));
+  aypx(kFactor, padded_field(w), x);
+  expect_field(x, w + kFactor * (u + kFactor * w));
   PaddedField y = padded_field(u);
-  add_scaled(factor, padded_field(w), y);
-  expect_field(y, u + factor * w);
+  add_scaled(kFactor, padded_field(w), y);
+  expect_field(y, u + kFactor * w);
 }
 
 TEST_P(OddNodes, BlocksAndFactorsOfNodesApplyAsInDoublePrecision) {
@@ -90,9 +90,9 @@ TEST_P(OddNodes, BlocksAndFactorsOfNodesApplyAsInDoublePrecision) {
   const Matrix3Xd corrected = u + times(blocks, r - w);
   expect_sum(correct(D, padded_field(r), padded_field(w), z), r, corrected);
   expect_field(z, corrected);
-  const Eigen::VectorXd factor = Eigen::VectorXd::LinSpaced(n, -1, 2);
-  multiply(factor.cast<float>().eval(), padded_field(u), z);
-  expect_field(z, u * factor.asDiagonal());
+  const Eigen::VectorXd kFactor = Eigen::VectorXd::LinSpaced(n, -1, 2);
+  multiply(kFactor.cast<float>().eval(), padded_field(u), z);
+  expect_field(z, u * kFactor.asDiagonal());
 }
 
 TEST(SinglePrecision, SpringsInRowsAndRoundedBlocksApplyAsTheMatrix) {
@@ -108,20 +108,20 @@ TEST(SinglePrecision, SpringsInRowsAndRoundedBlocksApplyAsTheMatrix) {
   pad(start, 1, in_rows);
   by_blocks = in_rows;
   const SpringRows rows(model.springs->E, 5);
-  const double p_y = product(p, expected), tolerance = single_rounding * p.norm() * expected.norm();
+  const double p_y = product(p, expected), tolerance = kSingleRounding * p.norm() * expected.norm();
   EXPECT_NEAR(rows.add_product(rows.in_rows(B), single_p, in_rows), p_y, tolerance);
   EXPECT_NEAR(add_product(K, rounded(K), single_p, by_blocks), p_y, tolerance);
   for (const PaddedField& y : {in_rows, by_blocks})
-    EXPECT_LT((y.topLeftCorner<3, 5>().cast<double>() - expected).norm(), single_rounding * expected.norm());
+    EXPECT_LT((y.topLeftCorner<3, 5>().cast<double>() - expected).norm(), kSingleRounding * expected.norm());
 }
 
 class Bodies : public testing::Test {
  protected:
-  static constexpr int n = 4, size = 6 * n;
+  static constexpr int n = 4, kSize = 6 * n;
   // Diagonally dominant; the bodies at the ends do not meet.
   const MatrixXd full = [] {
-    const Matrix3Xd entries = random_points(size * size / 3, 1, 8);
-    MatrixXd result = entries.reshaped(size, size) + 20 * MatrixXd::Identity(size, size);
+    const Matrix3Xd entries = random_points(kSize * kSize / 3, 1, 8);
+    MatrixXd result = entries.reshaped(kSize, kSize) + 20 * MatrixXd::Identity(kSize, kSize);
     result.topRightCorner<6, 6>().setZero();
     result.bottomLeftCorner<6, 6>().setZero();
     return result;
@@ -143,7 +143,7 @@ class Bodies : public testing::Test {
     result.inverse.resize(result.inverse.size() + 2);
     return result;
   }();
-  const Eigen::VectorXd b = random_points(size / 3, 1, 9).reshaped();
+  const Eigen::VectorXd b = random_points(kSize / 3, 1, 9).reshaped();
 
   static void append(const Eigen::Matrix<double, 6, 6>& block, std::vector<float>& blocks) {
     for (const double entry : block.reshaped()) blocks.push_back(static_cast<float>(entry));
@@ -156,12 +156,12 @@ class Bodies : public testing::Test {
   static void expect_field(const BodyField& found, const Eigen::VectorXd& expected) {
     ASSERT_EQ(found.cols(), n);
     const Eigen::VectorXd counted = found.topRows<6>().cast<double>().reshaped();
-    EXPECT_LT((counted - expected).norm(), single_rounding * expected.norm());
+    EXPECT_LT((counted - expected).norm(), kSingleRounding * expected.norm());
   }
   /// The blocks of A that are kept.
   template <class Keep>
   MatrixXd part(const Keep& keep) const {
-    MatrixXd result = MatrixXd::Zero(size, size);
+    MatrixXd result = MatrixXd::Zero(kSize, kSize);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j)
         if (keep(i, j)) result.block<6, 6>(6 * i, 6 * j) = full.block<6, 6>(6 * i, 6 * j);

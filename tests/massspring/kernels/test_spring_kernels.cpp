@@ -11,22 +11,22 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 
-constexpr double rounding = 1e-14;
+constexpr double kRounding = 1e-14;
 
 /// More springs than a batch holds, a few to each first node, one of them without length; about half
 /// compressed.
 class ManySprings : public testing::TestWithParam<SpringLaw> {
  protected:
-  static constexpr int n = 60, n_springs = 300;
+  static constexpr int n = 60, kSprings = 300;
   ManySprings() {
-    springs.E.resize(2, n_springs);
-    for (int s = 0; s < n_springs; ++s) springs.E.col(s) << s / 5, (s / 5 + 1 + 7 * (s % 5)) % n;
-    springs.stiffness = Eigen::VectorXd::LinSpaced(n_springs, 1, 3);
+    springs.E.resize(2, kSprings);
+    for (int s = 0; s < kSprings; ++s) springs.E.col(s) << s / 5, (s / 5 + 1 + 7 * (s % 5)) % n;
+    springs.stiffness = Eigen::VectorXd::LinSpaced(kSprings, 1, 3);
     springs.law = GetParam();
     x.col(springs.E(1, 70)) = x.col(springs.E(0, 70));
   }
   Springs springs;
-  const Eigen::VectorXd rest = Eigen::VectorXd::LinSpaced(n_springs, 0.3, 1.7);
+  const Eigen::VectorXd rest = Eigen::VectorXd::LinSpaced(kSprings, 0.3, 1.7);
   Matrix3Xd x = random_points(n, 1, 1);
   const Matrix3Xd p = random_points(n, 1, 2);
 };
@@ -39,39 +39,39 @@ TEST_P(ManySprings, KernelsAddWhatThePlainLoopsAdd) {
   Matrix3Xd f = p, expected_f = p;
   add_forces(springs, rest, x, f);
   plain::add_forces(springs, rest, x, expected_f);
-  EXPECT_LT((f - expected_f).norm(), rounding * f.norm());
+  EXPECT_LT((f - expected_f).norm(), kRounding * f.norm());
 
   for (const Curvature curvature : {Curvature::Projected, Curvature::Exact}) {
     const SpringBlocks B = hessian(springs, rest, x, 2.5, curvature);
     const SpringBlocks expected = plain::hessian(springs, rest, x, 2.5, curvature);
     ASSERT_GT(expected.norm(), 1);
-    EXPECT_LT((B - expected).norm(), rounding * B.norm());
+    EXPECT_LT((B - expected).norm(), kRounding * B.norm());
 
     Matrix3Xd y = p, expected_y = p;
     add_product(springs, B, p, y);
     plain::add_product(springs, B, p, expected_y);
-    EXPECT_LT((y - expected_y).norm(), rounding * y.norm());
+    EXPECT_LT((y - expected_y).norm(), kRounding * y.norm());
 
     std::vector<Matrix3d> diagonal(n, Matrix3d::Identity()), expected_diagonal = diagonal;
     add_diagonal(springs, B, diagonal);
     plain::add_diagonal(springs, B, expected_diagonal);
     for (int i = 0; i < n; ++i)
-      EXPECT_LT((diagonal[i] - expected_diagonal[i]).norm(), rounding * diagonal[i].norm()) << i;
+      EXPECT_LT((diagonal[i] - expected_diagonal[i]).norm(), kRounding * diagonal[i].norm()) << i;
   }
 }
 
 TEST(PatchKernels, AddWhatThePlainLoopAdds) {
-  constexpr int n = 7, n_blocks = n * (n + 1) / 2;
+  constexpr int n = 7, kBlocks = n * (n + 1) / 2;
   const Stiffness psi = random_points(27, 1, 3).transpose();
   const Matrix3Xd b = random_points(n, 1, 4);
-  std::vector<int> at(n_blocks);
-  for (int k = 0; k < n_blocks; ++k) at[k] = (5 * k) % n_blocks;  // each once, in another order
-  std::vector<Matrix3d> blocks(n_blocks, Matrix3d::Identity()), expected = blocks;
+  std::vector<int> at(kBlocks);
+  for (int k = 0; k < kBlocks; ++k) at[k] = (5 * k) % kBlocks;  // each once, in another order
+  std::vector<Matrix3d> blocks(kBlocks, Matrix3d::Identity()), expected = blocks;
   add_patch_blocks(psi, 0.7, b.data(), n, at.data(), blocks.data());
   plain::add_patch_blocks(psi, 0.7, b.data(), n, at.data(), expected.data());
   EXPECT_GT((expected[at[1]] - Matrix3d::Identity()).norm(), 1e-3);
-  for (int k = 0; k < n_blocks; ++k)
-    EXPECT_LT((blocks[k] - expected[k]).norm(), rounding * expected[k].norm()) << k;
+  for (int k = 0; k < kBlocks; ++k)
+    EXPECT_LT((blocks[k] - expected[k]).norm(), kRounding * expected[k].norm()) << k;
 }
 
 }  // namespace

@@ -42,15 +42,15 @@ class Subdomains : public testing::Test {
 };
 
 TEST_F(Subdomains, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
-  ASSERT_GE(model.mass.size(), least_subdivided);
-  ASSERT_EQ(springs.first.size(), 2 * n_subdomains + 1);
+  ASSERT_GE(model.mass.size(), kLeastSubdivided);
+  ASSERT_EQ(springs.first.size(), 2 * kSubdomains + 1);
   EXPECT_EQ(springs.first.front(), 0);
   EXPECT_EQ(springs.first.back(), springs.E.cols());
   for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
     std::set<int> taken;
     for (int subdomain = first; subdomain < first + size; ++subdomain) {
       std::set<int> own;
-      for (int k : {subdomain, n_subdomains + subdomain})
+      for (int k : {subdomain, kSubdomains + subdomain})
         for (int s = springs.first[k]; s < springs.first[k + 1]; ++s)
           own.insert({springs.E(0, s), springs.E(1, s)});
       for (int node : own)
@@ -58,7 +58,7 @@ TEST_F(Subdomains, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
     }
   }
   int n_in_leaves = 0;
-  for (int k : {0, n_subdomains}) n_in_leaves += springs.first[k + 8] - springs.first[k];
+  for (int k : {0, kSubdomains}) n_in_leaves += springs.first[k + 8] - springs.first[k];
   EXPECT_GT(n_in_leaves, 0.7 * static_cast<double>(springs.E.cols()));
 }
 
@@ -185,7 +185,7 @@ class CoupledSubdomains : public testing::TestWithParam<const char*> {
   Forces forces = no_forces(model);
 
   void SetUp() override {
-    ASSERT_GE(n, least_subdivided);
+    ASSERT_GE(n, kLeastSubdivided);
     forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
     for (int i = 0; i < n; ++i)
       if (model.network.X(1, i) < 0.01)
@@ -194,14 +194,14 @@ class CoupledSubdomains : public testing::TestWithParam<const char*> {
 };
 
 TEST_P(CoupledSubdomains, OfOneSizeShareNoNodeAndHoldEveryPatchOnce) {
-  ASSERT_EQ(springs.subdomain_first.size() % n_subdomains, 1);
+  ASSERT_EQ(springs.subdomain_first.size() % kSubdomains, 1);
   EXPECT_EQ(springs.subdomain_first.front(), 0);
   EXPECT_EQ(springs.subdomain_first.back(), springs.n_patches());
   int n_in_leaves = 0;
   for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
     std::vector<int> owner(n, -1);
     for (int subdomain = first; subdomain < first + size; ++subdomain)
-      for (std::size_t k = subdomain; k + 1 < springs.subdomain_first.size(); k += n_subdomains)
+      for (std::size_t k = subdomain; k + 1 < springs.subdomain_first.size(); k += kSubdomains)
         for (int p = springs.subdomain_first[k]; p < springs.subdomain_first[k + 1]; ++p) {
           n_in_leaves += size == 8;
           for (int e = springs.first[p]; e < springs.first[p + 1]; ++e) {

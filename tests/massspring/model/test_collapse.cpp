@@ -30,7 +30,7 @@ MassSpringModel tetrahedron() {
   network.n_surface = 4;
   model.mass = Eigen::VectorXd::Ones(4);
   model.springs = Springs{E, Eigen::VectorXd::Ones(6)};
-  model.tet_springs = couple_springs(network.X, network.T, {1, 1}, edge_coupled);
+  model.tet_springs = couple_springs(network.X, network.T, {1, 1}, kEdgeCoupled);
   return model;
 }
 
@@ -136,7 +136,7 @@ TEST(Collapse, CanLeaveTheSurfaceItsLengths) {
 
 TEST(Collapse, UniformShrinkageOfCoupledSpringsIsFreeOfForces) {
   const TetMesh mesh = box_tets(2, 2, 2, 0.5, 0.15);
-  const TetSprings springs = couple_springs(mesh.X, mesh.T, {2, 1}, node_averaged);
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, {2, 1}, kNodeAveraged);
   const Eigen::VectorXd scale = Eigen::VectorXd::Constant(springs.n_patches(), 0.7);
   Eigen::Matrix3Xd f = Eigen::Matrix3Xd::Zero(3, mesh.X.cols());
   add_forces(springs, 0.7 * mesh.X, f, scale);
@@ -163,18 +163,18 @@ TEST(Relaxation, ShortensEdgesByTheShareOfTheLargestBendingForceAtTheirEnds) {
   bending.hinges << 0, 2, 1, 3, 3, 1, 2, 0;
   bending.area.setConstant(2, 2, 0.5);
   bending.area(0, 1) = std::sqrt(0.75);
-  constexpr double bent = 0.01;
-  bending.rest_angle = Eigen::Vector2d(M_PI / 2 - bent, std::acos(-1 / std::sqrt(3.)) + bent);
+  constexpr double kBent = 0.01;
+  bending.rest_angle = Eigen::Vector2d(M_PI / 2 - kBent, std::acos(-1 / std::sqrt(3.)) + kBent);
   bending.stiffness = Eigen::Vector2d(1, std::sqrt(1.5));
   model.bending = bending;
   State state = initial_state(model);
-  constexpr double coefficient = 0.5, seconds = 2;
-  relax_surface(coefficient, model, seconds, state);
+  constexpr double kCoefficient = 0.5, kSeconds = 2;
+  relax_surface(kCoefficient, model, kSeconds, state);
   const Eigen::Vector4d share(1, 0, 0.5, 0.5);
   const Eigen::Matrix2Xi& E = model.springs->E;
   for (int s = 0; s < 6; ++s) {
     const double mean = (share(E(0, s)) + share(E(1, s))) / 2;
-    EXPECT_NEAR(state.rest_length(s), kEdges(s) * std::pow(1 - coefficient * mean, seconds), 1e-12) << s;
+    EXPECT_NEAR(state.rest_length(s), kEdges(s) * std::pow(1 - kCoefficient * mean, kSeconds), 1e-12) << s;
   }
 }
 

@@ -56,9 +56,9 @@ TEST(SpreadMass, EveryImplicitSchemeSwingsByIt) {
   const Matrix3Xd& X = model.network.X;
   const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(dense_stiffness(model),
                                                                  consistent_mass(model));
-  constexpr int n_rigid = 6;
-  const double omega = std::sqrt(eigen.eigenvalues()(n_rigid)), amplitude = 1e-6;
-  const Matrix3Xd mode = eigen.eigenvectors().col(n_rigid).reshaped(3, X.cols());
+  constexpr int kRigid = 6;
+  const double omega = std::sqrt(eigen.eigenvalues()(kRigid)), amplitude = 1e-6;
+  const Matrix3Xd mode = eigen.eigenvectors().col(kRigid).reshaped(3, X.cols());
   const Forces forces = no_forces(model);
   const auto phase_error = [&](const std::string& integrator, int n_steps) {
     TimeStepper stepper(model, forces, integrator, 1, {1e-12});
@@ -72,9 +72,9 @@ TEST(SpreadMass, EveryImplicitSchemeSwingsByIt) {
   };
   // Second order: (2 pi)^3 / 12 / n^2 for the midpoint rule, four times that for BDF2; twice the first
   // order's square.
-  constexpr double implicit_error = 0.012;
+  constexpr double kImplicitError = 0.012;
   for (const char* integrator : {"midpoint", "tr_bdf2", "bdf2", "minimising_euler", "implicit_euler"})
-    EXPECT_LT(phase_error(integrator, 100), implicit_error) << integrator;
+    EXPECT_LT(phase_error(integrator, 100), kImplicitError) << integrator;
   model.spread_mass.reset();
   EXPECT_GT(phase_error("midpoint", 100), 0.5);
 }

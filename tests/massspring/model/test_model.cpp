@@ -16,7 +16,7 @@ namespace {
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 
-constexpr double rounding = 1e-12;
+constexpr double kRounding = 1e-12;
 
 /// A box of 1 m x 2 m x 3 m of cubes of 1 m, whose nodes are all of the surface.
 MassSpringModel box() {
@@ -74,12 +74,12 @@ TEST(ForcesOf, LoadsAreWeightAndPressureAndTractionTimesAreas) {
   const Forces forces = forces_of(scene, model);
   const Matrix3Xd on_top = forces.load - gravity * model.mass.transpose();
   const Vector3d per_area = traction - Vector3d(0, 0, 7);
-  EXPECT_LT((on_top.rowwise().sum() - 2 * per_area).norm(), rounding);
+  EXPECT_LT((on_top.rowwise().sum() - 2 * per_area).norm(), kRounding);
   for (Eigen::Index i = 0; i < on_top.cols(); ++i) {
     double area = 0;
     for (const auto& t : model.network.F.colwise())
       if ((t.array() == i).any() && (model.network.X.row(2)(t).array() == 3).all()) area += 0.5 / 3;
-    EXPECT_LT((on_top.col(i) - area * per_area).norm(), rounding) << i;
+    EXPECT_LT((on_top.col(i) - area * per_area).norm(), kRounding) << i;
   }
 }
 
@@ -88,7 +88,7 @@ TEST(LargestStrain, IsThatOfTheTetrahedronThatIsStretchedMost) {
   const Eigen::Matrix3d rotation = Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()).matrix();
   const Vector3d stretch(1.1, 0.7, 1.2);  // 0.3 is the largest difference from one
   Matrix3Xd x = rotation * stretch.asDiagonal() * mesh.X;
-  EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x), 0.3, rounding);
+  EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x), 0.3, kRounding);
   // The first tetrahedron alone is twice as long as it was in a direction of its own, its neighbours less.
   x = mesh.X;
   Eigen::Index corner = 0;
@@ -104,13 +104,13 @@ TEST(LargestStrain, IsThatOfTheTetrahedronThatIsStretchedMost) {
     expected = std::max(expected, (s.array() - 1).abs().maxCoeff());
   }
   ASSERT_GT(expected, 0.3);
-  EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x), expected, rounding);
+  EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x), expected, kRounding);
 }
 
 TEST(LargestStrain, OfSpringsIsThatOfTheirLengths) {
   const MassSpringModel model = small_model();
   Matrix3Xd x = 1.2 * model.network.X;
-  EXPECT_NEAR(largest_strain(*model.springs, model.network.X, x), 0.2, rounding);
+  EXPECT_NEAR(largest_strain(*model.springs, model.network.X, x), 0.2, kRounding);
   x.col(4) = model.network.X.col(4);
   x.col(0) = 0.5 * (x.col(0) + x.col(4));
   double expected = 0;
@@ -118,7 +118,7 @@ TEST(LargestStrain, OfSpringsIsThatOfTheirLengths) {
     const auto length = [&](const Matrix3Xd& at) { return (at.col(e(0)) - at.col(e(1))).norm(); };
     expected = std::max(expected, std::abs(length(x) - length(model.network.X)) / length(model.network.X));
   }
-  EXPECT_NEAR(largest_strain(*model.springs, model.network.X, x), expected, rounding);
+  EXPECT_NEAR(largest_strain(*model.springs, model.network.X, x), expected, kRounding);
 }
 
 TEST(StiffnessBlocks, AreThoseOfThePatternOfTheMatrix) {
@@ -127,7 +127,7 @@ TEST(StiffnessBlocks, AreThoseOfThePatternOfTheMatrix) {
   const TetMesh mesh = box_tets(1, 2, 3, 1);
   model = MassSpringModel();
   model.network = mesh;
-  model.tet_springs = couple_springs(mesh.X, mesh.T, {1, 1}, edge_coupled);
+  model.tet_springs = couple_springs(mesh.X, mesh.T, {1, 1}, kEdgeCoupled);
   std::set<std::pair<int, int>> blocks;
   for (const auto& t : mesh.T.colwise())
     for (int i : t)
@@ -141,7 +141,7 @@ TEST(SpringsAlone, AreAModelWithoutEnergyOfAnyOtherKind) {
   EXPECT_TRUE(is_springs_alone(springs));
   const Eigen::Vector4i tet(0, 1, 2, 3);
   MassSpringModel with_tetrahedra = springs, with_bending = springs, with_volume = springs, none = springs;
-  with_tetrahedra.tet_springs = couple_springs(springs.network.X, tet, {1, 1}, edge_coupled);
+  with_tetrahedra.tet_springs = couple_springs(springs.network.X, tet, {1, 1}, kEdgeCoupled);
   with_bending.bending = make_bending(springs.network.X, springs.network.F, 1);
   with_volume.local_volume = LocalVolume{50, tet, Eigen::VectorXd::Constant(1, 1. / 6)};
   none.springs.reset();

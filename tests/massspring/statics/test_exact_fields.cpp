@@ -14,15 +14,15 @@ using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 
-constexpr double rounding = 1e-12;
-constexpr double difference_step = 1e-3;  // the fields are quadratic: central differences are exact but for
-constexpr double difference_tolerance = 1e-10;  // rounding
-const Lame lame{3, 2};
-const Vector3d centre(0.1, 0.2, 0.3), somewhere(0.7, -0.4, 0.9);
+constexpr double kRounding = 1e-12;
+constexpr double kDifferenceStep = 1e-3;  // the fields are quadratic: central differences are exact but for
+constexpr double kDifferenceTolerance = 1e-10;  // rounding
+const Lame kLame{3, 2};
+const Vector3d kCentre(0.1, 0.2, 0.3), kSomewhere(0.7, -0.4, 0.9);
 
 class EveryField : public testing::TestWithParam<std::string> {
  protected:
-  ExactField field = exact_field(GetParam(), lame, centre);
+  ExactField field = exact_field(GetParam(), kLame, kCentre);
 };
 INSTANTIATE_TEST_SUITE_P(ExactField, EveryField, testing::ValuesIn(exact_field_names()),
                          [](const auto& info) { return info.param; });
@@ -30,22 +30,23 @@ INSTANTIATE_TEST_SUITE_P(ExactField, EveryField, testing::ValuesIn(exact_field_n
 TEST_P(EveryField, StressFollowsFromDisplacementByHookesLaw) {
   Matrix3d G;
   for (int j = 0; j < 3; ++j) {
-    const Vector3d h = difference_step * Vector3d::Unit(j);
+    const Vector3d h = kDifferenceStep * Vector3d::Unit(j);
     G.col(j) =
-        (field.displacement(somewhere + h) - field.displacement(somewhere - h)) / (2 * difference_step);
+        (field.displacement(kSomewhere + h) - field.displacement(kSomewhere - h)) / (2 * kDifferenceStep);
   }
-  const Matrix3d sigma = lame.lambda * G.trace() * Matrix3d::Identity() + lame.mu * (G + G.transpose());
+  const Matrix3d sigma = kLame.lambda * G.trace() * Matrix3d::Identity() + kLame.mu * (G + G.transpose());
   ASSERT_GT(sigma.norm(), 0.1);
-  EXPECT_LT((field.stress(somewhere) - sigma).norm(), difference_tolerance);
+  EXPECT_LT((field.stress(kSomewhere) - sigma).norm(), kDifferenceTolerance);
 }
 
 TEST_P(EveryField, StressIsInEquilibriumWithoutBodyForce) {
   Vector3d divergence = Vector3d::Zero();
   for (int j = 0; j < 3; ++j) {
-    const Vector3d h = difference_step * Vector3d::Unit(j);
-    divergence += (field.stress(somewhere + h) - field.stress(somewhere - h)).col(j) / (2 * difference_step);
+    const Vector3d h = kDifferenceStep * Vector3d::Unit(j);
+    divergence +=
+        (field.stress(kSomewhere + h) - field.stress(kSomewhere - h)).col(j) / (2 * kDifferenceStep);
   }
-  EXPECT_LT(divergence.norm(), difference_tolerance);
+  EXPECT_LT(divergence.norm(), kDifferenceTolerance);
 }
 
 TEST_P(EveryField, TractionsOfAClosedBodyBalance) {
@@ -54,8 +55,8 @@ TEST_P(EveryField, TractionsOfAClosedBodyBalance) {
   ASSERT_GT(f.norm(), 0.1);
   Vector3d torque = Vector3d::Zero();
   for (Eigen::Index i = 0; i < f.cols(); ++i) torque += mesh.X.col(i).cross(f.col(i));
-  EXPECT_LT(f.rowwise().sum().norm(), rounding * f.norm());
-  EXPECT_LT(torque.norm(), rounding * f.norm());
+  EXPECT_LT(f.rowwise().sum().norm(), kRounding * f.norm());
+  EXPECT_LT(torque.norm(), kRounding * f.norm());
 }
 
 class LinearField : public EveryField {};
@@ -66,11 +67,11 @@ TEST_P(LinearField, WorkOfTractionsIsTwiceTheStrainEnergy) {
   const TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.2);
   Matrix3d G;
   for (int j = 0; j < 3; ++j)
-    G.col(j) = field.displacement(centre + Vector3d::Unit(j)) - field.displacement(centre);
+    G.col(j) = field.displacement(kCentre + Vector3d::Unit(j)) - field.displacement(kCentre);
   const double work =
       traction_forces(field.stress, mesh.X, mesh.F).cwiseProduct(displacements(field, mesh.X)).sum();
   const double V = lumped_mass(mesh.X, mesh.T, 1).sum();
-  EXPECT_NEAR(work, V * field.stress(centre).cwiseProduct(G).sum(), rounding * V * 100);
+  EXPECT_NEAR(work, V * field.stress(kCentre).cwiseProduct(G).sum(), kRounding * V * 100);
 }
 
 // Integrals of x^3 times 1 - x - y, x and y over the unit triangle.
@@ -82,23 +83,23 @@ TEST(TractionForces, AreExactForCubicStress) {
         return std::pow(x(0), 3) * Vector3d(0, 0, 1) * Vector3d(0, 0, 1).transpose();
       },
       X, Eigen::Vector3i(0, 1, 2));
-  EXPECT_LT((f.row(2) - Eigen::RowVector3d(1. / 120, 1. / 30, 1. / 120)).norm(), rounding);
+  EXPECT_LT((f.row(2) - Eigen::RowVector3d(1. / 120, 1. / 30, 1. / 120)).norm(), kRounding);
   EXPECT_EQ(f.topRows<2>().norm(), 0);
 }
 
 TEST(ExactField, RefusesAnUnknownName) {
-  EXPECT_THROW(exact_field("bend", lame, centre), std::runtime_error);
+  EXPECT_THROW(exact_field("bend", kLame, kCentre), std::runtime_error);
 }
 
 TEST(SurfaceError, IgnoresSmallRigidMotionAndSeesTheRest) {
   const TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.2);
-  const Matrix3Xd exact = displacements(exact_field("bending", lame, centre), mesh.X);
+  const Matrix3Xd exact = displacements(exact_field("bending", kLame, kCentre), mesh.X);
   Matrix3Xd moved = exact;
   for (Eigen::Index i = 0; i < moved.cols(); ++i)
     moved.col(i) += Vector3d(1, 2, 3) + Vector3d(3, 2, 1).cross(mesh.X.col(i));
-  EXPECT_LT(surface_error(moved, exact, mesh.X, mesh.F).l2, rounding * 100);
-  EXPECT_NEAR(surface_error(1.1 * exact, exact, mesh.X, mesh.F).l2, 0.1, rounding);
-  EXPECT_NEAR(surface_error(1.1 * exact, exact, mesh.X, mesh.F).largest, 0.1, rounding);
+  EXPECT_LT(surface_error(moved, exact, mesh.X, mesh.F).l2, kRounding * 100);
+  EXPECT_NEAR(surface_error(1.1 * exact, exact, mesh.X, mesh.F).l2, 0.1, kRounding);
+  EXPECT_NEAR(surface_error(1.1 * exact, exact, mesh.X, mesh.F).largest, 0.1, kRounding);
 }
 
 /// What is left of u when the columns of rigid motions are fitted to it by weighted least squares.
@@ -123,8 +124,8 @@ class Errors : public testing::Test {
     for (double& z : result.X.row(2)) z += z * z;
     return result;
   }();
-  const Matrix3Xd exact = displacements(exact_field("bending", lame, centre), mesh.X);
-  const Matrix3Xd u = displacements(exact_field("cubic_harmonic", lame, 2 * centre), mesh.X);
+  const Matrix3Xd exact = displacements(exact_field("bending", kLame, kCentre), mesh.X);
+  const Matrix3Xd u = displacements(exact_field("cubic_harmonic", kLame, 2 * kCentre), mesh.X);
 };
 
 TEST_F(Errors, OfTheSurfaceAreWeightedByAreaAfterTheBestRigidMotion) {
@@ -140,9 +141,9 @@ TEST_F(Errors, OfTheSurfaceAreWeightedByAreaAfterTheBestRigidMotion) {
   EXPECT_NEAR(
       found.l2,
       std::sqrt(difference.colwise().squaredNorm().dot(areas) / reference.colwise().squaredNorm().dot(areas)),
-      rounding * 100);
+      kRounding * 100);
   EXPECT_NEAR(found.largest, difference.colwise().norm().maxCoeff() / reference.colwise().norm().maxCoeff(),
-              rounding * 100);
+              kRounding * 100);
 }
 
 TEST_F(Errors, OfNodesWeighThemEquallyAndAreOfTheLargestDisplacement) {
@@ -150,7 +151,7 @@ TEST_F(Errors, OfNodesWeighThemEquallyAndAreOfTheLargestDisplacement) {
   const Eigen::RowVectorXd expected = without_fitted_motion(u - exact, mesh.X, equal).colwise().norm() /
                                       without_fitted_motion(exact, mesh.X, equal).colwise().norm().maxCoeff();
   ASSERT_GT(expected.maxCoeff(), 0.1);
-  EXPECT_LT((node_errors(u, exact, mesh.X).transpose() - expected).norm(), rounding * 100);
+  EXPECT_LT((node_errors(u, exact, mesh.X).transpose() - expected).norm(), kRounding * 100);
 }
 
 }  // namespace

@@ -13,8 +13,8 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-constexpr double patch_tolerance = 1e-10;   // the bar of the patch test
-constexpr double solver_tolerance = 1e-12;  // below it
+constexpr double kPatchTolerance = 1e-10;   // the bar of the patch test
+constexpr double kSolverTolerance = 1e-12;  // below it
 
 MassSpringModel solid(const TetMesh& mesh, double nu, const Blend& blend) {
   MassSpringModel model;
@@ -29,7 +29,7 @@ double field_error(const std::string& name, const MassSpringModel& model) {
   const ExactField field = exact_field(name, lame_of(model.material), X.rowwise().mean());
   Matrix3Xd u;
   const SolveReport report = LinearStatics(model, hold_rigid_motion(X))
-                                 .solve(traction_forces(field.stress, X, F), u, solver_tolerance);
+                                 .solve(traction_forces(field.stress, X, F), u, kSolverTolerance);
   EXPECT_TRUE(report.is_converged);
   return surface_error(u, displacements(field, X), X, F).l2;
 }
@@ -38,37 +38,37 @@ TEST(PatchTest, LinearFieldsAreExactAtEveryPoissonRatio) {
   const TetMesh mesh = box_tets(4, 3, 3, 0.4, 0.2);
   for (double nu : {0., 0.25, 0.3, 0.45, 0.49, 0.499})
     for (const char* name : {"pressure", "uniaxial", "shear"})
-      for (const Blend& blend : {edge_coupled, node_averaged})
-        EXPECT_LT(field_error(name, solid(mesh, nu, blend)), patch_tolerance) << name << " nu " << nu;
+      for (const Blend& blend : {kEdgeCoupled, kNodeAveraged})
+        EXPECT_LT(field_error(name, solid(mesh, nu, blend)), kPatchTolerance) << name << " nu " << nu;
 }
 
 TEST(PatchTest, FailsWithAFalseWeight) {
-  MassSpringModel model = solid(box_tets(4, 3, 3, 0.4, 0.2), 0.25, node_averaged);
+  MassSpringModel model = solid(box_tets(4, 3, 3, 0.4, 0.2), 0.25, kNodeAveraged);
   model.tet_springs->volume[model.tet_springs->n_patches() / 2] *= 1.01;
-  EXPECT_GT(field_error("uniaxial", model), 1e3 * patch_tolerance);
+  EXPECT_GT(field_error("uniaxial", model), 1e3 * kPatchTolerance);
 }
 
 TEST(LinearStatics, AveragingBeatsP1InBendingAndTorsion) {
   const TetMesh mesh = box_tets(4, 4, 16, 0.25, 0.15);
   for (double nu : {0.25, 0.49})
     for (const char* name : {"bending", "torsion"}) {
-      const double p1 = field_error(name, solid(mesh, nu, edge_coupled));
-      EXPECT_LT(field_error(name, solid(mesh, nu, node_averaged)), p1 / 2) << name << " nu " << nu;
+      const double p1 = field_error(name, solid(mesh, nu, kEdgeCoupled));
+      EXPECT_LT(field_error(name, solid(mesh, nu, kNodeAveraged)), p1 / 2) << name << " nu " << nu;
     }
 }
 
 TEST(LinearStatics, ErrorFallsWithTheSquareOfTheSpacing) {
-  constexpr double least_slope = 1.7, largest_slope = 2.6;  // 2 in theory, on two coarse meshes
-  for (const Blend& blend : {edge_coupled, node_averaged}) {
+  constexpr double kLeastSlope = 1.7, kLargestSlope = 2.6;  // 2 in theory, on two coarse meshes
+  for (const Blend& blend : {kEdgeCoupled, kNodeAveraged}) {
     const double coarse = field_error("torsion", solid(box_tets(6, 6, 6, 0.5), 0.3, blend));
     const double fine = field_error("torsion", solid(box_tets(12, 12, 12, 0.25), 0.3, blend));
-    EXPECT_GT(std::log2(coarse / fine), least_slope);
-    EXPECT_LT(std::log2(coarse / fine), largest_slope);
+    EXPECT_GT(std::log2(coarse / fine), kLeastSlope);
+    EXPECT_LT(std::log2(coarse / fine), kLargestSlope);
   }
 }
 
 TEST(LinearStatics, RefusesABodyThatCanMove) {
-  const MassSpringModel model = solid(box_tets(1, 1, 1, 1), 0.25, edge_coupled);
+  const MassSpringModel model = solid(box_tets(1, 1, 1, 1), 0.25, kEdgeCoupled);
   const Constraint pin{0, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()};  // the body turns about it
   EXPECT_THROW(LinearStatics(model, {pin}), std::runtime_error);
 }

@@ -8,7 +8,7 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-constexpr double rounding = 1e-12;
+constexpr double kRounding = 1e-12;
 
 Forces some_constraints(const MassSpringModel& model) {
   Forces forces = no_forces(model);
@@ -45,7 +45,7 @@ TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
   A.multiply(p, y);
   multiply(A.system().matrix(), p, expected);
   ASSERT_GT(y.norm(), 1);
-  EXPECT_LT((y - expected).norm(), rounding * y.norm());
+  EXPECT_LT((y - expected).norm(), kRounding * y.norm());
 }
 
 TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
@@ -57,7 +57,7 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
     State state =
         initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
     state.v = random_points(5, 1, 4);
-    constexpr double m = 2, k = 0.3, d = 0.1, step = 1e-6, difference_tolerance = 1e-7;
+    constexpr double m = 2, k = 0.3, d = 0.1, kStep = 1e-6, kDifferenceTolerance = 1e-7;
     ImplicitMatrix A(motion);
     A.set(state, state.x, {m, k, d}, Curvature::Exact);
     Matrix3Xd p = random_points(5, 1, 6), y, f[2][2];
@@ -65,17 +65,17 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
     A.multiply(p, y);
     for (int side : {0, 1}) {
       State moved = state;
-      moved.x += (side ? step : -step) * p;
+      moved.x += (side ? kStep : -kStep) * p;
       undamped_forces(model, forces, moved, f[0][side]);
       moved = state;
-      moved.v += (side ? step : -step) * p;
+      moved.v += (side ? kStep : -kStep) * p;
       motion.forces_at(moved, f[1][side]);
     }
     Matrix3Xd expected =
-        m * p * model.mass.asDiagonal() - (k * (f[0][1] - f[0][0]) + d * (f[1][1] - f[1][0])) / (2 * step);
+        m * p * model.mass.asDiagonal() - (k * (f[0][1] - f[0][0]) + d * (f[1][1] - f[1][0])) / (2 * kStep);
     filter(forces.constraints, expected);
     ASSERT_GT(y.norm(), 1);
-    EXPECT_LT((y - expected).norm(), difference_tolerance * y.norm());
+    EXPECT_LT((y - expected).norm(), kDifferenceTolerance * y.norm());
   }
 }
 
@@ -88,14 +88,14 @@ struct TwoContacts {
   State state = initial_state(model);
 
   TwoContacts() {
-    constexpr double thickness = 0.05, range = 1e-3;  // the barrier's is some 5e-3
-    contacts.self_thickness = thickness;
+    constexpr double kThickness = 0.05, kRange = 1e-3;  // the barrier's is some 5e-3
+    contacts.self_thickness = kThickness;
     Obstacle floor;
-    floor.shape = HalfSpace{{0, 0, -1 - range}, {0, 0, 1}};
+    floor.shape = HalfSpace{{0, 0, -1 - kRange}, {0, 0, 1}};
     contacts.bodies.emplace_back(floor);
     motion.emplace(model, forces, contacts);
     motion->barrier.emplace(model, forces, contacts.bodies);
-    state.x.leftCols(3).row(2).array() -= 2 - 0.8 * thickness;
+    state.x.leftCols(3).row(2).array() -= 2 - 0.8 * kThickness;
     motion->self_contact->begin_step(state.x);
     motion->barrier->begin_step(0, 1, state.x);
   }
@@ -104,7 +104,7 @@ struct TwoContacts {
 // Along the common normal of both edges their contact is a spring; what turns them towards it is left out.
 TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfContactsToo) {
   const TwoContacts touching;
-  constexpr double m = 2, k = 0.3, step = 1e-8, difference_tolerance = 1e-6;
+  constexpr double m = 2, k = 0.3, kStep = 1e-8, kDifferenceTolerance = 1e-6;
   ImplicitMatrix A(*touching.motion);
   const State& state = touching.state;
   A.set(state, state.x, {m, k, 0}, Curvature::Exact);
@@ -115,17 +115,17 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfContactsToo) {
     A.multiply(p, y);
     for (int side : {0, 1}) {
       State moved = state;
-      moved.x += (side ? step : -step) * p;
+      moved.x += (side ? kStep : -kStep) * p;
       touching.motion->undamped_forces_at(moved, f[side]);
     }
     ASSERT_GT((f[1] - f[0]).leftCols(3).norm(), 1e-6);
-    const Matrix3Xd expected = m * p * touching.model.mass.asDiagonal() - k * (f[1] - f[0]) / (2 * step);
-    EXPECT_LT((y - expected).row(2).norm(), difference_tolerance * y.norm()) << upper << ' ' << lower;
+    const Matrix3Xd expected = m * p * touching.model.mass.asDiagonal() - k * (f[1] - f[0]) / (2 * kStep);
+    EXPECT_LT((y - expected).row(2).norm(), kDifferenceTolerance * y.norm()) << upper << ' ' << lower;
   }
 }
 
 TEST(ImplicitMatrix, DiagonalAndSinglePrecisionAreThoseOfTheProductWithContactsToo) {
-  constexpr double single_rounding = 1e-6;
+  constexpr double kSingleRounding = 1e-6;
   TwoContacts springs, coupled;
   springs.model.springs->damping = 3;
   coupled.model.local_volume = LocalVolume{50, Eigen::Vector4i(0, 1, 2, 5), Eigen::VectorXd::Constant(1, 1.)};
@@ -142,19 +142,19 @@ TEST(ImplicitMatrix, DiagonalAndSinglePrecisionAreThoseOfTheProductWithContactsT
         Matrix3Xd p = Matrix3Xd::Zero(3, 6), y;
         p(c, i) = 1;
         A.multiply(p, y);
-        EXPECT_LT((diagonal[i].col(c) - y.col(i)).norm(), rounding * y.norm()) << i << ' ' << c;
+        EXPECT_LT((diagonal[i].col(c) - y.col(i)).norm(), kRounding * y.norm()) << i << ' ' << c;
         PaddedField single_p, single_y;
         pad(p, 1, single_p);
         system.rounded_product(single_p, single_y);
         Matrix3Xd rounded_y = Matrix3Xd::Zero(3, 6);
         add_unpadded(single_y, 1, rounded_y);
-        EXPECT_LT((rounded_y - y).norm(), single_rounding * y.norm());
+        EXPECT_LT((rounded_y - y).norm(), kSingleRounding * y.norm());
       }
   }
 }
 
 TEST(ImplicitMatrix, IsInSinglePrecisionTheSameToItsRounding) {
-  constexpr double single_rounding = 1e-6;
+  constexpr double kSingleRounding = 1e-6;
   for (const MassSpringModel& model : {damped_springs(), damped_springs_in_blocks()}) {
     Forces forces = some_constraints(model);
     forces.volume_pressure = 70;
@@ -176,8 +176,8 @@ TEST(ImplicitMatrix, IsInSinglePrecisionTheSameToItsRounding) {
       rounded_y = Matrix3Xd::Zero(3, 5);
       add_unpadded(single_y, 1, rounded_y);
       ASSERT_GT(y.norm(), 1);
-      EXPECT_LT((rounded_y - y).norm(), single_rounding * y.norm());
-      EXPECT_NEAR(p_y, p.cwiseProduct(y).sum(), single_rounding * p.norm() * y.norm());
+      EXPECT_LT((rounded_y - y).norm(), kSingleRounding * y.norm());
+      EXPECT_NEAR(p_y, p.cwiseProduct(y).sum(), kSingleRounding * p.norm() * y.norm());
       EXPECT_EQ(single_y.row(3).norm() + single_y.rightCols(3).norm(), 0);
     }
   }

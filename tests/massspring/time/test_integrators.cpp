@@ -12,13 +12,13 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-constexpr double rounding = 1e-12;
-constexpr double newton_tolerance = 1e-8;  // nonlinear stages stop where a step is below 1e-9 of the body
+constexpr double kRounding = 1e-12;
+constexpr double kNewtonTolerance = 1e-8;  // nonlinear stages stop where a step is below 1e-9 of the body
 
 State advance(const MassSpringModel& model, const Forces& forces, const std::string& integrator, State state,
               double h, int n_steps) {
-  constexpr double tight = 1e-13;
-  TimeStepper stepper(model, forces, integrator, 1, {tight});
+  constexpr double kTight = 1e-13;
+  TimeStepper stepper(model, forces, integrator, 1, {kTight});
   for (int i = 0; i < n_steps; ++i) EXPECT_EQ(stepper.step(state, h).status, Status::Ok);
   return state;
 }
@@ -79,13 +79,13 @@ TEST(Integrators, DampedOscillatorFollowsEachSchemesRecurrence) {
         {"tr_bdf2", stage * (old * stage * (I + a * A) + (1 - old) * I)}};
     for (const auto& [integrator, P] : propagators) {
       if (find_integrator(integrator).is_explicit && d > 1) continue;  // unstable: the spring would turn over
-      constexpr int n_steps = 5;
-      const State end = advance(o.model, o.forces, integrator, o.start, o.h, n_steps);
+      constexpr int kSteps = 5;
+      const State end = advance(o.model, o.forces, integrator, o.start, o.h, kSteps);
       Eigen::Vector2d u(0.1, 0);
-      for (int i = 0; i < n_steps; ++i) u = P * u;
-      EXPECT_NEAR(end.x(0, 1) - 1, u(0), newton_tolerance)
+      for (int i = 0; i < kSteps; ++i) u = P * u;
+      EXPECT_NEAR(end.x(0, 1) - 1, u(0), kNewtonTolerance)
           << integrator << ' ' << of_spring << ' ' << of_mass;
-      EXPECT_NEAR(end.v(0, 1), u(1) * o.omega, newton_tolerance * 10) << integrator;
+      EXPECT_NEAR(end.v(0, 1), u(1) * o.omega, kNewtonTolerance * 10) << integrator;
     }
   }
 }
@@ -110,8 +110,8 @@ TEST(Integrators, Bdf2BeginsAnewByImplicitEulerWhereTheStepHasAnotherLength) {
     before = u;
     u = next;
     h_before = h;
-    EXPECT_NEAR(state.x(0, 1) - 1, u(0), newton_tolerance) << state.t;
-    EXPECT_NEAR(state.v(0, 1), u(1), newton_tolerance * 10) << state.t;
+    EXPECT_NEAR(state.x(0, 1) - 1, u(0), kNewtonTolerance) << state.t;
+    EXPECT_NEAR(state.v(0, 1), u(1), kNewtonTolerance * 10) << state.t;
   }
 }
 
@@ -138,7 +138,7 @@ TEST(Integrators, TheWayOfAFastTurnIsThatOfItsSpeeds) {
        {std::pair("minimising_euler", 1.), std::pair("midpoint", 0.5)}) {
     const State end = advance(model, no_forces(model), integrator, start, h, 1);
     const Matrix3Xd way = h * (new_share * end.v + (1 - new_share) * start.v);
-    EXPECT_LT((end.x - start.x - way).norm(), rounding) << integrator;
+    EXPECT_LT((end.x - start.x - way).norm(), kRounding) << integrator;
   }
 }
 
@@ -152,7 +152,7 @@ TEST(Integrators, BackwardEulerFallsByItsClosedForm) {
   for (const char* integrator : {"implicit_euler", "minimising_euler"}) {
     const State end = advance(model, forces, integrator, initial_state(model), h, n);
     const Eigen::Vector3d fallen = gravity * h * h * n * (n + 1) / 2;
-    EXPECT_LT((end.x.colwise() - fallen - model.network.X).norm(), newton_tolerance);
+    EXPECT_LT((end.x.colwise() - fallen - model.network.X).norm(), kNewtonTolerance);
   }
 }
 
@@ -162,17 +162,17 @@ TEST(Integrators, ConvergeWithTheirOrder) {
   forces.mass_damping = 0.3;
   forces.load = random_points(5, 3, 2);
   forces.volume_pressure = 20;
-  constexpr double end = 0.32;
-  constexpr double slope_tolerance = 0.15;  // steps are finite
+  constexpr double kEnd = 0.32;
+  constexpr double kSlopeTolerance = 0.15;  // steps are finite
   const State start = lively(model);
-  const State exact = advance(model, forces, "rk4", start, end / 4096, 4096);
+  const State exact = advance(model, forces, "rk4", start, kEnd / 4096, 4096);
   for (const Integrator& row : integrators()) {
     const int n = row.order == 1 ? 512 : 64;
     const auto error = [&](int n_steps) {
-      return (advance(model, forces, row.name, start, end / n_steps, n_steps).x - exact.x).norm();
+      return (advance(model, forces, row.name, start, kEnd / n_steps, n_steps).x - exact.x).norm();
     };
     const double coarse = error(n), fine = error(2 * n);
-    EXPECT_NEAR(std::log2(coarse / fine), row.order, slope_tolerance) << row.name;
+    EXPECT_NEAR(std::log2(coarse / fine), row.order, kSlopeTolerance) << row.name;
   }
 }
 
@@ -207,28 +207,28 @@ TEST(Integrators, MomentumIsKept) {
   const MassSpringModel model = small_model();
   const State start = lively(model);
   const Eigen::Vector3d momentum = start.v * model.mass;
-  constexpr double solver_tolerance = 1e-9;
+  constexpr double kSolverTolerance = 1e-9;
   for (const Integrator& row : integrators()) {
     const std::string& integrator = row.name;
     const State end = advance(model, no_forces(model), integrator, start, 1e-3, 50);
-    EXPECT_LT((end.v * model.mass - momentum).norm(), solver_tolerance * start.v.norm()) << integrator;
+    EXPECT_LT((end.v * model.mass - momentum).norm(), kSolverTolerance * start.v.norm()) << integrator;
   }
 }
 
 TEST(Integrators, MidpointKeepsTheEnergyOfLongRunsBounded) {
   const MassSpringModel model = small_model();
-  constexpr int n_steps = 10000;
-  constexpr double drift = 0.02;
+  constexpr int kSteps = 10000;
+  constexpr double kDrift = 0.02;
   State state = lively(model);
   const Forces forces = no_forces(model);
   TimeStepper stepper(model, forces, "midpoint", 1);
   const double before = energy_of(model, state);
   double largest = 0;
-  for (int i = 0; i < n_steps; ++i) {
+  for (int i = 0; i < kSteps; ++i) {
     stepper.step(state, 5e-3);
     largest = std::max(largest, std::abs(energy_of(model, state) / before - 1));
   }
-  EXPECT_LT(largest, drift);
+  EXPECT_LT(largest, kDrift);
   EXPECT_GT(largest, 1e-9);  // something moved
 }
 
@@ -244,7 +244,7 @@ TEST(Integrators, MinimisingEulerNeverBlowsUpNorGainsEnergyFromAnyStart) {
       for (int i = 0; i < 20; ++i) {
         const double before = energy_of(model, state);
         EXPECT_EQ(stepper.step(state, h).status, Status::Ok) << stiffness << ' ' << h;
-        EXPECT_LE(energy_of(model, state), before * (1 + newton_tolerance)) << stiffness << ' ' << h;
+        EXPECT_LE(energy_of(model, state), before * (1 + kNewtonTolerance)) << stiffness << ' ' << h;
       }
     }
 }
@@ -256,15 +256,15 @@ TEST(Integrators, ConstrainedDirectionsAreExact) {
   forces.load = random_points(5, 5, 8);
   forces.constraints.push_back({0, Eigen::Matrix3d::Zero(), Eigen::Vector3d(0.1, 0, 0.2)});
   forces.constraints.push_back({3, Eigen::Matrix3d::Identity() - p * p.transpose(), Eigen::Vector3d::Zero()});
-  constexpr int n_steps = 20;
+  constexpr int kSteps = 20;
   for (const Integrator& row : integrators()) {
     const std::string& integrator = row.name;
-    const State end = advance(model, forces, integrator, initial_state(model), 1. / 500, n_steps);
-    const double fraction = n_steps / 500.;
+    const State end = advance(model, forces, integrator, initial_state(model), 1. / 500, kSteps);
+    const double fraction = kSteps / 500.;
     EXPECT_LT((end.x.col(0) - model.network.X.col(0) - fraction * Eigen::Vector3d(0.1, 0, 0.2)).norm(),
-              rounding)
+              kRounding)
         << integrator;
-    EXPECT_LT(std::abs(p.dot(end.x.col(3) - model.network.X.col(3))), rounding) << integrator;
+    EXPECT_LT(std::abs(p.dot(end.x.col(3) - model.network.X.col(3))), kRounding) << integrator;
     EXPECT_GT((end.x.col(3) - model.network.X.col(3)).norm(), 1e-4) << integrator;
   }
 }
@@ -285,7 +285,8 @@ TEST(Integrators, SupportsFollowTheirMotion) {
     for (int n = 1; n <= 40; ++n) {
       ASSERT_EQ(stepper.step(state, h).status, Status::Ok) << integrator;
       const double speed = n <= 10 ? 10 : n <= 30 ? -2.5 : 0;
-      EXPECT_NEAR(state.x(0, 0) - model.network.X(0, 0), position_at(path, n * h)(0), rounding) << integrator;
+      EXPECT_NEAR(state.x(0, 0) - model.network.X(0, 0), position_at(path, n * h)(0), kRounding)
+          << integrator;
       EXPECT_NEAR(state.v(0, 0), speed, 1e-9) << integrator << n;
     }
   }
@@ -318,8 +319,8 @@ TEST(Integrators, ErrorFollowsTheTolerance) {
   const MassSpringModel model = small_model();
   const Forces forces = no_forces(model);
   const State start = lively(model);
-  constexpr double end = 0.32, slope_tolerance = 0.2;  // parts of a step are whole in number
-  const State exact = advance(model, forces, "rk4", start, end / 4096, 4096);
+  constexpr double kEnd = 0.32, kSlopeTolerance = 0.2;  // parts of a step are whole in number
+  const State exact = advance(model, forces, "rk4", start, kEnd / 4096, 4096);
   const std::vector<std::pair<std::string, double>> orders{
       {"symplectic_euler", 1}, {"implicit_euler", 1}, {"tr_bdf2", 2}, {"rk4", 4}};
   for (const auto& [integrator, order] : orders) {
@@ -328,15 +329,15 @@ TEST(Integrators, ErrorFollowsTheTolerance) {
       options.tolerance = tolerance;
       TimeStepper stepper(model, forces, integrator, 1, options);
       State state = start;
-      for (int i = 0; i < 4; ++i) EXPECT_EQ(stepper.step(state, end / 4).status, Status::Ok);
-      EXPECT_DOUBLE_EQ(state.t, end);
+      for (int i = 0; i < 4; ++i) EXPECT_EQ(stepper.step(state, kEnd / 4).status, Status::Ok);
+      EXPECT_DOUBLE_EQ(state.t, kEnd);
       return (state.x - exact.x).norm();
     };
-    constexpr double ratio = 256;
+    constexpr double kRatio = 256;
     const double tolerance = order == 4 ? 1e-7 : 1e-4;
-    const double loose = error(tolerance), tight = error(tolerance / ratio);
+    const double loose = error(tolerance), tight = error(tolerance / kRatio);
     // A part errs by its length to the power order + 1, all of them together by one power less.
-    EXPECT_NEAR(std::log(loose / tight) / std::log(ratio), order / (order + 1), slope_tolerance)
+    EXPECT_NEAR(std::log(loose / tight) / std::log(kRatio), order / (order + 1), kSlopeTolerance)
         << integrator;
   }
 }
@@ -445,7 +446,7 @@ TEST(Integrators, ABodyAtRestWakesWhenItsSupportMoves) {
   State state = o.start;
   for (int i = 0; i < 30; ++i) {
     EXPECT_EQ(stepper.step(state, 0.01).is_at_rest, i < 10) << i;
-    EXPECT_NEAR(state.x(0, 0), position_at(path, state.t)(0), rounding);
+    EXPECT_NEAR(state.x(0, 0), position_at(path, state.t)(0), kRounding);
   }
   EXPECT_GT(state.x(0, 1), 1.01);
 }
@@ -465,18 +466,18 @@ TEST(Integrators, DroppedGradientsAndEitherLinearSolverLeadToTheSameMotion) {
   model.local_volume = LocalVolume{30, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
   Forces forces = no_forces(model);
   forces.volume_pressure = 20;
-  constexpr double end = 0.02, slope_tolerance = 0.1, linear_tolerance = 1e-13;
-  const State start = lively(model), exact = advance(model, forces, "rk4", start, end / 1024, 1024);
+  constexpr double kEnd = 0.02, kSlopeTolerance = 0.1, kLinearTolerance = 1e-13;
+  const State start = lively(model), exact = advance(model, forces, "rk4", start, kEnd / 1024, 1024);
   const auto run = [&](bool is_kept, Krylov krylov, int n_steps) {
-    IntegratorOptions options{linear_tolerance, {is_kept, is_kept}, krylov};
+    IntegratorOptions options{kLinearTolerance, {is_kept, is_kept}, krylov};
     TimeStepper stepper(model, forces, "implicit_euler", 1, options);
     State state = start;
-    for (int i = 0; i < n_steps; ++i) EXPECT_EQ(stepper.step(state, end / n_steps).status, Status::Ok);
+    for (int i = 0; i < n_steps; ++i) EXPECT_EQ(stepper.step(state, kEnd / n_steps).status, Status::Ok);
     return state.x;
   };
   for (bool is_kept : {true, false}) {
     const Matrix3Xd coarse = run(is_kept, Krylov::Cg, 32), fine = run(is_kept, Krylov::Cg, 64);
-    EXPECT_NEAR(std::log2((coarse - exact.x).norm() / (fine - exact.x).norm()), 1, slope_tolerance);
+    EXPECT_NEAR(std::log2((coarse - exact.x).norm() / (fine - exact.x).norm()), 1, kSlopeTolerance);
     EXPECT_LT((run(is_kept, Krylov::BiCgStab, 32) - coarse).norm(), 1e-10);
   }
   EXPECT_GT((run(true, Krylov::Cg, 32) - run(false, Krylov::Cg, 32)).norm(), 1e-6);

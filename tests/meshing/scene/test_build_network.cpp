@@ -152,7 +152,7 @@ TEST(VertexSpacing, IsTheMeanLengthOfAVertexsEdges) {
 }
 
 TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
-  constexpr double rounding = 1e-12;
+  constexpr double kRounding = 1e-12;
   struct Middle {
     double size, spacing;
   };
@@ -163,10 +163,10 @@ TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
     return Middle{interior_size(plate, 0.7)[middle], vertex_spacing(plate)[middle]};
   };
   const Middle thick = at_the_middle(2), thin = at_the_middle(0.001), between = at_the_middle(0.3);
-  EXPECT_NEAR(thick.size, 0.7 * thick.spacing, rounding);
-  EXPECT_NEAR(thin.size, 0.35 * thin.spacing, rounding);
+  EXPECT_NEAR(thick.size, 0.7 * thick.spacing, kRounding);
+  EXPECT_NEAR(thin.size, 0.35 * thin.spacing, kRounding);
   ASSERT_GT(0.69 * between.spacing, 0.3 / 4);
   ASSERT_LT(0.36 * between.spacing, 0.3 / 4);
-  EXPECT_LE(between.size, 0.3 / 4 + rounding) << "four layers fit";
+  EXPECT_LE(between.size, 0.3 / 4 + kRounding) << "four layers fit";
   EXPECT_GT(between.size, 0.3 / 4 - 0.35 / 32 * between.spacing) << "found by halving five times";
 }
