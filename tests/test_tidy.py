@@ -14,7 +14,7 @@ TREE = {
 }
 
 
-@pytest.mark.parametrize(("source", "expected"), [("a.cpp", True), ("room/a.h", True), ("c.cpp", False)])
+@pytest.mark.parametrize("source,expected", [("a.cpp", True), ("room/a.h", True), ("c.cpp", False)])
 def test_dealii_is_found_through_headers_of_the_project(source: str, expected: bool, tmp_path: Path) -> None:
     for name, text in TREE.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

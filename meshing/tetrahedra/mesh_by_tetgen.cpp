@@ -43,7 +43,7 @@ TetNodes mesh_task(const TetTask& task, int, double) {
     std::snprintf(text, sizeof text, "a%.17g", std::pow(task.longest, 3) / (6 * std::sqrt(2.0)));
     switches += text;
   }
-  if (task.interior.cols() > 0) switches += "i";
+  if (task.interior.cols() > 0) switches += 'i';
   try {
     tetrahedralize(switches.data(), &in, &out, &points);
   } catch (int code) {

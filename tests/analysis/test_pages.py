@@ -8,10 +8,10 @@ import subprocess
 import pytest
 from pages import PAGES, anchors, citations, fetched, links, n_words, references, sentences
 
-from analysis.experiment import ROOT
-from analysis.report import page
 from analysis.drawing.style import _STYLES
+from analysis.experiment import ROOT
 from analysis.methods import FEM_P1, FEM_P2, REFERENCE
+from analysis.report import page
 
 SVG = base64.b64encode(
     b'<svg xmlns="http://www.w3.org/2000/svg"><image xlink:href="http://a.org/b.png"/></svg>'

@@ -264,7 +264,7 @@ TEST(ElasticSolid, RefusesInvertedTetrahedra) {
   TetMesh mesh = box_tets(1, 1, 1, 1);
   mesh.T.col(3).tail<2>().reverseInPlace();
   try {
-    ElasticSolid(mesh, 1);
+    const ElasticSolid solid(mesh, 1);
     FAIL() << "solved on an inverted tetrahedron";
   } catch (const std::runtime_error& error) {
     std::ostringstream nodes;

@@ -90,9 +90,9 @@ TEST_P(OddNodes, BlocksAndFactorsOfNodesApplyAsInDoublePrecision) {
   const Matrix3Xd corrected = u + times(blocks, r - w);
   expect_sum(correct(D, padded_field(r), padded_field(w), z), r, corrected);
   expect_field(z, corrected);
-  const Eigen::VectorXd kFactor = Eigen::VectorXd::LinSpaced(n, -1, 2);
-  multiply(kFactor.cast<float>().eval(), padded_field(u), z);
-  expect_field(z, u * kFactor.asDiagonal());
+  const Eigen::VectorXd factor = Eigen::VectorXd::LinSpaced(n, -1, 2);
+  multiply(factor.cast<float>().eval(), padded_field(u), z);
+  expect_field(z, u * factor.asDiagonal());
 }
 
 TEST(SinglePrecision, SpringsInRowsAndRoundedBlocksApplyAsTheMatrix) {

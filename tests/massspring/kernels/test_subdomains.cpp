@@ -23,7 +23,7 @@ using Eigen::Matrix3Xd;
 template <class Work>
 auto on_threads(int n_threads, const Work& work) {
   omp_set_num_threads(n_threads);
-  const auto result = work();
+  auto result = work();
   omp_set_num_threads(1);
   return result;
 }
