@@ -209,7 +209,10 @@ std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, con
   return curvatures;
 }
 
-BlockMatrix stiffness_pattern(const MassSpringModel& model) {
+namespace {
+
+/// Pairs of nodes that an energy couples, 2 x m; those of several energies repeat.
+Eigen::Matrix2Xi coupled_pairs(const MassSpringModel& model) {
   std::vector<Eigen::Matrix2Xi> lists;
   for_each_energy(model, [&](const auto& energy) { lists.push_back(pairs_of(energy)); });
   Eigen::Index n_pairs = 0;
@@ -220,7 +223,13 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model) {
     pairs.middleCols(n_pairs, list.cols()) = list;
     n_pairs += list.cols();
   }
-  return make_block_matrix(static_cast<int>(model.network.X.cols()), pairs);
+  return pairs;
+}
+
+}  // namespace
+
+BlockMatrix stiffness_pattern(const MassSpringModel& model) {
+  return make_block_matrix(static_cast<int>(model.network.X.cols()), coupled_pairs(model));
 }
 
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K, Curvature curvature) {
@@ -228,8 +237,12 @@ void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix
 }
 
 Eigen::Index n_stiffness_blocks(const MassSpringModel& model) {
-  if (is_springs_alone(model)) return model.network.X.cols() + 2 * model.springs->E.cols();
-  return static_cast<Eigen::Index>(stiffness_pattern(model).block.size());
+  const Eigen::Matrix2Xi pairs = coupled_pairs(model);
+  std::vector<std::pair<int, int>> once(pairs.cols());
+  for (Eigen::Index s = 0; s < pairs.cols(); ++s) once[s] = std::minmax(pairs(0, s), pairs(1, s));
+  std::sort(once.begin(), once.end());
+  once.erase(std::unique(once.begin(), once.end()), once.end());
+  return model.network.X.cols() + 2 * static_cast<Eigen::Index>(once.size());
 }
 
 double largest_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& x) {

@@ -87,9 +87,18 @@ void Session::open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int 
   record.update(head);
 }
 
-void Session::add(const Snapshot& snapshot, int n, int n_steps, bool is_last) {
-  const Eigen::Matrix3Xd x = surface.X + snapshot.u.leftCols(surface.X.cols());
-  if (recorder_ && scene.output.curves) {
+bool Session::needs_frame(int n, bool is_last) const {
+  const int every = scene.output.frames_every;
+  return recorder_ && (is_last || (every > 0 && n % every == 0));
+}
+
+bool Session::needs_snapshot(int n, bool is_last) const {
+  return (recorder_ && scene.output.curves) || needs_frame(n, is_last);
+}
+
+void Session::add(const Snapshot& snapshot, int n, bool is_last) {
+  if (scene.output.curves) {
+    const Eigen::Matrix3Xd x = surface.X + snapshot.u.leftCols(surface.X.cols());
     std::vector<std::pair<std::string, double>> row{
         {"time", snapshot.time},
         {"load_factor", snapshot.load_factor},
@@ -101,13 +110,10 @@ void Session::add(const Snapshot& snapshot, int n, int n_steps, bool is_last) {
     row.insert(row.end(), snapshot.strains.begin(), snapshot.strains.end());
     recorder_->add_row(row);
   }
-  const int every = scene.output.frames_every;
-  if (recorder_ && (is_last || (every > 0 && n % every == 0))) {
-    std::vector<Field> all = snapshot.fields;
-    all.insert(all.end(), fields.begin(), fields.end());
-    recorder_->add_frame(snapshot.time, X_, snapshot.u, all);
-  }
-  progress.update(static_cast<double>(n) / n_steps);
+  if (!needs_frame(n, is_last)) return;
+  std::vector<Field> all = snapshot.fields;
+  all.insert(all.end(), fields.begin(), fields.end());
+  recorder_->add_frame(snapshot.time, X_, snapshot.u, all);
 }
 
 ExitStatus Session::finish() {

@@ -49,9 +49,13 @@ class Session {
   /// @param n_threads  that the solver may use
   void open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int n_threads);
 
-  /// Adds a row of curves.csv and, where it is due or the last, a frame.
-  /// @param n  steps done, of n_steps
-  void add(const Snapshot& snapshot, int n, int n_steps, bool is_last);
+  /// Whether a frame is due after n steps.
+  bool needs_frame(int n, bool is_last) const;
+  /// Whether a row of curves.csv or a frame is: without, a step costs no snapshot.
+  bool needs_snapshot(int n, bool is_last) const;
+
+  /// Adds a row of curves.csv and a frame, each where it is due after n steps.
+  void add(const Snapshot& snapshot, int n, bool is_last);
 
   /// Writes curves and record.
   ExitStatus finish();
@@ -79,7 +83,10 @@ template <class Simulation>
 void take_steps(Simulation& simulation, Session& session) {
   const auto add = [&] {
     session.timer.start("output");
-    session.add(simulation.snapshot(), simulation.n_done(), simulation.n_steps(), simulation.has_ended());
+    const int n = simulation.n_done();
+    const bool is_last = simulation.has_ended();
+    if (session.needs_snapshot(n, is_last)) session.add(simulation.snapshot(), n, is_last);
+    session.progress.update(static_cast<double>(n) / simulation.n_steps());
   };
   session.start("solve");
   add();
