@@ -27,7 +27,7 @@ struct Boxed {
     top.traction = {4, 5, 6};
     StressTerm shear = StressTerm::Zero();
     shear(1) = 1;  // times y
-    shear(8) = 7;  // Pa of xy
+    shear(7) = 7;  // Pa of xz, which the top feels
     top.stress = {shear};
     all.pressure = 11;
     scene.loads = {top, all};
@@ -100,7 +100,7 @@ TEST(SameProblem, ItsBytesTellEveryNumberFromOthers) {
   std::vector<Scene> others(7, box.scene);
   others[0].loads[0].pressure = 31;
   others[1].loads[0].traction.x() = 3;
-  others[2].loads[0].stress[0](8) = 8;
+  others[2].loads[0].stress[0](7) = 8;
   others[3].loads[1].is_follower = true;
   others[4].supports[0].displacement.y() = 0.5;
   others[5].supports[1].motion[1](3) = 0.25;
