@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "massspring/calibrations/calibrations.h"
-#include "massspring/kernels/subdomains.h"
+#include "meshing/algebra/subdomains.h"
 #include "meshing/base/names.h"
 #include "meshing/surface/surface.h"
 

@@ -15,9 +15,9 @@
 #include <string>
 #include <vector>
 
-#include "massspring/algebra/conjugate_gradients.h"
 #include "massspring/calibrations/calibrations.h"
 #include "massspring/statics/linear_statics.h"
+#include "meshing/algebra/conjugate_gradients.h"
 
 namespace testbed::massspring {
 

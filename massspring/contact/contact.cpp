@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "massspring/kernels/subdomains.h"
+#include "meshing/algebra/subdomains.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {

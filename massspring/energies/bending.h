@@ -1,7 +1,7 @@
 // The surface resists bending across its edges [Grinspun et al. 2003, paper 3.3].
 #pragma once
 
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 
 namespace testbed::massspring {
 

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "massspring/kernels/spring_kernels.h"
-#include "massspring/kernels/vectors.h"
+#include "meshing/algebra/vectors.h"
 
 namespace testbed::massspring {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 #include "meshing/base/choices.h"
 
 namespace testbed::massspring {

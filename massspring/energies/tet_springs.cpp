@@ -14,9 +14,9 @@
 #include <string>
 #include <utility>
 
-#include "massspring/algebra/rigid_motion.h"
 #include "massspring/kernels/patch_kernels.h"
-#include "massspring/kernels/subdomains.h"
+#include "meshing/algebra/rigid_motion.h"
+#include "meshing/algebra/subdomains.h"
 #include "meshing/base/geometry.h"
 
 namespace testbed::massspring {

@@ -14,7 +14,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 #include "meshing/base/material.h"
 
 namespace testbed::massspring {

@@ -2,7 +2,7 @@
 // as one [Bourguignon & Cani 2000].
 #pragma once
 
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 
 namespace testbed::massspring {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "massspring/algebra/cholesky.h"
 #include "massspring/calibrations/calibrate.h"
+#include "meshing/algebra/cholesky.h"
 #include "meshing/scene/build_network.h"
 
 namespace testbed::massspring {

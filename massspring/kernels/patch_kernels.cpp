@@ -1,6 +1,6 @@
 #include "massspring/kernels/patch_kernels.h"
 
-#include "massspring/kernels/vectors.h"
+#include "meshing/algebra/vectors.h"
 
 namespace testbed::massspring {
 namespace {

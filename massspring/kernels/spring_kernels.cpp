@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "massspring/kernels/subdomains.h"
-#include "massspring/kernels/vectors.h"
+#include "meshing/algebra/subdomains.h"
+#include "meshing/algebra/vectors.h"
 
 namespace testbed::massspring {
 namespace {

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 
 namespace testbed::massspring {
 

@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "massspring/energies/tractions.h"
-#include "massspring/kernels/subdomains.h"
+#include "meshing/algebra/subdomains.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 

@@ -9,12 +9,12 @@
 #include <tuple>
 #include <vector>
 
-#include "massspring/algebra/status.h"
 #include "massspring/energies/bending.h"
 #include "massspring/energies/springs.h"
 #include "massspring/energies/tet_springs.h"
 #include "massspring/energies/volume_force.h"
 #include "massspring/model/mass.h"
+#include "meshing/algebra/status.h"
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "massspring/algebra/rigid_motion.h"
+#include "meshing/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "massspring/algebra/cholesky.h"
+#include "meshing/algebra/cholesky.h"
 
 namespace testbed::massspring {
 namespace {

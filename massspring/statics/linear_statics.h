@@ -4,9 +4,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "massspring/algebra/cholesky.h"
-#include "massspring/algebra/conjugate_gradients.h"
 #include "massspring/model/model.h"
+#include "meshing/algebra/cholesky.h"
+#include "meshing/algebra/conjugate_gradients.h"
 
 namespace testbed::massspring {
 

@@ -10,9 +10,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "massspring/algebra/conjugate_gradients.h"
-#include "massspring/algebra/newton.h"
-#include "massspring/algebra/rigid_motion.h"
+#include "meshing/algebra/conjugate_gradients.h"
+#include "meshing/algebra/newton.h"
+#include "meshing/algebra/rigid_motion.h"
 #include "meshing/base/random.h"
 
 namespace testbed::massspring {

@@ -3,8 +3,8 @@
 
 #include <memory>
 
-#include "massspring/algebra/cholesky.h"
 #include "massspring/model/model.h"
+#include "meshing/algebra/cholesky.h"
 
 namespace testbed::massspring {
 

@@ -1,5 +1,5 @@
-#include "massspring/kernels/subdomains.h"
 #include "massspring/time/schemes.h"
+#include "meshing/algebra/subdomains.h"
 
 namespace testbed::massspring {
 namespace {

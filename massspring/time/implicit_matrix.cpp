@@ -69,7 +69,7 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
 
 void ImplicitMatrix::multiply_sparse(const Matrix3Xd& p, Matrix3Xd& y) const {
   if (K_) {
-    massspring::multiply(*K_, p, y);
+    meshing::multiply(*K_, p, y);
   } else {
     y = p * mass_.asDiagonal();
     add_product(*model_.springs, *springs_, p, y);
@@ -116,7 +116,7 @@ double ImplicitMatrix::multiply_rounded(bool is_sparse, const PaddedField& p, Pa
   if (K_)
     y.setZero(4, p.cols());
   else
-    massspring::multiply(A.mass, p, y);
+    meshing::multiply(A.mass, p, y);
   if (!contact_.empty() || !pairs_.empty()) add_contacts(p, y);
   if (!is_sparse && g_) add_scaled(static_cast<float>(dot(A.g, p)), A.g, y);
   if (!is_sparse && !volume_curvature_.empty()) {

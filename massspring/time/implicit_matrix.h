@@ -1,8 +1,9 @@
 // The matrix of an implicit step, of which no more is formed than is used.
 #pragma once
 
-#include "massspring/algebra/linear_solver.h"
+#include "massspring/kernels/spring_rows.h"
 #include "massspring/time/motion.h"
+#include "meshing/algebra/linear_solver.h"
 
 namespace testbed::massspring {
 

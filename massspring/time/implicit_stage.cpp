@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "massspring/algebra/newton.h"
-#include "massspring/algebra/rigid_motion.h"
+#include "meshing/algebra/newton.h"
+#include "meshing/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 #include "meshing/base/random.h"
 
 namespace testbed::massspring {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "massspring/algebra/linear_solver.h"
+#include "meshing/algebra/linear_solver.h"
 #include "tests/massspring/dense.h"
 #include "tests/massspring/small_network.h"
 

@@ -4,7 +4,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-namespace testbed::massspring {
+#include "meshing/base/namespace.h"
+
+namespace testbed::meshing {
 
 /// 4 x n of node vectors and a row of zeros, with as many columns of zeros at the end as make n a multiple
 /// of four, so that the widest registers are full. Sums over nodes are added in double precision, in an
@@ -50,23 +52,6 @@ void aypx(float beta, const PaddedField& z, PaddedField& p);
 /// y += alpha u on the columns of u.
 void add_scaled(float alpha, const PaddedField& u, PaddedField& y);
 
-/// Springs in rows, one for each node, of those that it is the first of.
-class SpringRows {
- public:
-  SpringRows(const Eigen::Matrix2Xi& springs, int n_nodes);
-
-  /// Blocks in the order of the rows.
-  Eigen::Matrix4Xf in_rows(const Eigen::Matrix4Xd& B) const;
-
-  /// y += B p, B in rows; then p . y.
-  double add_product(const Eigen::Matrix4Xf& B, const PaddedField& p, PaddedField& y) const;
-
- private:
-  std::vector<int> start_;  ///< of each row, n_nodes + 1; rows are even, for two springs fill a register
-  std::vector<int> other_;  ///< the second node; of what fills a row the first
-  std::vector<int> at_;     ///< of each spring
-};
-
 /// y += A p, A the 3 x 3 blocks of compressed rows by columns and three floats at the end; then p . y.
 double add_product(const std::vector<int>& row_start, const std::vector<int>& column,
                    const std::vector<float>& blocks, const PaddedField& p, PaddedField& y);
@@ -90,4 +75,4 @@ void sweep_up(const BodyMatrix& A, const BodyField& b, BodyField& x);
 /// r = b - A x.
 void residual(const BodyMatrix& A, const BodyField& b, const BodyField& x, BodyField& r);
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -6,7 +6,9 @@
 #include <numeric>
 #include <vector>
 
-namespace testbed::massspring {
+#include "meshing/base/namespace.h"
+
+namespace testbed::meshing {
 
 /// Subdomains of a body bisected three times, a binary tree: its leaves 0 ... 7, the quarters 8 ... 11, the
 /// halves 12 and 13, and the whole 14. A spring, or a patch of coupled ones, belongs to the smallest that
@@ -50,4 +52,4 @@ double sum_over_chunks(Eigen::Index n, const Visit& visit) {
   return std::accumulate(sums.begin(), sums.end(), 0.);
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

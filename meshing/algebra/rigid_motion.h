@@ -3,7 +3,9 @@
 
 #include <Eigen/Core>
 
-namespace testbed::massspring {
+#include "meshing/base/namespace.h"
+
+namespace testbed::meshing {
 
 /// The matrix that takes b to a x b.
 inline Eigen::Matrix3d cross_product_matrix(const Eigen::Vector3d& a) {
@@ -28,4 +30,4 @@ struct SmallRotation {
 SmallRotation best_rotation(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
                             const Eigen::VectorXd& weights);
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -1,11 +1,11 @@
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 
 #include <algorithm>
 #include <cassert>
 
-#include "massspring/kernels/subdomains.h"
+#include "meshing/algebra/subdomains.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 int BlockMatrix::find(int i, int j) const {
   const int* at = column.data() + row_start[i];
@@ -71,4 +71,4 @@ double add_product(const BlockMatrix& pattern, const std::vector<float>& blocks,
   return add_product(pattern.row_start, pattern.column, blocks, p, y);
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

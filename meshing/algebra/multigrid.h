@@ -3,9 +3,9 @@
 
 #include <vector>
 
-#include "massspring/algebra/linear_system.h"
+#include "meshing/algebra/linear_system.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// Preconditioner that moves groups of neighbouring nodes as rigid bodies, groups of groups likewise,
 /// and so on [Vanek, Mandel & Brezina 1996; Braess 1995]: rigid motions cost no elastic energy,
@@ -54,4 +54,4 @@ class Multigrid {
   PaddedField Az_;
 };
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

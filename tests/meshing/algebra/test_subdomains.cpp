@@ -4,10 +4,10 @@
 #include <set>
 
 #include "massspring/calibrations/calibrate.h"
-#include "massspring/kernels/single_precision.h"
-#include "massspring/kernels/subdomains.h"
 #include "massspring/statics/quasi_static.h"
 #include "massspring/time/integrators.h"
+#include "meshing/algebra/single_precision.h"
+#include "meshing/algebra/subdomains.h"
 #include "meshing/network/network.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"

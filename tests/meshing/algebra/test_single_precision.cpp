@@ -3,7 +3,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "massspring/kernels/single_precision.h"
+#include "massspring/kernels/spring_rows.h"
+#include "meshing/algebra/single_precision.h"
 #include "tests/massspring/dense.h"
 #include "tests/massspring/small_network.h"
 

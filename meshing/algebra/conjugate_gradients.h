@@ -5,9 +5,9 @@
 #include <cmath>
 #include <type_traits>
 
-#include "massspring/kernels/single_precision.h"
+#include "meshing/algebra/single_precision.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 struct SolveReport {
   int iterations = 0;
@@ -129,4 +129,4 @@ SolveReport bi_conjugate_gradients(const Product& product, const Precondition& p
   }
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -1,8 +1,8 @@
-#include "massspring/kernels/subdomains.h"
+#include "meshing/algebra/subdomains.h"
 
 #include <numeric>
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 namespace {
 
 /// Numbers the nodes [begin, end) of a subdomain by its halves across its longest side, and these likewise.
@@ -41,4 +41,4 @@ int subdomain_of(int a, int b) {
   return first + a;
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

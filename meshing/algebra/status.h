@@ -2,8 +2,9 @@
 #pragma once
 
 #include "meshing/base/choices.h"
+#include "meshing/base/namespace.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// Divergence is data, not an exception.
 enum class Status { Ok, NotConverged, Diverged };
@@ -11,4 +12,4 @@ constexpr std::array<Named<Status>, 3> names_of(Status) {
   return {{{Status::Ok, "ok"}, {Status::NotConverged, "not_converged"}, {Status::Diverged, "diverged"}}};
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -3,9 +3,9 @@
 
 #include <memory>
 
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// Supernodal Cholesky factor (CHOLMOD) of a symmetric positive definite block matrix.
 class BlockCholesky {
@@ -26,4 +26,4 @@ class BlockCholesky {
   std::unique_ptr<Factor> factor_;
 };
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -1,9 +1,9 @@
-#include "massspring/algebra/rigid_motion.h"
+#include "meshing/algebra/rigid_motion.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 SmallRotation best_rotation(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
                             const Eigen::VectorXd& weights) {
@@ -18,4 +18,4 @@ SmallRotation best_rotation(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X
   return {centre, inertia.ldlt().solve(moment)};
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -1,13 +1,13 @@
-#include "massspring/algebra/multigrid.h"
+#include "meshing/algebra/multigrid.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "massspring/algebra/rigid_motion.h"
+#include "meshing/algebra/rigid_motion.h"
 #include "meshing/base/random.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 namespace {
 
 using Eigen::Matrix3Xd;
@@ -219,4 +219,4 @@ double Multigrid::apply(const LinearSystem& A, const PaddedField& r, PaddedField
   return correct(smoother_, r, Az_, z);
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

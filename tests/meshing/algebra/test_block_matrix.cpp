@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "massspring/algebra/block_matrix.h"
+#include "meshing/algebra/block_matrix.h"
 #include "meshing/base/random.h"
 
 namespace testbed::massspring {

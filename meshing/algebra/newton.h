@@ -5,9 +5,9 @@
 #include <functional>
 #include <string>
 
-#include "massspring/algebra/status.h"
+#include "meshing/algebra/status.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 struct NewtonReport {
   Status status = Status::Ok;  ///< Diverged: the gradient is not finite
@@ -44,4 +44,4 @@ struct NewtonOptions {
 /// Near the minimum values are flat to their rounding; there the gradient decides.
 NewtonReport minimise(const Objective& f, const NewtonOptions& options);
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

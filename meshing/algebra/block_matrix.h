@@ -4,9 +4,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "massspring/kernels/single_precision.h"
+#include "meshing/algebra/single_precision.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// A second derivative as it is, or with its negative eigenvalues set to 0: exact converges quadratically,
 /// projected always descends.
@@ -43,4 +43,4 @@ std::vector<float> rounded(const BlockMatrix& A);
 double add_product(const BlockMatrix& pattern, const std::vector<float>& blocks, const PaddedField& p,
                    PaddedField& y);
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -1,8 +1,8 @@
-#include "massspring/algebra/newton.h"
+#include "meshing/algebra/newton.h"
 
 #include <cmath>
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
   constexpr double kSufficientDecrease = 1e-4, kRounding = 1e-12;
@@ -58,4 +58,4 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
   }
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

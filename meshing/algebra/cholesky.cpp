@@ -1,4 +1,4 @@
-#include "massspring/algebra/cholesky.h"
+#include "meshing/algebra/cholesky.h"
 
 #include <dlfcn.h>
 #include <omp.h>
@@ -6,7 +6,7 @@
 #include <Eigen/CholmodSupport>
 #include <Eigen/SparseCore>
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 struct BlockCholesky::Factor {
   Eigen::SparseMatrix<double> lower;
@@ -60,4 +60,4 @@ void BlockCholesky::solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const 
   x = Eigen::Map<const Eigen::Matrix3Xd>(solution.data(), 3, b.cols());
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

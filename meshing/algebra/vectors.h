@@ -3,6 +3,8 @@
 // bits.
 #pragma once
 
+#include "meshing/base/namespace.h"
+
 #if defined(__GNUC__) && defined(__has_builtin) && !defined(TESTBED_PLAIN)
 #if __has_builtin(__builtin_shufflevector)
 #define TESTBED_HAS_VECTORS 1
@@ -11,13 +13,13 @@
 
 #ifdef TESTBED_HAS_VECTORS
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 typedef double Double4 __attribute__((vector_size(32), aligned(8)));
 typedef float Float4 __attribute__((vector_size(16), aligned(4)));
 typedef float Float8 __attribute__((vector_size(32), aligned(4)));
 typedef float Float16 __attribute__((vector_size(64), aligned(4)));
 inline constexpr bool kHasVectors = true;
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing
 
 /// The numbered lanes of u and, numbered on, of w.
 #define TESTBED_SHUFFLED(u, w, ...) __builtin_shufflevector(u, w, __VA_ARGS__)
@@ -26,7 +28,7 @@ inline constexpr bool kHasVectors = true;
 
 #else
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 /// What a compiler without vectors takes for them.
 template <class Scalar, int n>
 struct PlainVector {
@@ -70,7 +72,7 @@ using Float4 = PlainVector<float, 4>;
 using Float8 = PlainVector<float, 8>;
 using Float16 = PlainVector<float, 16>;
 inline constexpr bool kHasVectors = false;
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing
 
 #define TESTBED_SHUFFLED(u, w, ...) shuffled<__VA_ARGS__>(u, w)
 #define TESTBED_INLINE

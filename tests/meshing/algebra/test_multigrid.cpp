@@ -2,10 +2,10 @@
 
 #include <Eigen/LU>
 
-#include "massspring/algebra/conjugate_gradients.h"
-#include "massspring/algebra/multigrid.h"
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/time/implicit_matrix.h"
+#include "meshing/algebra/conjugate_gradients.h"
+#include "meshing/algebra/multigrid.h"
 #include "tests/massspring/small_network.h"
 #include "tests/meshing/box_tets.h"
 

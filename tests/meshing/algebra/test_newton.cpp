@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "massspring/algebra/newton.h"
+#include "meshing/algebra/newton.h"
 
 namespace testbed::massspring {
 namespace {
@@ -33,7 +33,7 @@ struct OfOneNumber {
       ++n_moves;
     };
     f.accept = [this] { before = x; };
-    return massspring::minimise(f, options);
+    return meshing::minimise(f, options);
   }
 };
 

@@ -2,7 +2,7 @@
 
 #include <Eigen/Geometry>
 
-#include "massspring/algebra/rigid_motion.h"
+#include "meshing/algebra/rigid_motion.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed::massspring {

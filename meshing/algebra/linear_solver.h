@@ -6,12 +6,12 @@
 #include <variant>
 #include <vector>
 
-#include "massspring/algebra/cholesky.h"
-#include "massspring/algebra/conjugate_gradients.h"
-#include "massspring/algebra/multigrid.h"
+#include "meshing/algebra/cholesky.h"
+#include "meshing/algebra/conjugate_gradients.h"
+#include "meshing/algebra/multigrid.h"
 #include "meshing/base/choices.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// Conjugate gradients, preconditioned by the inverse diagonal blocks until these need too many iterations,
 /// then by a Cholesky factor or, where its fill is not affordable, multigrid, which are kept from system to
@@ -67,4 +67,4 @@ class LinearSolver {
   std::string choice_ = "block Jacobi: no system was hard so far";
 };
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -4,10 +4,10 @@
 #include <functional>
 #include <vector>
 
-#include "massspring/algebra/block_matrix.h"
-#include "massspring/kernels/single_precision.h"
+#include "meshing/algebra/block_matrix.h"
+#include "meshing/algebra/single_precision.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// A symmetric positive definite system on the directions that constraints leave free.
 struct LinearSystem {
@@ -24,4 +24,4 @@ struct LinearSystem {
   const Eigen::Matrix3Xd* positions;  ///< of the nodes, 3 x n (m)
 };
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

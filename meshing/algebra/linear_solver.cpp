@@ -1,8 +1,8 @@
-#include "massspring/algebra/linear_solver.h"
+#include "meshing/algebra/linear_solver.h"
 
 #include <Eigen/LU>
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 namespace {
 
 using Eigen::Matrix3Xd;
@@ -176,4 +176,4 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
   return report;
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing
