@@ -184,6 +184,8 @@ def benchmarks_of(program: Path, filter_: str) -> list[dict[str, Any]]:
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
     )
+    if "Failed to match any benchmarks" in done.stdout + done.stderr:
+        return []
     measured: list[dict[str, Any]] = json.loads(done.stdout)["benchmarks"]
     return [benchmark for benchmark in measured if not benchmark.get("error_occurred")]
 

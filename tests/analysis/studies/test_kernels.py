@@ -81,12 +81,14 @@ def test_finding_names_the_least_and_the_most_gain(trees):
     assert "--against" in kernels.finding(runs, [], trees[1:])
 
 
-def test_benchmarks_that_fail_are_left_out(tmp_path):
+def test_benchmarks_that_fail_or_are_not_there_are_left_out(tmp_path):
     program = tmp_path / "bench"
     found = [{"name": "good", "cpu_time": 1}, {"name": "bad", "error_occurred": True}]
     program.write_text(f"#!/bin/sh\necho '{json.dumps({'benchmarks': found})}'\n")
     program.chmod(0o755)
     assert [b["name"] for b in kernels.benchmarks_of(program, "^good")] == ["good"]
+    program.write_text("#!/bin/sh\necho 'Failed to match any benchmarks against regex: ^x' >&2\n")
+    assert kernels.benchmarks_of(program, "^x") == []
 
 
 def test_a_commit_that_there_is_not_is_an_error(tmp_path):
