@@ -57,9 +57,9 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   rest_volume_ = state_.target_volume;
   const TimeOptions& time = scene.time;
   if (time.mode == TimeMode::Static) {
-    equilibrium_ = std::make_unique<QuasiStaticSolver>(model_, forces_);
+    equilibrium_ = std::make_unique<QuasiStaticSolver>(model_, forces_, time.residual);
     report_.n_steps = time.load_steps;
-    report_.tolerance = QuasiStaticSolver::kTolerance;
+    report_.tolerance = time.residual;
     return;
   }
   if (scene.material.damping_ratio > 0)

@@ -95,8 +95,11 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
 
 }  // namespace
 
-QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces& forces)
-    : model_(model), forces_(forces), held_motions_(free_rigid_motions(model.network.X, forces.constraints)) {
+QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces& forces, double tolerance)
+    : model_(model),
+      forces_(forces),
+      tolerance_(tolerance),
+      held_motions_(free_rigid_motions(model.network.X, forces.constraints)) {
   n_free_rigid_motions_ = static_cast<int>(held_motions_.cols());
   const Eigen::Map<const Eigen::VectorXd> load(forces.load.data(), forces.load.size());
   constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
@@ -176,7 +179,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   Matrix3Xd before = start;
   // Without a load, forces are what the rounding of positions makes of the stiffness: those are balanced.
   constexpr double kRounding = std::numeric_limits<double>::epsilon();
-  double scale = kRounding * largest_stiffness_ * state.x.norm() / kTolerance;
+  double scale = kRounding * largest_stiffness_ * state.x.norm() / tolerance_;
 
   Objective energy;
   energy.value = [&] { return potential(model_, forces_, state, load_factor); };
@@ -186,7 +189,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     scale =
         std::max({scale, load_factor * forces_.load.norm() + elastic_forces(model_, state).norm(), r.norm()});
     report.residual = scale > 0 ? r.norm() / scale : 0;
-    if (report.residual <= kTolerance) return true;
+    if (report.residual <= tolerance_) return true;
     const bool is_astray = (state.x - start).colwise().norm().maxCoeff() > far;
     if (is_astray) {
       newton.status = Status::NotConverged;
@@ -207,7 +210,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       preconditioner_->solve(v, z);
       project(z);
     };
-    const double tolerance = std::clamp(kTolerance / report.residual / 2, kTightest, kLoosest);
+    const double tolerance = std::clamp(tolerance_ / report.residual / 2, kTightest, kLoosest);
     const auto is_solved = [&](int max_iterations) {
       dx = Matrix3Xd::Zero(3, r.cols());
       const SolveReport linear = conjugate_gradients(product, precondition, r, dx, tolerance, max_iterations);

@@ -17,12 +17,11 @@ namespace testbed::massspring {
 /// Nothing would stop the latter; the share of the load on them is reported.
 class QuasiStaticSolver {
  public:
-  /// Of the balance of forces, relative to the largest met on the way, or else to rounding.
-  static constexpr double kTolerance = 1e-8;
-
+  /// @param tolerance  of the balance of forces, relative to the largest met on the way, or else to rounding
   /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive: names
   /// force and torque.
-  QuasiStaticSolver(const MassSpringModel& model, const Forces& forces);
+  QuasiStaticSolver(const MassSpringModel& model, const Forces& forces,
+                    double tolerance = TimeOptions().residual);
 
   /// Moves `state` to equilibrium at `load_factor` times the full loads and prescribed displacements. Beyond
   /// a limit point, where the energy has no minimum, ends once the body has run away by its own size. Starts
@@ -48,6 +47,7 @@ class QuasiStaticSolver {
 
   const MassSpringModel& model_;
   const Forces& forces_;
+  double tolerance_;
   Eigen::MatrixXd held_motions_;  ///< orthonormal basis of the motions without energy, 3n x m
   int n_free_rigid_motions_ = 0;
   double floppy_load_share_ = 0;
