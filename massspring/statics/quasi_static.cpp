@@ -93,7 +93,27 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
   return K;
 }
 
+std::unique_ptr<BlockCholesky> shifted_factor(BlockMatrix P, const std::vector<Constraint>& constraints) {
+  constexpr double kShift = 1e-8;  // so that a factor exists where motions cost no energy
+  const double scale = largest_diagonal(P);
+  for (int i = 0; i < P.rows(); ++i) P.block[P.find(i, i)].diagonal().array() += kShift * scale;
+  filter(constraints, P);
+  auto factor = std::make_unique<BlockCholesky>(P);
+  if (!factor->is_ok())
+    throw std::runtime_error("the stiffness has no Cholesky factor, expected a positive definite model");
+  return factor;
+}
+
 }  // namespace
+
+int n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
+  if (model.tet_springs) return 0;  // rigid motions are all that tetrahedra leave free
+  BlockMatrix K = simple_stiffness(model, initial_state(model));
+  const auto factor = shifted_factor(K, constraints);
+  filter(constraints, K);
+  const auto n_free = zero_energy_motions(K, *factor, largest_diagonal(K)).cols();
+  return static_cast<int>(n_free - free_rigid_motions(model.network.X, constraints).cols());
+}
 
 QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces& forces, double tolerance)
     : model_(model),
@@ -129,13 +149,7 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
 }
 
 void QuasiStaticSolver::factorise(BlockMatrix P) {
-  constexpr double kShift = 1e-8;  // so that a factor exists where motions cost no energy
-  const double scale = largest_diagonal(P);
-  for (int i = 0; i < P.rows(); ++i) P.block[P.find(i, i)].diagonal().array() += kShift * scale;
-  filter(forces_.constraints, P);
-  preconditioner_ = std::make_unique<BlockCholesky>(P);
-  if (!preconditioner_->is_ok())
-    throw std::runtime_error("the stiffness has no Cholesky factor, expected a positive definite model");
+  preconditioner_ = shifted_factor(std::move(P), forces_.constraints);
 }
 
 void QuasiStaticSolver::project(Matrix3Xd& y) const {
@@ -172,6 +186,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     report.residual = std::numeric_limits<double>::quiet_NaN();
     return report;
   }
+  if (model_.linear) return solve_linear(load_factor, state);
   predict(load_factor, state);
   const Matrix3Xd start = state.x;
   const double far =
