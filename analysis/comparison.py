@@ -45,6 +45,7 @@ class Comparison:
             "surface": experiment.surface,
             "status": main["status"],
             "calibration": experiment.calibration,
+            "law": experiment.law,
         }
         if self.of_reference:
             reference = asdict(self.of_reference)

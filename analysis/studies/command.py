@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..paths import ROOT
-from . import accuracy, cost, paper, scaling, stability, work_precision
+from ..runs import RunError
+from . import accuracy, cost, kernels, paper, scaling, stability, work_precision
 from .result import Result, protocol_of, text_of, write
 
 
@@ -23,6 +24,7 @@ class Study(NamedTuple):
     measure: Callable[
         [argparse.Namespace, Path], Result
     ]  #: of the command's options and the folder of the results
+    takes: frozenset[str] = frozenset({"quick"})  #: of the options that not every study has
 
 
 # A new study is a new line.
@@ -30,13 +32,29 @@ STUDIES = {
     "work-precision": Study(
         "error against seconds: every spring model and finite elements, over resolutions or time steps",
         work_precision.study,
+        frozenset({"scenes", "quick", "repetitions", "time_limit"}),
     ),
     "stability": Study(
         "what becomes of a body let go from bad starts, over step and stiffness, as maps", stability.study
     ),
-    "scaling": Study("seconds, memory and non-zeros from a thousand nodes to a million", scaling.study),
-    "cost": Study("instructions of a time step, the scene's parts switched on one at a time", cost.study),
-    "paper": Study("table 1 and figures 7, 9, 10 and 11 beside the paper's values", paper.study),
+    "scaling": Study(
+        "seconds, memory and non-zeros from a thousand nodes to a million",
+        scaling.study,
+        frozenset({"quick", "repetitions"}),
+    ),
+    "cost": Study(
+        "instructions of a time step, the scene's parts switched on one at a time", cost.study, frozenset()
+    ),
+    "kernels": Study(
+        "seconds of solvers and kernels beside the machine's limits and an earlier commit",
+        kernels.study,
+        frozenset({"quick", "repetitions", "time_limit", "against"}),
+    ),
+    "paper": Study(
+        "table 1 and figures 7, 9, 10 and 11 beside the paper's values",
+        paper.study,
+        frozenset({"scenes", "quick", "repetitions"}),
+    ),
     "accuracy": Study(
         "every spring model against exact fields and quadratic elements, beside linear elements: most of an hour",
         accuracy.study,
@@ -71,14 +89,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--time-limit",
         type=float,
-        default=120,
         metavar="SECONDS",
-        help="for one timed run (120); what takes longer is a row that says so",
+        help=f"for one timed run ({_TIME_LIMIT}); what takes longer is a row that says so",
     )
+    parser.add_argument(
+        "--against", metavar="COMMIT", help="kernels: build this commit apart, and measure it in the same run"
+    )
+
+
+_TIME_LIMIT = 120  # s
+
+
+def check_options(arguments: argparse.Namespace) -> None:
+    """Raises RunError for an option that means nothing to the study."""
+    takes = STUDIES[arguments.name].takes
+    for name in ("scenes", "quick", "repetitions", "time_limit", "against"):
+        if getattr(arguments, name) and name not in takes:
+            what = "scene" if name == "scenes" else f"--{name.replace('_', '-')}"
+            known = ", ".join(sorted(study for study, entry in STUDIES.items() if name in entry.takes))
+            raise RunError(f"study {arguments.name} takes no {what}, which is for {known}")
 
 
 def main(arguments: argparse.Namespace) -> int:
     """./testbed study"""
+    check_options(arguments)
+    arguments.time_limit = arguments.time_limit or _TIME_LIMIT
     folder = arguments.out or ROOT / "out" / "study" / arguments.name
     measure = STUDIES[arguments.name].measure
     result = measure(arguments, folder)

@@ -38,6 +38,7 @@ def comparison_of(largest_volume_change=0.5, own_error=None, **more):
         "scene": "bend",
         "surface": "bar",
         "calibration": "affine",
+        "law": "small_strain",
         "rigid_motion_removed": False,
         "models": {"affine": model | more},
         "reference": reference,
