@@ -11,6 +11,8 @@ _HOMES = {
     "Frame": "runs",
     "Run": "runs",
     "RunError": "runs",
+    "area_change": "compare",
+    "change_error": "compare",
     "compare_runs": "compare",
     "displacement_error": "compare",
     "load_run": "runs",
@@ -22,7 +24,6 @@ _HOMES = {
     "vertex_areas": "compare",
     "volume": "compare",
     "volume_change": "compare",
-    "volume_error": "compare",
 }
 __all__ = list(_HOMES)
 

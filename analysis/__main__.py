@@ -10,7 +10,7 @@ from pathlib import Path
 from . import sweep
 from .experiment import default_folder, run_solvers
 from .paths import SCENES
-from .report import finding, text_tables
+from .report import text_of
 from .results import fingerprint, write_results
 from .runs import RunError
 from .studies import command as study
@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
             print("comparing and drawing", file=sys.stderr)
         comparison = write_results(experiment)
 
-    print(f"{finding(comparison)}\n\n{text_tables(comparison)}\n\nreport: {folder / 'report.html'}")
+    print(f"{text_of(comparison)}\n\nreport: {folder / 'report.html'}")
     return 0 if comparison["status"] == "ok" else 1
 
 

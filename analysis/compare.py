@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from .runs import Array, Run, RunError, scene_of
+from .runs import Array, Frame, Run, RunError, scene_of
+from .small_strain import deformation_of
 
 # Both solvers keep the surface bit for bit, but a frame stores X + u and u, so that X comes back rounded.
 _SAME_POINT = 1e-12  # of the bounding box
 _LOAD_CASE = ("gravity", "material", "supports", "loads")  # of a scene: must be the same in both runs
 _SAME_TIME = 1e-9  # of the run's length
+_KEPT = 0.01  # of what parts of the surface do: a volume or an area that changes less in all is kept
 
 
 class DisplacementError(NamedTuple):
-    """Difference of two displacement fields as fractions of the reference's own size."""
+    """Difference of two displacement fields over the root mean square of the reference's: l2 is never above max.
 
-    l2: float  #: area-weighted L2 norm over area-weighted L2 norm
-    max: float  #: largest length over largest length
+    Means are over the area and, of motions, over the time.
+    """
+
+    l2: float  #: root mean square: the L2 norm over the reference's L2 norm
+    max: float  #: largest length
 
 
-class VolumeError(NamedTuple):
-    """Difference of two volume curves."""
+class ChangeError(NamedTuple):
+    """Difference of two curves of a volume or an area, each as its change over the value at rest."""
 
-    relative: float  #: L2 over the curve of the difference in dV/V0, over that of the reference's dV/V0
-    absolute: float  #: largest difference in dV/V0
+    relative: float  #: L2 over the curve of the difference, over that of the reference's change
+    absolute: float  #: largest difference
 
 
 def triangle_normals(X: Array, F: Array) -> Array:
@@ -59,43 +65,53 @@ def remove_rigid_motion(X: Array, u: Array, weights: Array) -> Array:
     return u - (rigid @ motion).reshape(-1, 3)
 
 
+def deformation(frame: Frame, is_free: bool) -> Array:
+    """The displacement (n, 3), of a free body less the rigid motion, which means nothing there."""
+    return remove_rigid_motion(frame.X, frame.u, vertex_areas(frame.X, frame.F)) if is_free else frame.u
+
+
 def displacement_error(X: Array, F: Array, u: Array, u_reference: Array, is_free: bool) -> DisplacementError:
     """Relative difference of two surface displacements (n, 3) over the rest surface X, F.
 
     is_free: the body has no supports, so a rigid motion means nothing and is removed from both.
     """
-    weights = vertex_areas(X, F)
-    if is_free:
-        u = remove_rigid_motion(X, u, weights)
-        u_reference = remove_rigid_motion(X, u_reference, weights)
-    squares = ((u - u_reference) ** 2).sum(axis=1)
-    squares_reference = (u_reference**2).sum(axis=1)
-    if not squares_reference.max() > 0:
+    pair = (deformation(Frame(X, field, F), is_free) for field in (u, u_reference))
+    return _error_of(np.zeros(1), [tuple(pair)], vertex_areas(X, F))
+
+
+def _error_of(times: Array, pairs: Sequence[tuple[Array, ...]], weights: Array) -> DisplacementError:
+    """pairs: displacement and that of the reference at each time."""
+    squares = np.array([[((u - v) ** 2).sum(axis=1), (v**2).sum(axis=1)] for u, v in pairs])
+    means = _mean_over(times, squares @ weights / weights.sum())
+    if not means[1] > 0:
         raise RunError("the reference does not deform, so there is nothing to compare with")
-    return DisplacementError(
-        float(np.sqrt(weights @ squares / (weights @ squares_reference))),
-        float(np.sqrt(squares.max() / squares_reference.max())),
-    )
+    return DisplacementError(*(float(np.sqrt(part / means[1])) for part in (means[0], squares[:, 0].max())))
 
 
-def volume_error(times: Array, change: Array, times_ref: Array, change_ref: Array) -> VolumeError:
-    """Difference of two curves dV/V0 over the reference's times, the first linearly interpolated to them."""
+def _mean_over(times: Array, values: Array) -> Array:
+    """By the trapezoidal rule; of a single moment, what it is."""
+    return values[0] if len(times) == 1 else np.trapezoid(values, times, axis=0) / (times[-1] - times[0])
+
+
+def change_error(times: Array, change: Array, times_ref: Array, change_ref: Array) -> ChangeError:
+    """Difference of two curves over the reference's times, the first linearly interpolated to them.
+
+    change: of a volume or an area, over its value at rest.
+    """
     difference = np.interp(times_ref, times, change) - change_ref
-    norm = _curve_norm(times_ref, change_ref)
-    relative = _curve_norm(times_ref, difference) / norm if norm > 0 else float("nan")
-    return VolumeError(relative, float(np.abs(difference).max()))
-
-
-def _curve_norm(times: Array, values: Array) -> float:
-    if len(times) == 1:
-        return float(abs(values[0]))
-    return float(np.sqrt(np.trapezoid(values**2, times)))
+    squares = _mean_over(times_ref, np.stack([difference, change_ref], axis=1) ** 2)
+    relative = np.sqrt(squares[0] / squares[1]) if squares[1] > 0 else np.nan
+    return ChangeError(float(relative), float(np.abs(difference).max()))
 
 
 def volume_change(run: Run) -> tuple[Array, Array]:
     """Times and dV/V0 of a run's volume curve."""
-    V0 = volume(run.last.X, run.last.F)
-    return run.curves["time"], run.curves["volume"] / V0 - 1
+    return run.curves["time"], run.curves["volume"] / volume(run.last.X, run.last.F) - 1
+
+
+def area_change(run: Run) -> tuple[Array, Array]:
+    """Times and dA/A0 of a run's curve of surface area."""
+    return run.curves["time"], run.curves["area"] / vertex_areas(run.last.X, run.last.F).sum() - 1
 
 
 def displacement_at(run: Run, time: float) -> Array:
@@ -113,32 +129,46 @@ def displacement_at(run: Run, time: float) -> Array:
 
 
 def trajectory_error(run: Run, reference: Run, is_free: bool = False) -> DisplacementError:
-    """Relative difference of two motions: as displacement_error, the L2 norm over surface and time.
+    """Relative difference of two motions, over surface and time.
 
     The run's frames are interpolated linearly to the reference's times, which is exact where both have the same.
     is_free: rigid motion is removed from both at every time. Raises RunError for different surfaces or lengths.
     """
     check_same_problem(run, reference)
-    X = reference.last.X
-    weights = vertex_areas(X, reference.last.F)
-    squares, largest = [], []
-    for index, time in enumerate(reference.times):
-        u, u_reference = displacement_at(run, time), reference.frame(index).u
-        if is_free:
-            u, u_reference = (remove_rigid_motion(X, field, weights) for field in (u, u_reference))
-        both = [(field**2).sum(axis=1) for field in (u - u_reference, u_reference)]
-        squares.append([weights @ square for square in both])
-        largest.append([square.max() for square in both])
-    norms = np.trapezoid(np.array(squares), reference.times, axis=0)
-    if not norms[1] > 0:
-        raise RunError("the reference does not deform, so there is nothing to compare with")
-    top = np.max(largest, axis=0)
-    return DisplacementError(float(np.sqrt(norms[0] / norms[1])), float(np.sqrt(top[0] / top[1])))
+    X, F = reference.last.X, reference.last.F
+    pairs = [
+        tuple(
+            deformation(Frame(X, u, F), is_free)
+            for u in (displacement_at(run, time), reference.frame(index).u)
+        )
+        for index, time in enumerate(reference.times)
+    ]
+    return _error_of(reference.times, pairs, vertex_areas(X, F))
 
 
-def widest(run: Run) -> int:
-    """Number of the frame with the largest displacement."""
-    return int(np.argmax([np.linalg.norm(run.frame(k).u, axis=1).max() for k in range(len(run.times))]))
+@dataclass(frozen=True)
+class Tip:
+    """The vertex that the reference moves farthest, and the direction in which it does."""
+
+    vertex: int
+    direction: Array
+    time: float  #: of the reference's frame where it does
+
+    def curve(self, run: Run, is_free: bool) -> tuple[Array, Array]:
+        """Times of a run's frames, and how far its tip has moved in that direction (m)."""
+        moved = [
+            deformation(run.frame(k), is_free)[self.vertex] @ self.direction for k in range(len(run.times))
+        ]
+        return run.times, np.array(moved)
+
+
+def tip_of(reference: Run, is_free: bool) -> Tip:
+    """Of a motion, where it is widest; else at its end."""
+    index = reference.widest if is_dynamic(reference) else len(reference.times) - 1
+    u = deformation(reference.frame(index), is_free)
+    lengths = np.linalg.norm(u, axis=1)
+    vertex = int(lengths.argmax())
+    return Tip(vertex, u[vertex] / max(lengths[vertex], 1e-300), float(reference.times[index]))
 
 
 def is_dynamic(run: Run) -> bool:
@@ -147,7 +177,10 @@ def is_dynamic(run: Run) -> bool:
 
 
 def check_same_problem(run: Run, reference: Run) -> None:
-    """Raises RunError unless both runs are of the same load case and surface, vertex by vertex, and end at the same time."""
+    """Raises RunError unless both runs are of the same load case and surface, vertex by vertex, and end at the same time.
+
+    One that has stopped on its way may end earlier.
+    """
     here, there = scene_of(run), scene_of(reference)
     for key in _LOAD_CASE if here and there else ():
         if here.get(key) != there.get(key):
@@ -169,7 +202,8 @@ def check_same_problem(run: Run, reference: Run) -> None:
             f"vertex {worst} lies {distances[worst]:.3g} m apart"
         )
     t, t_reference = run.times[-1], reference.times[-1]
-    if abs(t - t_reference) > _SAME_TIME * max(abs(t_reference), 1e-300):
+    is_whole = not (run.stopped or reference.stopped)
+    if is_whole and abs(t - t_reference) > _SAME_TIME * max(abs(t_reference), 1e-300):
         raise RunError(
             f"{run.folder}: last frame is at time {t:g}, expected {t_reference:g} as in {reference.folder}"
         )
@@ -180,10 +214,14 @@ class Figures:
     """One spring model against the reference, as it stands in comparison.json."""
 
     status: str
+    reached: float  #: load factor or time (s) up to which both are compared
     displacement_error_l2: float
     displacement_error_max: float
     volume_change_error: float  #: NaN where the reference keeps its volume
     volume_change_difference: float
+    area_change_error: float  #: NaN where the reference keeps its area
+    tip_displacement: float  #: m, where the reference's tip is farthest; NaN: not reached
+    has_law_of_reference: bool
     n_nodes: int
     n_springs: int | None  #: independent ones that pull; None: the run does not say
     n_patches: int | None  #: of coupled springs
@@ -215,33 +253,53 @@ class ReferenceFigures:
 
     n_nodes: int
     n_dofs: int
-    largest_displacement: float  #: m
+    stopped: str  #: why it ended on its way; "": it did not
+    reached: float  #: load factor or time (s) of its end
+    largest_displacement: float  #: m, of the tip, of a free body without rigid motion
     largest_volume_change: float
     swept_volume: float  #: by the surface, of the volume at rest
+    keeps_volume: bool  #: changes it by less than a hundredth of what the surface sweeps, as in bending
+    keeps_area: bool  #: changes it by less than a hundredth of what its triangles do, taken without sign
+    rotation: float  #: rad, of all but a twentieth of the surface at most
+    strain: float  #: along the surface, of the same part
+    largest_strain: float | None  #: anywhere within the body
+    law_error: float | None  #: estimated, of the displacement, for being of small strain; None: it is not
     seconds: dict[str, float]
-    estimated_error_l2: float | None = None  #: of the displacement; None: not estimated
+    estimated_error_l2: float | None = None  #: of the displacement, by its mesh; None: not estimated
 
 
 def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
     """The figures of a run against the reference; displacements at the end, of a dynamic scene over the whole time.
 
-    is_free: as in displacement_error. Raises RunError where the two are not of the same problem.
+    The end is the last moment that both have reached. is_free: as in displacement_error. Raises RunError where the two
+    are not of the same problem.
     """
     check_same_problem(run, reference)
-    a, b = run.last, reference.last
+    X, F = reference.last.X, reference.last.F
+    end = min(run.times[-1], reference.times[-1])
     displacement = (
         trajectory_error(run, reference, is_free)
         if is_dynamic(reference)
-        else displacement_error(b.X, b.F, a.u, b.u, is_free)
+        else displacement_error(X, F, displacement_at(run, end), displacement_at(reference, end), is_free)
     )
-    change = volume_error(*volume_change(run), *volume_change(reference))
+    of_volume = _error_until(end, volume_change(run), volume_change(reference))
+    of_area = _error_until(end, area_change(run), area_change(reference))
+    tip = tip_of(reference, is_free)
+    tip_displacement = np.nan
+    if tip.time <= end * (1 + _SAME_TIME):
+        moved = deformation(Frame(X, displacement_at(run, tip.time), F), is_free)
+        tip_displacement = moved[tip.vertex] @ tip.direction
     record = run.record
     return Figures(
-        status=record["status"],
+        status=run.stopped or record["status"],
+        reached=float(end),
         displacement_error_l2=displacement.l2,
         displacement_error_max=displacement.max,
-        volume_change_error=change.relative,
-        volume_change_difference=change.absolute,
+        volume_change_error=np.nan if keeps_volume(reference) else of_volume.relative,
+        volume_change_difference=of_volume.absolute,
+        area_change_error=np.nan if keeps_area(reference) else of_area.relative,
+        tip_displacement=float(tip_displacement),
+        has_law_of_reference=record.get("law") == _law_of_reference(reference),
         n_nodes=record["n_nodes"],
         n_springs=record.get("n_springs"),
         n_patches=record.get("n_patches"),
@@ -250,6 +308,12 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
         floppy_load_share=record.get("floppy_load_share"),
         seconds=record["seconds"],
     )
+
+
+def _error_until(end: float, curve: tuple[Array, Array], reference: tuple[Array, Array]) -> ChangeError:
+    times, change = reference
+    is_before = times <= end * (1 + _SAME_TIME)
+    return change_error(*curve, times[is_before], change[is_before])
 
 
 def describe_alone(run: Run) -> FiguresAlone:
@@ -267,17 +331,60 @@ def describe_alone(run: Run) -> FiguresAlone:
     )
 
 
-def describe_reference(reference: Run, estimated_error: float | None = None) -> ReferenceFigures:
+def describe_reference(
+    reference: Run, is_free: bool = False, estimated_error: float | None = None
+) -> ReferenceFigures:
     """The figures of the reference; estimated_error: of its displacement, relative in the L2 norm, where it is known."""
-    frame = reference.frame(widest(reference)) if is_dynamic(reference) else reference.last
-    V0 = volume(frame.X, frame.F)
-    swept = np.abs((triangle_normals(frame.X, frame.F) * frame.u[frame.F].mean(axis=1)).sum(axis=1)).sum()
+    frame, scene = _widest_frame(reference), scene_of(reference)
+    tip = tip_of(reference, is_free)
+    bent = deformation_of(frame.X, frame.F, deformation(frame, is_free))
+    strains = reference.curves.get("max_strain")
     return ReferenceFigures(
         n_nodes=reference.record["n_nodes"],
         n_dofs=reference.record["n_dofs"],
-        largest_displacement=float(np.linalg.norm(frame.u, axis=1).max()),
-        largest_volume_change=float(np.abs(volume_change(reference)[1]).max()),
-        swept_volume=float(swept / V0),
+        stopped=reference.stopped,
+        reached=float(reference.times[-1]),
+        largest_displacement=float(np.linalg.norm(deformation(frame, is_free)[tip.vertex])),
+        largest_volume_change=_largest(volume_change(reference)),
+        swept_volume=swept_volume(frame),
+        keeps_volume=keeps_volume(reference),
+        keeps_area=keeps_area(reference),
+        rotation=bent.rotation,
+        strain=bent.strain,
+        largest_strain=None if strains is None else float(strains.max()),
+        law_error=bent.error("collapse" in scene) if _law_of_reference(reference) == "small_strain" else None,
         seconds=reference.record["seconds"],
         estimated_error_l2=estimated_error,
     )
+
+
+def _law_of_reference(reference: Run) -> str | None:
+    return reference.record.get("law") or scene_of(reference).get("reference", {}).get("law")
+
+
+def _widest_frame(run: Run) -> Frame:
+    return run.frame(run.widest) if is_dynamic(run) else run.last
+
+
+def _largest(curve: tuple[Array, Array]) -> float:
+    return float(np.abs(curve[1]).max())
+
+
+def swept_volume(frame: Frame) -> float:
+    """What the surface passes through, outwards and inwards alike, of the volume at rest."""
+    swept = np.abs((triangle_normals(frame.X, frame.F) * frame.u[frame.F].mean(axis=1)).sum(axis=1)).sum()
+    return float(swept / volume(frame.X, frame.F))
+
+
+def keeps_volume(run: Run) -> bool:
+    """Whether it changes by less than a hundredth of what the surface sweeps: bending, torsion."""
+    return _largest(volume_change(run)) <= _KEPT * swept_volume(_widest_frame(run))
+
+
+def keeps_area(run: Run) -> bool:
+    """Whether it changes by less than a hundredth of what the areas of the triangles change by."""
+    frame = _widest_frame(run)
+    before, after = (
+        np.linalg.norm(triangle_normals(points, frame.F), axis=1) for points in (frame.X, frame.X + frame.u)
+    )
+    return _largest(area_change(run)) <= _KEPT * float(np.abs(after - before).sum() / before.sum())

@@ -13,13 +13,14 @@ from .runs import Run, RunError, load_run
 
 # Of the scene's own model, which stand at the top of comparison.json, too.
 _MAIN = (
-    "displacement_error_l2", "displacement_error_max", "volume_change_error", "n_nodes", "n_springs", "n_patches",
+    "displacement_error_l2", "displacement_error_max", "volume_change_error", "area_change_error", "n_nodes", "n_springs",
+    "n_patches",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The runs of an experiment that gave a result, and the figures of each."""
+    """The runs of an experiment that gave a result, be it of a part of the load, and the figures of each."""
 
     experiment: Experiment
     runs: dict[str, Run]  #: of the spring models, the scene's own first
@@ -36,14 +37,15 @@ class Comparison:
         """What comparison.json holds; a model that gave no result has its status alone."""
         experiment, failed = self.experiment, self.experiment.failed
         models = {
-            name: {"status": failed[name]} if name in failed else asdict(self.models[name])
+            name: asdict(self.models[name]) if name in self.models else {"status": failed[name]}
             for name in experiment.calibrations
         }
         main = models[experiment.calibration]
+        stopped = self.reference.stopped if self.reference else ""
         comparison = {
             "scene": experiment.name,
             "surface": experiment.surface,
-            "status": main["status"],
+            "status": f"fem_reference: {stopped}" if stopped and main["status"] == "ok" else main["status"],
             "calibration": experiment.calibration,
             "law": experiment.law,
         }
@@ -63,23 +65,38 @@ class Comparison:
 
 def compare(experiment: Experiment) -> Comparison:
     """Loads and compares all runs. Raises RunError for one that is damaged or of another problem than the reference."""
-    reference = None if experiment.unsolved else load_run(experiment.reference_folder)
+    is_free = experiment.is_free
+    reference = None if experiment.unsolved else load_run(experiment.reference_folder, may_stop=True)
     runs = {
-        name: load_run(experiment.massspring_folder(name))
+        name: run
         for name in experiment.calibrations
-        if name not in experiment.failed
+        if (run := _springs(experiment, name)) and (reference or not run.stopped)
     }
     models: dict[str, Figures | FiguresAlone] = {
-        name: compare_runs(run, reference, experiment.is_free) if reference else describe_alone(run)
+        name: compare_runs(run, reference, is_free) if reference else describe_alone(run)
         for name, run in runs.items()
     }
-    described = describe_reference(reference, _estimated_error(experiment, reference)) if reference else None
+    described = (
+        describe_reference(reference, is_free, _estimated_error(experiment, reference)) if reference else None
+    )
     return Comparison(experiment, runs, models, reference, described)
+
+
+def _springs(experiment: Experiment, name: str) -> Run | None:
+    """A spring model's run; None where it gave nothing to compare."""
+    folder, failed = experiment.massspring_folder(name), experiment.failed.get(name)
+    if not failed:
+        return load_run(folder)
+    try:
+        run = load_run(folder, may_stop=True)
+    except RunError:
+        return None
+    return run if run.stopped == failed else None  # else it is of an earlier run
 
 
 def _estimated_error(experiment: Experiment, reference: Run) -> float | None:
     """Of the reference, relative as the displacement error; None where no refinement gave one."""
-    if not (experiment.refined_folder / "run.json").exists():
+    if reference.stopped or not (experiment.refined_folder / "run.json").exists():
         return None
     try:
         refined = load_run(experiment.refined_folder)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .paths import PROGRAMS, ROOT
-from .runs import NOT_MODELLED, NOT_OK, SOLVED, RunError
+from .runs import NOT_MODELLED, NOT_OK, SOLVED, RunError, outcome_of
 
 _GROWTH = 8  # of the unknowns by a refinement
 # Unknowns of a refined reference, by what is solved: half a minute at most. And steps of a motion in time.
@@ -74,11 +74,6 @@ class Experiment:
         return self.folder / "reference_refined"
 
 
-def outcome_of(record: dict[str, Any]) -> str:
-    """How a run ended, by its record: the status and, where there is one, the reason."""
-    return ", ".join(part for part in (record["status"], record.get("reason")) if part)
-
-
 def default_folder(scene: Path, surface: Path | None) -> Path:
     """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
     name = scene.stem
@@ -116,7 +111,7 @@ def run_solvers(
     """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
     Where the scene has a part that the reference does not model, the springs run alone. Raises RunError when a spring
-    model refuses the scene, and when the reference fails or does not converge.
+    model refuses the scene, and when the reference fails or carries no part of the load.
     """
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
@@ -136,12 +131,13 @@ def run_solvers(
     scene = tomllib.loads((folder / "scene.toml").read_text())
     refined = folder / "reference_refined"
     record = json.loads((folder / "fem_reference" / "run.json").read_text())
-    if status == NOT_OK:
+    # A static one that came some way is compared there.
+    if status == NOT_OK and not record.get("load_factor_reached"):
         raise RunError(
             f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}"
         )
     unsolved = record["reason"] if status == NOT_MODELLED else ""
-    words = None if unsolved else refinement(scene, record)
+    words = refinement(scene, record) if status == SOLVED else None
     if not words or run("fem_reference", refined, options=words) not in (SOLVED, NOT_OK):
         shutil.rmtree(refined, ignore_errors=True)  # it may be of other values
 

@@ -33,11 +33,12 @@ class Frame:
     F: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run:
     """One solver's finished run.
 
-    times: time of each frame (s; static scenes: load factor); curves: column name -> values, SI units.
+    times: time of each frame (s; static scenes: load factor); curves: column name -> values, SI units; stopped: why a
+    static run ended on its way, "" for one that did not: what it holds is then what it reached in balance.
     """
 
     folder: Path
@@ -45,10 +46,16 @@ class Run:
     curves: dict[str, Array]
     times: Array
     files: tuple[Path, ...]
+    stopped: str = ""
 
     @cached_property
     def last(self) -> Frame:
         return self.frame(-1)
+
+    @cached_property
+    def widest(self) -> int:
+        """Number of the frame with the largest displacement."""
+        return int(np.argmax([np.linalg.norm(self.frame(k).u, axis=1).max() for k in range(len(self.times))]))
 
     def frame(self, index: int) -> Frame:
         """The surface of one frame. Raises RunError for a missing, unreadable or non-finite file."""
@@ -69,8 +76,16 @@ class Run:
         return Frame(x - u, u, F)
 
 
-def load_run(folder: Path | str) -> Run:
-    """Opens a finished run. Raises RunError when it is half-written, damaged or holds NaN."""
+def outcome_of(record: dict[str, Any]) -> str:
+    """How a run ended, by its record: the status and, where there is one, the reason."""
+    return ", ".join(part for part in (record.get("status"), record.get("reason")) if part)
+
+
+def load_run(folder: Path | str, may_stop: bool = False) -> Run:
+    """Opens a finished run. Raises RunError when it is half-written, damaged or holds NaN.
+
+    may_stop: a static run that did not converge is taken as far as it came, if it came anywhere.
+    """
     folder = Path(folder)
     record_file = folder / "run.json"
     if not record_file.exists():
@@ -79,10 +94,24 @@ def load_run(folder: Path | str) -> Run:
         record = json.loads(record_file.read_text())
     except json.JSONDecodeError as error:
         raise RunError(f"{record_file}:{error.lineno}: not JSON: {error.msg}") from None
-    if record.get("status") != "ok":
+    is_ok = record.get("status") == "ok"
+    if not is_ok and not may_stop:
         raise RunError(f"{folder}: status is '{record.get('status')}', expected 'ok'")
     times, files = _read_pvd(folder / "frames.pvd")
-    return Run(folder, record, _read_curves(folder / "curves.csv"), times, files)
+    run = Run(folder, record, _read_curves(folder / "curves.csv"), times, files)
+    return run if is_ok else _until_it_stopped(run)
+
+
+def _until_it_stopped(run: Run) -> Run:
+    rows = run.curves["time"]
+    # Springs leave the step that failed as their last row; the reference does not.
+    reached = run.record.get("load_factor_reached", rows[-2] if len(rows) > 1 else 0)
+    n = int((run.times <= reached + 1e-9).sum())
+    outcome = outcome_of(run.record)
+    if scene_of(run).get("time", {}).get("mode") == "dynamic" or not n or not run.times[n - 1] > 0:
+        raise RunError(f"{run.folder}: {outcome}, and no load was reached before")
+    curves = {name: values[rows <= reached + 1e-9] for name, values in run.curves.items()}
+    return Run(run.folder, run.record, curves, run.times[:n], run.files[:n], outcome)
 
 
 def method_of(run: Run) -> str:
@@ -123,7 +152,7 @@ def _read_curves(file: Path) -> dict[str, Array]:
         row, column = np.argwhere(~np.isfinite(values))[0]
         raise RunError(f"{file}:{row + 2}: {names[column]} = {values[row, column]}, expected a number")
     curves = dict(zip(names, values.T, strict=True))
-    for name in ("time", "volume"):
+    for name in ("time", "volume", "area"):
         if name not in curves:
             raise RunError(f"{file}: no column '{name}' (found {', '.join(names)})")
     if not len(rows):

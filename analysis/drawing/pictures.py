@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from ..compare import remove_rigid_motion, vertex_areas
+from ..compare import deformation, vertex_areas
 from ..runs import Array, Frame
 
 _VISIBLE = 0.08  # of the bounding box's diagonal: smaller displacements are drawn larger
@@ -64,23 +64,21 @@ def aim(
 def draw_comparison(file: Path, springs: Frame, reference: Frame, is_free: bool, label: str) -> None:
     """Draws both deformed surfaces side by side and the error painted on the rest shape (PNG).
 
-    Both are coloured by displacement on one scale; the error is given in % of the reference's largest
-    displacement. Rigid motion is removed where the body is free.
+    Both are coloured by displacement on one scale; the error is given in % of the root mean square of the reference's
+    displacement, as displacement_error. Rigid motion is removed where the body is free.
     """
     X, F = reference.X, reference.F
-    u, u_reference = springs.u, reference.u
-    if is_free:
-        weights = vertex_areas(X, F)
-        u, u_reference = (remove_rigid_motion(X, field, weights) for field in (u, u_reference))
+    u, u_reference = (deformation(frame, is_free) for frame in (springs, reference))
     factor = magnification(X, u_reference)
     length, length_reference = (np.linalg.norm(field, axis=1) for field in (u, u_reference))
-    error = 100 * np.linalg.norm(u - u_reference, axis=1) / length_reference.max()
+    mean_square = np.average(length_reference**2, weights=vertex_areas(X, F))
+    error = 100 * np.linalg.norm(u - u_reference, axis=1) / np.sqrt(mean_square)
 
     enlarged = "" if factor == 1 else f", drawn {factor:g} x"
     panels = (
         (f"finite elements{enlarged}", X + factor * u_reference, length_reference, "displacement (m)"),
         (f"{label}{enlarged}", X + factor * u, length, "displacement (m) "),
-        ("error on the shape at rest", X, error, "error (% of largest displacement)"),
+        ("error on the shape at rest", X, error, "error (% of mean displacement)"),
     )
     plotter = pv.Plotter(off_screen=True, shape=(1, 3), window_size=[3 * _PANEL[0], _PANEL[1]], border=False)
     shown = np.vstack([X, *(points for _, points, _, _ in panels)])

@@ -2,96 +2,125 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..methods import REFERENCE, label_of
 from ..runs import Array
+from ..wording import percent, significant
+from ..wording import seconds as wording_of
 from .style import style_of, svg_of
 
 Curve = tuple[Array, Array]
 SMALLEST = 1e-9  # error drawn (%): below lies rounding
+_STAGES = {
+    "mesh": "#BBBBBB",
+    "setup": "#DDCC77",
+    "assemble": "#88CCEE",
+    "solve": "#332288",
+    "output": "#117733",
+}
 
 
-def plot_volume(curves: dict[str, Curve], time_label: str) -> str:
-    """Volume curves, with their difference from the reference, where there is one, below.
+class Panel(NamedTuple):
+    """One quantity of every method over load or time."""
 
-    curves: method -> times and dV/V0.
-    """
-    figure = Figure(figsize=(7, 5.2 if REFERENCE in curves else 3.5))
-    if REFERENCE in curves:
-        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        times_ref, change_ref = curves[REFERENCE]
-    else:
-        above = figure.subplots()
-    for method, (times, change) in curves.items():
-        colour, marker = style_of(method)
-        shape = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.6}
-        if method == REFERENCE:  # below the others, and seen behind a curve that meets it
-            shape |= {"markersize": 8, "linewidth": 3, "zorder": 1}
-        if len(times) > 25:
-            shape["markevery"] = len(times) // 12
-        above.plot(times, 100 * change, label=label_of(method), **shape)
-        if method != REFERENCE and REFERENCE in curves:
-            difference = np.interp(times_ref, times, change) - change_ref
-            below.plot(times_ref, 100 * difference, **(shape | {"markevery": None}))
-    above.set_ylabel("volume change (% of volume)")
-    above.legend()
-    if REFERENCE not in curves:
-        above.set_xlabel(time_label)
-        return svg_of(figure)
-    below.axhline(0, color=style_of(REFERENCE).colour, linewidth=1)
-    below.set_ylabel("difference\n(% of volume)")
-    below.set_xlabel(time_label)
+    label: str
+    factor: float  #: from the curves' values to what is drawn
+    curves: dict[str, Curve]  #: method -> times and values
+
+
+def plot_curves(panels: list[Panel], time_label: str) -> str:
+    """Panels side by side, below each the difference from the reference, where there is one."""
+    has_reference = REFERENCE in panels[0].curves
+    figure = Figure(
+        figsize=(7 if len(panels) == 1 else 10, 5.2 if has_reference else 3.5), layout="constrained"
+    )
+    grid = figure.subplots(2 if has_reference else 1, len(panels), sharex="col", squeeze=False,
+                           height_ratios=(2, 1) if has_reference else None)  # fmt: skip
+    for panel, column in zip(panels, grid.T, strict=True):
+        column[-1].set_xlabel(time_label)
+        column[0].set_ylabel(panel.label)
+        for method, (times, values) in panel.curves.items():
+            colour, marker = style_of(method)
+            shape = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.6}
+            if method == REFERENCE:  # below the others, and seen behind a curve that meets it
+                shape |= {"markersize": 8, "linewidth": 3, "zorder": 1}
+            if len(times) > 25:
+                shape["markevery"] = len(times) // 12
+            column[0].plot(times, panel.factor * values, label=label_of(method), **shape)
+            if method != REFERENCE and has_reference:
+                times_ref, values_ref = panel.curves[REFERENCE]
+                is_shared = times_ref <= times[-1] * (1 + 1e-9)
+                difference = np.interp(times_ref, times, values) - values_ref
+                shape |= {"markevery": None}
+                column[1].plot(times_ref[is_shared], panel.factor * difference[is_shared], **shape)
+        if has_reference:
+            column[1].axhline(0, color=style_of(REFERENCE).colour, linewidth=1)
+            column[1].set_ylabel("difference")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=3)
     figure.align_ylabels()
     return svg_of(figure)
 
 
-def plot_errors(errors: dict[str, float], of_reference: float | None) -> str:
-    """A bar for the relative displacement error of every method, with a band up to the reference's own (if it is known)."""
-    figure = Figure(figsize=(7, 0.8 + 0.3 * len(errors)))
+def plot_errors(errors: dict[str, tuple[float, float]], of_reference: float | None) -> str:
+    """Points for the relative displacement error of every method, its mean and its largest, on a logarithmic axis.
+
+    of_reference: up to which a band is drawn, if it is known.
+    """
+    figure = Figure(figsize=(7, 0.8 + 0.3 * max(len(errors), 1)))
     axes = figure.subplots()
-    values = [max(100 * error, SMALLEST) for error in errors.values()]
-    bars = axes.barh(
-        [label_of(name) for name in errors], values, color=[style_of(name).colour for name in errors]
-    )
-    axes.bar_label(bars, [f"{value:.3g}" for value in values], padding=2, fontsize=8)
+    for row, (name, pair) in enumerate(errors.items()):
+        mean, largest = (max(100 * error, SMALLEST) for error in pair)
+        colour, marker = style_of(name)
+        axes.plot([mean, largest], [row, row], color=colour, linewidth=1)
+        axes.plot([largest], [row], marker, color=colour, markerfacecolor="white")
+        axes.plot([mean], [row], marker, color=colour, markersize=8)
+        axes.annotate(percent(pair[0]), (mean, row), (-8, 0), textcoords="offset points",
+                      ha="right", va="center", fontsize=8)  # fmt: skip
     axes.set_xscale("log")
-    axes.margins(x=0.1)
-    if not errors:
-        axes.set_xlim(1, 100)  # a logarithmic axis without bars would start below zero
-    axes.set_xlim(left=min(axes.get_xlim()[0], 50 * (of_reference or np.inf), min(values, default=1) / 2))
-    if of_reference and 100 * of_reference > axes.get_xlim()[0]:
-        axes.axvspan(axes.get_xlim()[0], 100 * of_reference, color="grey", alpha=0.25, linewidth=0)
-    axes.invert_yaxis()
+    drawn = [max(100 * error, SMALLEST) for pair in errors.values() for error in pair] or [1, 100]
+    band = 100 * (of_reference or 0)
+    low = min(drawn) / 5  # room for the figure beside the first point
+    if band > SMALLEST:
+        low = min(low, band / 2)
+        axes.axvspan(low, band, color="grey", alpha=0.25, linewidth=0)
+    axes.set_xlim(low, 2 * max(*drawn, band))
+    axes.xaxis.set_major_formatter(lambda value, _: significant(value))
+    axes.set_yticks(range(len(errors)), [label_of(name) for name in errors])
+    axes.set_ylim(max(len(errors), 1) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("displacement error (%)")
     return svg_of(figure)
 
 
 def plot_times(seconds: dict[str, dict[str, float]]) -> str:
-    """Bars of seconds per stage and in total, on a logarithmic axis.
+    """A bar of seconds for every method, its stages stacked, with their sum.
 
     seconds: method -> stage -> s.
     """
-    stages = list(dict.fromkeys(stage for by_stage in seconds.values() for stage in by_stage))
-    order = ["mesh", "setup", "assemble", "solve", "output"]
-    stages.sort(key=lambda stage: order.index(stage) if stage in order else len(order))
-    rows = [*stages, "total"]
-    figure = Figure(figsize=(7, 0.6 + 0.24 * len(rows) * (len(seconds) + 1)))
+    stages = [
+        *_STAGES,
+        *{stage for by_stage in seconds.values() for stage in by_stage if stage not in _STAGES},
+    ]
+    figure = Figure(figsize=(7, 1.2 + 0.3 * len(seconds)))
     axes = figure.subplots()
-    height = 1 / (len(seconds) + 1)
-    for k, (method, by_stage) in enumerate(seconds.items()):
-        times = [by_stage.get(stage, 0) for stage in stages]
-        times.append(sum(times))
-        at = np.arange(len(rows)) + (k - (len(seconds) - 1) / 2) * height
-        bars = axes.barh(at, times, height, color=style_of(method).colour, label=label_of(method))
-        axes.bar_label(bars, [f"{t:.3g}" if t > 0 else "" for t in times], padding=2, fontsize=8)
-    axes.set_xscale("log")
-    axes.set_yticks(range(len(rows)), rows)
+    labels, ends = [label_of(method) for method in seconds], np.zeros(len(seconds))
+    for stage in stages:
+        parts = np.array([by_stage.get(stage, 0) for by_stage in seconds.values()])
+        if parts.any():
+            axes.barh(labels, parts, 0.7, left=ends, color=_STAGES.get(stage, "#AA4499"), label=stage)
+            ends += parts
+    for row, end in enumerate(ends):
+        axes.annotate(
+            wording_of(end), (end, row), (3, 0), textcoords="offset points", va="center", fontsize=8
+        )
+    axes.set_xlim(0, 1.15 * max(ends.max(initial=0), 1e-9))
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("wall-clock time (s)")
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
-    axes.margins(x=0.1)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(stages))
     return svg_of(figure)

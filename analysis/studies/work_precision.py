@@ -34,8 +34,10 @@ from ..front import seconds_for
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES
 from ..points import Outcome, Point, Store, say
-from ..report import Table, percent
+from ..report import Table
 from ..runs import RunError, load_run
+from ..wording import percent, significant
+from ..wording import seconds as seconds_in_words
 from .result import Figures, Result, Section, alone
 
 CALIBRATIONS = [
@@ -326,14 +328,6 @@ def winners(curves: Curves) -> list[tuple[str, float, float]]:
     return parts
 
 
-def _ratio(springs: float, elements: float) -> str:
-    return (
-        f"{elements / springs:.2g} times faster"
-        if springs < elements
-        else f"{springs / elements:.2g} times slower"
-    )
-
-
 def in_words(curves: Curves, elements: Sequence[str] = (FEM_P1, FEM_P2)) -> list[str]:
     """Sentences: who is fastest where, and the best springs against the best elements at round errors."""
     sentences = []
@@ -356,18 +350,30 @@ def in_words(curves: Curves, elements: Sequence[str] = (FEM_P1, FEM_P2)) -> list
         if best[0] and best[1]:
             (a, spring), (b, element) = best  # type: ignore[misc]
             sentences.append(
-                f"At {percent(error)} the best springs ({spring}) are {_ratio(a, b)} than the best elements "
-                f"({label_of(element)}): {a:.2g} s against {b:.2g} s."
+                f"At {percent(error)} the best springs ({spring}) take {seconds_in_words(a)}, the best elements "
+                f"({label_of(element)}) {seconds_in_words(b)}."
             )
         elif best[1]:
             sentences.append(
-                f"No springs reach {percent(error)}; {label_of(best[1][1])} do in {best[1][0]:.2g} s."
+                f"No springs reach {percent(error)}; {label_of(best[1][1])} do in {seconds_in_words(best[1][0])}."
             )
         elif best[0]:
             sentences.append(
-                f"No elements reach {percent(error)} on this ladder; {label_of(best[0][1])} do in {best[0][0]:.2g} s."
+                f"No elements reach {percent(error)} on this ladder; {label_of(best[0][1])} do in {seconds_in_words(best[0][0])}."
             )
     return sentences
+
+
+def advice(curves: Curves) -> list[list[str]]:
+    """Rows: an error that may be asked for, down to the next, the fastest method that stays within, and its seconds."""
+    rows = []
+    for name, high, low in winners(curves):
+        times = [seconds_for(curves[name], error * (1 + 1e-9)) for error in (high, low)]
+        words = [seconds_in_words(time) for time in times if time is not None]
+        rows.append(
+            [f"{percent(high, 2)} to {percent(low, 2)}", label_of(name), " to ".join(dict.fromkeys(words))]
+        )
+    return rows
 
 
 def plot(study: SceneStudy) -> str:
@@ -423,6 +429,11 @@ CAPTION = (
 )
 
 
+_ADVICE = (
+    "The fastest method whose error is no larger than asked for, between its measured rungs by interpolation."
+)
+
+
 def table(study: SceneStudy) -> Table:
     """Head and rows, every measurement of the scene."""
     rung = "step (s)" if is_dynamic(study.scene) else "vertices"
@@ -442,7 +453,7 @@ def table(study: SceneStudy) -> Table:
     rows = []
     for m in study.measurements:
         at = study.rung(m.factor)[0].split("=")[1]
-        at = f"{float(at):.3g}" if is_dynamic(study.scene) else at
+        at = significant(float(at)) if is_dynamic(study.scene) else at
         if not m.outcomes:
             rows.append([label_of(m.method.name), at, *["-"] * 8, m.message])
             continue
@@ -450,8 +461,8 @@ def table(study: SceneStudy) -> Table:
         rows.append(
             [
                 label_of(m.method.name), at, str(m.outcomes[0].record["n_nodes"]), percent(m.error),
-                percent(m.reference_error), *(f"{median(m.seconds(*s)):.3g}" for s in (_SETUP, ("solve",), ())),
-                f"{min(seconds):.3g} to {max(seconds):.3g}", f"{m.memory / 1e6:.0f}", m.message,
+                percent(m.reference_error), *(significant(median(m.seconds(*s))) for s in (_SETUP, ("solve",), ())),
+                f"{significant(min(seconds))} to {significant(max(seconds))}", f"{m.memory / 1e6:.0f}", m.message,
             ]
         )  # fmt: skip
     return head, rows
@@ -479,12 +490,15 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     timed, store = Store(folder / "points", arguments.time_limit), Store(folder / "points")
     sections: list[Section] = []
     findings: list[str] = []
+    advised: list[list[str]] = []
     protocol: dict[str, str] = {}
     with alone(arguments.quiet):
         for file in files:
             scene = SceneStudy(file.resolve(), effort, timed, store)
             scene.run(arguments.quiet)
-            sentences = in_words(curves_of(scene.measurements))
+            curves = curves_of(scene.measurements)
+            sentences = in_words(curves)
+            advised += [[scene.name, *row] for row in advice(curves)]
             findings.append(
                 f"{scene.name}: {sentences[0]}" if sentences else f"{scene.name}: no method gave a result."
             )
@@ -492,4 +506,6 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
             sentences.append(noise(scene.measurements))
             sections.append(Section(scene.name, sentences, figure, {scene.name: table(scene)}))
             protocol[f"{scene.name}: the scene, before the ladder's values"] = file.read_text()
+    head = ["scene", "an error may be", "use", "it takes"]
+    sections.append(Section("Use X when", [_ADVICE], {}, {"use_when": (head, advised)}))
     return Result("Work and precision", " ".join(findings), sections, protocol)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from analysis.compare import volume
+from analysis.compare import vertex_areas, volume
 
 N_STEPS = 4
 
@@ -48,10 +48,13 @@ def write_run(
         grid.save(folder / name)
         sets.append(f'<DataSet timestep="{float(time)!r}" file="{name}"/>')
         kinetic = 1 if 0 < step < len(times) - 1 else 0.25  # a quarter is left at the end
-        rows.append(f"{time},{time},{volume((points + u)[: len(X)], F)},{kinetic}")
+        surface = (points + u)[: len(X)]
+        rows.append(f"{time},{time},{volume(surface, F)},{vertex_areas(surface, F).sum()},{kinetic}")
     pvd = f'<VTKFile type="Collection" version="0.1"><Collection>{"".join(sets)}</Collection></VTKFile>'
     (folder / "frames.pvd").write_text(pvd)
-    (folder / "curves.csv").write_text("\n".join(["time,load_factor,volume,kinetic_energy", *rows]) + "\n")
+    (folder / "curves.csv").write_text(
+        "\n".join(["time,load_factor,volume,area,kinetic_energy", *rows]) + "\n"
+    )
     default = {
         "status": "ok",
         "program": "massspring",

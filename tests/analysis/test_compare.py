@@ -7,16 +7,17 @@ import pytest
 from synthetic import write_run
 
 from analysis.compare import (
+    change_error,
     compare_runs,
     describe_alone,
     describe_reference,
     displacement_at,
     displacement_error,
     remove_rigid_motion,
+    tip_of,
     trajectory_error,
     vertex_areas,
     volume,
-    volume_error,
 )
 from analysis.runs import RunError, load_run
 
@@ -68,7 +69,19 @@ def test_a_tenth_too_much_everywhere_is_an_error_of_a_tenth(ball):
     X, F = ball
     u = X * [1, 2, 3]
     error = displacement_error(X, F, 1.1 * u, u, is_free=False)
-    assert error == pytest.approx((0.1, 0.1), rel=ROUNDING)
+    assert error.l2 == pytest.approx(0.1, rel=ROUNDING)
+    # Where the body moves most, by the square of which the rest is averaged.
+    mean = np.sqrt(surface_integral(X, F, (u**2).sum(axis=1)) / surface_integral(X, F, np.ones(len(X))))
+    assert error.max == pytest.approx(0.1 * np.linalg.norm(u, axis=1).max() / mean, rel=ROUNDING)
+
+
+def test_worst_is_never_below_the_mean(uneven):
+    X, F = uneven
+    for u in (X * [1, 0, 0], X**2, np.abs(X) + 1):
+        error = displacement_error(X, F, u + 0.1, u, is_free=False)  # the same everywhere
+        assert error.max == pytest.approx(error.l2, rel=1e3 * ROUNDING)
+        error = displacement_error(X, F, u + 0.1 * X, u, is_free=False)
+        assert error.max > error.l2
 
 
 def test_error_at_one_vertex_counts_with_its_area(ball):
@@ -131,7 +144,7 @@ def test_reference_at_rest_is_refused(ball):
 def test_volume_curves_are_compared_at_the_reference_times():
     times_ref = np.linspace(0, 1, 5)
     times = np.linspace(0, 1, 3)  # a straight line is resampled without error
-    error = volume_error(times, 0.03 * times, times_ref, 0.02 * times_ref)
+    error = change_error(times, 0.03 * times, times_ref, 0.02 * times_ref)
     assert error == pytest.approx((0.5, 0.01), rel=ROUNDING)
 
 
@@ -139,7 +152,7 @@ def test_volume_error_sees_a_difference_in_mid_curve():
     times = np.linspace(0, 1, 101)
     change_ref = -times
     change = change_ref + 0.2 * np.sin(np.pi * times)
-    error = volume_error(times, change, times, change_ref)
+    error = change_error(times, change, times, change_ref)
     assert error.absolute == pytest.approx(0.2)
     # ||0.2 sin(pi t)|| / ||t|| over [0, 1]; the trapezoidal rule on 100 steps is good to 1e-4.
     assert error.relative == pytest.approx(0.2 * np.sqrt(0.5) / np.sqrt(1 / 3), rel=1e-4)
@@ -147,15 +160,15 @@ def test_volume_error_sees_a_difference_in_mid_curve():
 
 def test_volume_error_weighs_uneven_intervals_by_their_length():
     times, change_ref = np.array([0, 0.1, 0.5, 2]), np.array([1, 1, 1, 1.0])
-    error = volume_error(times, np.array([1, 1, 1.5, 1]), times, change_ref)
+    error = change_error(times, np.array([1, 1, 1.5, 1]), times, change_ref)
     # A square of 0.25 at one time counts for half of the intervals beside it, 0.4 and 1.5 of 2.
     assert error == pytest.approx((np.sqrt(0.25 * (0.4 + 1.5) / 2 / 2), 0.5), rel=ROUNDING)
 
 
 def test_a_single_volume_is_compared_as_it_is():
     once = np.array([1.0])
-    assert volume_error(once, np.array([-0.3]), once, np.array([-0.2])) == pytest.approx((0.5, 0.1))
-    assert np.isnan(volume_error(once, np.array([-0.3]), once, np.array([0.0])).relative)
+    assert change_error(once, np.array([-0.3]), once, np.array([-0.2])) == pytest.approx((0.5, 0.1))
+    assert np.isnan(change_error(once, np.array([-0.3]), once, np.array([0.0])).relative)
 
 
 def test_runs_of_known_difference(ball, tmp_path):
@@ -174,6 +187,98 @@ def test_volume_curve_of_runs(ball, tmp_path):
     assert result.volume_change_error == pytest.approx(1, rel=1e-9)
     assert result.volume_change_difference == pytest.approx(1 - 0.9**3, rel=1e-9)
     assert result.seconds["solve"] == 0.3
+
+
+def test_a_bending_reference_keeps_volume_and_area_and_withdraws_their_errors(ball, tmp_path):
+    """Every point of a ball moves along x by its x^2: one half bulges as much as the other half caves in."""
+    X, F = ball
+    reference = load_run(write_run(tmp_path / "a", X, F, lambda X: 1e-4 * (X**2)[:, [0]] * [1, 0, 0]))
+    springs = load_run(write_run(tmp_path / "b", X, F, lambda X: 1e-3 * X))
+    described = describe_reference(reference)
+    assert described.keeps_volume and described.keeps_area
+    assert described.largest_volume_change < 1e-3 * described.swept_volume
+    figures = compare_runs(springs, reference, is_free=False)
+    assert np.isnan(figures.volume_change_error) and np.isnan(figures.area_change_error)
+    # A run that does change them is compared with the springs'.
+    assert not describe_reference(springs).keeps_volume and not describe_reference(springs).keeps_area
+    assert compare_runs(reference, springs, is_free=False).area_change_error == pytest.approx(1, rel=1e-3)
+
+
+def test_area_is_compared_over_the_whole_curve(ball, tmp_path):
+    springs = load_run(write_run(tmp_path / "a", *ball, lambda X: 0.3 * X))
+    reference = load_run(write_run(tmp_path / "b", *ball, lambda X: 0.2 * X))
+    t = np.linspace(0, 1, 5)
+    change, change_ref = (1 + 0.3 * t) ** 2 - 1, (1 + 0.2 * t) ** 2 - 1
+    expected = np.sqrt(trapezium(t, (change - change_ref) ** 2) / trapezium(t, change_ref**2))
+    assert compare_runs(springs, reference, True).area_change_error == pytest.approx(expected, rel=1e-6)
+
+
+def test_tip_is_the_vertex_that_the_reference_moves_farthest(ball, tmp_path):
+    X, F = ball
+    reference = load_run(write_run(tmp_path / "a", X, F, lambda X: np.abs(X[:, [0]] + 1) * [0, -0.1, 0]))
+    springs = load_run(write_run(tmp_path / "b", X, F, lambda X: np.abs(X[:, [0]] + 1) * [0.7, -0.05, 0]))
+    tip = tip_of(reference, is_free=False)
+    assert X[tip.vertex, 0] == X[:, 0].max()
+    assert tip.direction == pytest.approx([0, -1, 0])
+    size = X[:, 0].max() + 1
+    times, moved = tip.curve(springs, is_free=False)
+    assert moved == pytest.approx(0.05 * size * times, abs=1e-12)
+    assert compare_runs(springs, reference, is_free=False).tip_displacement == pytest.approx(0.05 * size)
+    assert describe_reference(reference).largest_displacement == pytest.approx(0.1 * size)
+    # Of a free body, which bends here as well, less than all of it is left.
+    assert describe_reference(reference, is_free=True).largest_displacement < 0.05 * size
+
+
+def test_what_small_strain_costs_is_estimated_where_it_is_the_law(ball, tmp_path):
+    shrunk = load_run(write_run(tmp_path / "a", *ball, lambda X: -0.02 * X, law="small_strain"))
+    finite = load_run(write_run(tmp_path / "b", *ball, lambda X: -0.02 * X, law="neo_hookean"))
+    assert describe_reference(shrunk).law_error == pytest.approx(0.02)
+    assert describe_reference(finite).law_error is None
+    assert not compare_runs(finite, shrunk, is_free=True).has_law_of_reference
+    assert compare_runs(shrunk, shrunk, is_free=True).has_law_of_reference
+    (shrunk.folder / "scene.toml").write_text("[collapse]\ncoefficient = 0.02\n")
+    assert describe_reference(shrunk).law_error == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("who", ["reference", "springs"])
+def test_runs_that_stopped_are_compared_where_they_did(who, ball, tmp_path):
+    """One of five steps is beyond what was reached; the springs leave it in their files, the reference does not."""
+    times = np.linspace(0, 0.8, 5) if who == "springs" else np.linspace(0, 0.6, 4)
+    more = {"load_factor_reached": 0.6} if who == "reference" else {"reason": "step 4 of 5"}
+    stopped = write_run(tmp_path / "a", *ball, lambda X: 0.1 * X, times, status="not_converged", **more)
+    whole = load_run(write_run(tmp_path / "b", *ball, lambda X: 0.2 * X, np.linspace(0, 1, 6)))
+    with pytest.raises(RunError, match="status is 'not_converged'"):
+        load_run(stopped)
+    run = load_run(stopped, may_stop=True)
+    assert run.times[-1] == pytest.approx(0.6) and len(run.times) == 4
+    if who == "reference":
+        figures = compare_runs(whole, run, is_free=False)
+        assert (figures.status, figures.displacement_error_l2) == ("ok", pytest.approx(1))
+        assert figures.volume_change_error == pytest.approx(1.05, rel=0.1)
+        assert describe_reference(run).stopped == "not_converged"
+        assert describe_reference(run).reached == pytest.approx(0.6)
+    else:
+        figures = compare_runs(run, whole, is_free=False)
+        assert (figures.status, figures.displacement_error_l2) == (
+            "not_converged, step 4 of 5",
+            pytest.approx(0.5),
+        )
+        assert np.isnan(figures.tip_displacement)  # of the whole load
+        assert figures.volume_change_error == pytest.approx(0.52, rel=0.1)
+    assert figures.reached == pytest.approx(0.6)
+
+
+def test_a_run_that_stopped_at_once_has_nothing_to_compare(ball, tmp_path):
+    at_rest = write_run(
+        tmp_path / "a", *ball, lambda X: X, np.array([0, 0.2]), status="not_converged", reason="step 1"
+    )
+    with pytest.raises(RunError, match="not_converged, step 1, and no load was reached"):
+        load_run(at_rest, may_stop=True)
+    moving = write_motion(tmp_path / "b", *ball, lambda X: 0.1 * X, TIMES, SIZES)
+    record = moving.folder / "run.json"
+    record.write_text(record.read_text().replace('"ok"', '"diverged"'))
+    with pytest.raises(RunError, match="diverged"):
+        load_run(moving.folder, may_stop=True)
 
 
 def test_other_vertex_position_is_refused(ball, tmp_path):
@@ -236,6 +341,8 @@ def test_displacement_is_linear_between_frames(ball, tmp_path):
 TIMES, SIZES = np.array([0, 0.5, 2, 3]), np.array([0, 1, 3, 1])
 FEWER_TIMES, FEWER_SIZES = np.array([0, 2, 3]), np.array([0, 4, 2])  # 1 at 0.5, as the reference
 TRAJECTORY_ERROR = np.sqrt(trapezium(TIMES, [0, 0, 1, 1]) / trapezium(TIMES, SIZES**2))
+# They differ most at 2 s and 3 s, by a size of 1; the reference is averaged over the time.
+LARGEST_ERROR = 1 / np.sqrt(trapezium(TIMES, SIZES**2) / 3)
 
 
 def write_motion(folder, X, F, field, times, sizes):
@@ -248,8 +355,7 @@ def write_motion(folder, X, F, field, times, sizes):
 def test_trajectories_are_compared_over_the_whole_time(ball, tmp_path):
     reference = write_motion(tmp_path / "a", *ball, lambda X: 0.1 * X, TIMES, SIZES)
     fewer = write_motion(tmp_path / "b", *ball, lambda X: 0.1 * X, FEWER_TIMES, FEWER_SIZES)
-    # At 2 s they differ most, by a size of 1, and the reference is largest, of size 3.
-    assert trajectory_error(fewer, reference) == pytest.approx((TRAJECTORY_ERROR, 1 / 3))
+    assert trajectory_error(fewer, reference) == pytest.approx((TRAJECTORY_ERROR, LARGEST_ERROR))
     assert compare_runs(fewer, reference, is_free=False).displacement_error_l2 == pytest.approx(
         TRAJECTORY_ERROR
     )
@@ -273,7 +379,9 @@ def test_motions_of_free_bodies_are_compared_without_the_rigid_part(ball, tmp_pa
     turned = write_motion(
         tmp_path / "b", *ball, lambda X: 0.1 * X + rigid_motion(X), FEWER_TIMES, FEWER_SIZES
     )
-    assert trajectory_error(turned, reference, is_free=True) == pytest.approx((TRAJECTORY_ERROR, 1 / 3))
+    assert trajectory_error(turned, reference, is_free=True) == pytest.approx(
+        (TRAJECTORY_ERROR, LARGEST_ERROR)
+    )
     assert trajectory_error(turned, reference).l2 > 1
 
 
@@ -284,7 +392,7 @@ def test_a_motion_that_ends_at_rest_is_compared_on_its_way(ball, tmp_path):
     result = compare_runs(run, reference, is_free=False)
     expected = np.sqrt(trapezium(times, [0, 0, 0.25, 0]) / trapezium(times, sizes**2))
     assert result.displacement_error_l2 == pytest.approx(expected)
-    assert result.displacement_error_max == pytest.approx(0.5 / 2)
+    assert result.displacement_error_max == pytest.approx(0.5 / np.sqrt(trapezium(times, sizes**2) / 4))
 
 
 def test_a_pushed_cube_sweeps_its_own_volume(cube, tmp_path):

@@ -79,7 +79,7 @@ def test_nan_in_a_frame_is_refused(folder):
 def test_nan_in_the_curves_is_refused(folder):
     file = folder / "curves.csv"
     lines = file.read_text().splitlines()
-    lines[2] = "0.25,0.25,nan,1"
+    lines[2] = "0.25,0.25,nan,1,1"
     file.write_text("\n".join(lines))
     with pytest.raises(RunError, match=r"curves.csv:3: volume = nan, expected a number"):
         load_run(folder)

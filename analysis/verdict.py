@@ -1,0 +1,215 @@
+"""What a comparison says in sentences: the finding, a conclusion by plain rules, and how far the reference can be trusted."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from .wording import about, listed, percent, seconds, share, significant
+
+SERVES, FAILS = (
+    0.05,
+    0.2,
+)  # displacement errors: up to the first a model serves, beyond the second it does not
+_SAVED = 0.8  # of the finite elements' seconds, at most: single runs vary by a fifth
+_AT_REST = 0.01  # of the largest kinetic energy
+_ROUNDING = 1e-8
+_NOTICED = 0.01  # error of a law that both solvers share: it is no part of their difference
+_OTHER_LAW = 'material.law = "neo_hookean"'
+
+RULES = (
+    f"A model serves where it is off by at most {percent(SERVES)}, and does not beyond {percent(FAILS)}, the finite elements' "
+    "own error added or taken off, whichever is worse for the statement; where that matters, the run cannot decide. Time is "
+    f"saved where all stages together take at most {percent(_SAVED)} of the finite elements' seconds."
+)
+
+
+def title(comparison: dict[str, Any]) -> str:
+    return f"{comparison['scene']}, {comparison['surface']}"
+
+
+def total(stages: dict[str, float]) -> float:
+    return sum(stages.values())
+
+
+def has_figures(model: dict[str, Any]) -> bool:
+    """Whether the model gave a result, be it of a part of the load."""
+    return "seconds" in model
+
+
+def finding(comparison: dict[str, Any]) -> str:
+    """What the comparison found, in one sentence: of two errors that outdo the difference, or the difference itself."""
+    name, model = comparison["calibration"], comparison["models"][comparison["calibration"]]
+    if not has_figures(model):
+        return f"{title(comparison)}: the {name} springs gave no result: {model['status']}."
+    if "no_reference" in comparison:
+        return (
+            f"{title(comparison)}: no fair reference ({comparison['no_reference']}); the volume of the "
+            f"{name} springs ends {percent(abs(model['volume_change']))} {'below' if model['volume_change'] < 0 else 'above'} "
+            f"that at rest, and {percent(model['kinetic_energy_left'])} of the largest kinetic energy is left."
+        )
+    reference, difference = comparison["reference"], model["displacement_error_l2"]
+    own = reference["estimated_error_l2"]
+    stops = "".join(f"{stop}; there " for stop in _stops(comparison))
+    if is_out_of_range(model, reference):
+        found = (
+            f"the finite elements, being of small strain, are off by {about(reference['law_error'])}, "
+            f"while the {name} springs differ from them by {percent(difference)}"
+        )
+    elif (own or 0) > max(_ROUNDING, difference):
+        found = (
+            f"the finite elements' own displacement error, {about(own)}, exceeds the {percent(difference)} by which "
+            f"the {name} springs differ from them"
+        )
+    else:
+        blur = f"; the reference's own error is {about(own)}" if is_blurred(model, own) else ""
+        found = (
+            f"the {name} springs miss the finite elements' surface displacement by {percent(difference)} "
+            f"(at worst {percent(model['displacement_error_max'])}{blur})"
+        )
+        if not reference["keeps_volume"]:
+            found += f" and their volume change by {percent(model['volume_change_error'])}"
+    return f"{title(comparison)}: {stops}{found}."
+
+
+def _stops(comparison: dict[str, Any]) -> list[str]:
+    """Who stopped on the way, the reference or the scene's own model, in words."""
+    reference, model = comparison["reference"], comparison["models"][comparison["calibration"]]
+    stops = []
+    if reference["stopped"]:
+        stops.append(_stop("the finite elements", reference["reached"], reference["stopped"]))
+    if model["status"] != "ok" and has_figures(model):
+        stops.append(_stop(f"the {comparison['calibration']} springs", model["reached"], model["status"]))
+    return stops
+
+
+def _stop(who: str, reached: float, why: str) -> str:
+    return f"{who} stopped at load factor {significant(reached)} ({why})"
+
+
+def is_blurred(model: dict[str, Any], error_of_reference: float | None) -> bool:
+    """Whether the reference's own error exceeds a tenth of the model's difference from it."""
+    return (error_of_reference or 0) > max(_ROUNDING, model["displacement_error_l2"] / 10)
+
+
+def is_out_of_range(model: dict[str, Any], reference: dict[str, Any]) -> bool:
+    """Whether small strain costs the reference more than a tenth of the model's difference from it.
+
+    Of a law that both share, errors below _NOTICED are no news.
+    """
+    least = _NOTICED if model["has_law_of_reference"] else _ROUNDING
+    return is_blurred(model, reference["law_error"]) and reference["law_error"] > least
+
+
+def conclusion(comparison: dict[str, Any]) -> list[str]:
+    """Sentences by RULES: which models to use here, which not, what time that saves, and what limits the statement."""
+    models = {name: model for name, model in comparison["models"].items() if has_figures(model)}
+    if "no_reference" in comparison:
+        calm = [name for name, model in models.items() if model["kinetic_energy_left"] < _AT_REST]
+        came = f"{listed(calm)} came to rest" if calm else "none came to rest"
+        return [f"No model can be recommended here, as there is no reference to judge it by; {came}."]
+    reference = comparison["reference"]
+    groups: dict[str, list[str]] = {"use": [], "not": [], "between": [], "undecided": []}
+    for name, model in sorted(models.items(), key=lambda item: item[1]["displacement_error_l2"]):
+        groups[_group(model, reference)].append(name)
+
+    def named(group: str, last: str) -> str:
+        return listed(
+            [f"{name} ({percent(models[name]['displacement_error_l2'])})" for name in groups[group]], last
+        )
+
+    if groups["use"]:
+        but = f", not {named('not', 'or')}" if groups["not"] else ""
+        sentences = [f"Use {named('use', 'or')} here{but}."]
+    else:
+        but = f"; do not use {named('not', 'or')}" if groups["not"] else ""
+        sentences = [f"No model is shown to serve here{but}."]
+    if groups["between"]:
+        sentences.append(f"{named('between', 'and')} {_verb(groups['between'], 'lies', 'lie')} in between.")
+    if groups["undecided"]:
+        sentences.append(f"This run cannot decide on {named('undecided', 'or')}.")
+    if groups["use"]:
+        best = groups["use"][0]
+        springs, elements = total(models[best]["seconds"]), total(reference["seconds"])
+        saved = seconds(elements - springs) if springs <= _SAVED * elements else "no time"
+        sentences.append(
+            f"{best} took {seconds(springs)} and the finite elements {seconds(elements)}: it saves {saved}."
+        )
+    return sentences + _limits(comparison, groups)
+
+
+def _group(model: dict[str, Any], reference: dict[str, Any]) -> str:
+    error, own = model["displacement_error_l2"], reference["estimated_error_l2"] or 0
+    if is_out_of_range(model, reference):
+        own += reference["law_error"]
+    if error + own <= SERVES:
+        return "use"
+    if error - own > FAILS:
+        return "not"
+    return "between" if error - own > SERVES and error + own <= FAILS else "undecided"
+
+
+def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[str]:
+    reference, models = comparison["reference"], comparison["models"]
+    own = reference["estimated_error_l2"]
+    limits = []
+    if own is None:
+        limits.append("The finite elements' own error, which is not estimated, limits this.")
+    elif any(is_blurred(models[name], own) for group in groups.values() for name in group):
+        limits.append(f"The finite elements' own error of {about(own)} limits this.")
+    if any(is_out_of_range(models[name], reference) for group in groups.values() for name in group):
+        limits.append(f"Set {_OTHER_LAW} to leave the limits of small strain.")
+    mechanisms = [
+        name for group in ("use", "undecided") for name in groups[group] if models[name]["n_floppy_motions"]
+    ]
+    if mechanisms:
+        limits.append(
+            f"{listed(mechanisms)} {_verb(mechanisms, 'is a mechanism', 'are mechanisms')}, whose error another load may change."
+        )
+    limits.append("Seconds are of single runs of solvers that are not tuned alike.")
+    return limits
+
+
+def _verb(names: list[str], one: str, several: str) -> str:
+    return one if len(names) == 1 else several
+
+
+def trust_in_reference(comparison: dict[str, Any]) -> list[str]:
+    """Sentences: the reference's own error and that of its law, and which differences they are too large for."""
+    if "no_reference" in comparison:
+        return []
+    models = {name: model for name, model in comparison["models"].items() if has_figures(model)}
+    reference = comparison["reference"]
+    return [_own_error(reference["estimated_error_l2"], models), *_law_error(reference, models)]
+
+
+def _own_error(error: float | None, models: dict[str, dict[str, Any]]) -> str:
+    if error is None:
+        return "The error of the finite elements themselves is not estimated for this scene."
+    if error < _ROUNDING:
+        return "The finite elements' own error is rounding, as a refinement shows."
+    own = f"The finite elements' own displacement error is {about(error)}, estimated by a refinement"
+    blurred = [
+        f"{name} ({share(error / model['displacement_error_l2'])})"
+        for name, model in models.items()
+        if is_blurred(model, error)
+    ]
+    if not blurred:
+        return f"{own}: less than a tenth of every difference."
+    return f"{own}: more than a tenth of the difference from {listed(blurred)}, which is to be taken with that care."
+
+
+def _law_error(reference: dict[str, Any], models: dict[str, dict[str, Any]]) -> list[str]:
+    if not reference["law_error"] or reference["law_error"] < _ROUNDING:
+        return []
+    angle = math.degrees(reference["rotation"])
+    sentences = [
+        f"All but a twentieth of the surface turns by at most {significant(max(angle, 0.1), 2)} degrees and strains by at "
+        f"most {percent(reference['strain'], 2)}: an answer of small strain is off by {about(reference['law_error'])}."
+    ]
+    out = [name for name, model in models.items() if is_out_of_range(model, reference)]
+    if out:
+        sentences.append(
+            f"That is more than a tenth of the difference from {listed(out)}: set {_OTHER_LAW} in the scene."
+        )
+    return sentences
