@@ -221,7 +221,7 @@ class Figures:
     volume_change_difference: float
     area_change_error: float  #: NaN where the reference keeps its area
     tip_displacement: float  #: m, where the reference's tip is farthest; NaN: not reached
-    has_law_of_reference: bool
+    is_linear: bool  #: in the displacement, as a reference of small strain is
     n_nodes: int
     n_springs: int | None  #: independent ones that pull; None: the run does not say
     n_patches: int | None  #: of coupled springs
@@ -299,7 +299,7 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
         volume_change_difference=of_volume.absolute,
         area_change_error=np.nan if keeps_area(reference) else of_area.relative,
         tip_displacement=float(tip_displacement),
-        has_law_of_reference=record.get("law") == _law_of_reference(reference),
+        is_linear=record.get("geometry") == "linear",
         n_nodes=record["n_nodes"],
         n_springs=record.get("n_springs"),
         n_patches=record.get("n_patches"),
@@ -352,14 +352,10 @@ def describe_reference(
         rotation=bent.rotation,
         strain=bent.strain,
         largest_strain=None if strains is None else float(strains.max()),
-        law_error=bent.error("collapse" in scene) if _law_of_reference(reference) == "small_strain" else None,
+        law_error=bent.error("collapse" in scene) if reference.record.get("law") == "small_strain" else None,
         seconds=reference.record["seconds"],
         estimated_error_l2=estimated_error,
     )
-
-
-def _law_of_reference(reference: Run) -> str | None:
-    return reference.record.get("law") or scene_of(reference).get("reference", {}).get("law")
 
 
 def _widest_frame(run: Run) -> Frame:

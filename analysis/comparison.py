@@ -47,6 +47,7 @@ class Comparison:
             "surface": experiment.surface,
             "status": f"fem_reference: {stopped}" if stopped and main["status"] == "ok" else main["status"],
             "calibration": experiment.calibration,
+            "law": experiment.law,
         }
         if self.of_reference:
             reference = asdict(self.of_reference)

@@ -49,6 +49,11 @@ class Experiment:
         return list(dict.fromkeys([self.calibration, *self.scene["comparison"]["calibrations"]]))
 
     @property
+    def law(self) -> str:
+        """Of both solvers."""
+        return self.scene["material"]["law"]
+
+    @property
     def is_free(self) -> bool:
         return not self.scene.get("supports")
 
@@ -86,13 +91,13 @@ def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | Non
     """
     refined = ["--set", f"reference.refine={scene['reference']['refine'] + 1}"]
     if scene["time"]["mode"] == "dynamic":
-        kind = "dynamic" if scene["reference"]["law"] == "small_strain" else "newton in time"
+        kind = "dynamic" if scene["material"]["law"] == "small_strain" else "newton in time"
         steps = [
             f"time.step={record['step'] / 2!r}",
             f"output.frames_every={2 * scene['output']['frames_every']}",
         ]
         words = [*refined, *(word for step in steps for word in ("--set", step))]
-    elif scene["reference"]["law"] == "small_strain":
+    elif scene["material"]["law"] == "small_strain":
         kind, words = "linear", ["--set", "output.frames_every=0", "--converge", "2"]
     else:
         kind, words = "newton", [*refined, "--set", "output.frames_every=0"]

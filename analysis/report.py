@@ -208,13 +208,19 @@ def render(
     plots: caption -> SVG; pictures: caption -> PNG file; protocol: as in page.
     """
     parts = [f'<p class="conclusion">{html.escape(" ".join(conclusion(comparison)))}</p>']
-    parts += [f"<p>{html.escape(sentence)}</p>" for sentence in trust_in_reference(comparison)]
+    sentences = [_LAWS[comparison["law"]], *trust_in_reference(comparison)]
+    parts += [f"<p>{html.escape(sentence)}</p>" for sentence in sentences]
     parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]
     parts += [image_figure(file, caption) for caption, file in pictures.items()]
     parts.append(_EXPLAINED_ALONE if "no_reference" in comparison else _explained(comparison))
     return page(title(comparison), finding(comparison), parts, protocol)
 
+
+_LAWS = {
+    "small_strain": "Elasticity is that of small strain (material.law).",
+    "neo_hookean": "Elasticity is neo-Hookean, at any strain (material.law).",
+}
 
 _EXPLAINED_ALONE = """<h2>How to read this</h2>
 <p>Contact, friction, wrinkles and skin have no fair finite-element reference here, so nothing is compared. <b>Kinetic energy

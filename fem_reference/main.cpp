@@ -20,8 +20,7 @@ std::string undivided_part(const Scene& scene, bool has_frequencies) {
   if (processes().n == 1) return "";
   const std::string allowed = " under mpirun, expected linear statics";
   if (scene.time.mode != TimeMode::Static) return "time.mode = \"dynamic\"" + allowed;
-  if (scene.reference.law != ElasticLaw::SmallStrain)
-    return "reference.law other than small_strain" + allowed;
+  if (law_of(scene) != MaterialLaw::SmallStrain) return "material.law = neo_hookean" + allowed;
   if (scene.reference.inertia_relief) return "reference.inertia_relief" + allowed + " without it";
   if (has_frequencies) return "--frequencies" + allowed;
   return "";

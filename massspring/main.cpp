@@ -33,6 +33,9 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
   const MassSpringModel& model = simulation.model();
   const Eigen::Matrix4Xi& T = model.network.T;
   record["calibration"] = scene.network.calibration;
+  record["geometry"] = model.linear ? "linear" : "full";
+  if (const std::string& reason = simulation.report().full_geometry; !reason.empty())
+    record["geometry_reason"] = reason;
   record["mass"] = model.spread_mass ? "consistent" : "lumped";
   record["mass_damping"] = simulation.forces().mass_damping;
   record["n_springs"] = model.springs ? model.springs->E.cols() : 0;

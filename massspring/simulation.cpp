@@ -25,7 +25,7 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
   if (model.tet_springs && scene.network.mass == MassMatrix::Consistent && !is_explicit_run)
     model.spread_mass = spread_mass(network.X, network.T, scene.material.rho);
   if (model.springs) {
-    model.springs->law = scene.network.spring_law;
+    if (law_of(scene) != MaterialLaw::SmallStrain) model.springs->law = scene.network.spring_law;
     model.springs->damping = scene.network.spring_damping;
   }
   if (scene.skin) add_skin(*scene.skin, model);
@@ -56,10 +56,20 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   state_ = initial_state(model_);
   rest_volume_ = state_.target_volume;
   const TimeOptions& time = scene.time;
+  if (law_of(scene) == MaterialLaw::SmallStrain) {
+    // Statics hold floppy motions. In motion, linear forces would let them drift without bound.
+    const int n_floppy = time.mode == TimeMode::Dynamic ? n_floppy_motions(model_, forces_.constraints) : 0;
+    if (n_floppy == 0)
+      linearise(model_);
+    else
+      report_.full_geometry = std::to_string(n_floppy) +
+                              " motions of the network cost no energy, and would "
+                              "drift without bound in linear geometry";
+  }
   if (time.mode == TimeMode::Static) {
-    equilibrium_ = std::make_unique<QuasiStaticSolver>(model_, forces_);
+    equilibrium_ = std::make_unique<QuasiStaticSolver>(model_, forces_, time.residual);
     report_.n_steps = time.load_steps;
-    report_.tolerance = QuasiStaticSolver::kTolerance;
+    report_.tolerance = time.residual;
     return;
   }
   if (scene.material.damping_ratio > 0)
@@ -135,10 +145,14 @@ Snapshot Simulation::snapshot() const {
   const Eigen::Matrix3Xd &X = model_.network.X, &x = state_.x;
   Snapshot snapshot{
       state_.t, load_factor(), x - X, kinetic_energy(model_, state_.v), elastic_energy(model_, state_), {}};
-  if (model_.network.T.cols() > 0)
-    snapshot.strains.emplace_back("max_strain", largest_strain(X, model_.network.T, x));
+  const Eigen::Matrix4Xi& T = model_.network.T;
+  if (T.cols() > 0)
+    snapshot.strains.emplace_back(
+        "max_strain", model_.linear ? largest_linear_strain(X, T, snapshot.u) : largest_strain(X, T, x));
   if (model_.springs)
-    snapshot.strains.emplace_back("max_spring_strain", largest_strain(*model_.springs, X, x));
+    snapshot.strains.emplace_back("max_spring_strain",
+                                  model_.linear ? largest_linear_strain(X, model_.springs->E, snapshot.u)
+                                                : largest_strain(*model_.springs, X, x));
   if (!is_static()) snapshot.fields.push_back({"velocity", state_.v});
   return snapshot;
 }

@@ -20,6 +20,7 @@ struct SimulationReport {
   double residual = 0;              ///< of the last step
   std::optional<double> tolerance;  ///< of the residual or, of schemes that minimise, of a step over the body
   std::string solver;               ///< of linear systems, and why; empty where there are none
+  std::string full_geometry;        ///< why, although strain is small; else empty
 };
 
 class Simulation {

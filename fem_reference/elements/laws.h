@@ -7,6 +7,9 @@
 
 namespace testbed::fem {
 
+/// Saint Venant's and Kirchhoff's is no choice of a scene: another program confirms finite strain by it.
+enum class ElasticLaw { SmallStrain, StVenantKirchhoff, NeoHookean };
+
 struct LameConstants {
   double lambda, mu;  ///< Pa
   explicit LameConstants(const Material& material);

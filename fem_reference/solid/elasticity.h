@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "fem_reference/elements/laws.h"
 #include "meshing/base/mesh.h"
 #include "meshing/base/stage_timer.h"
-#include "meshing/scene/scene.h"
 
 namespace testbed::fem {
 

@@ -20,17 +20,15 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, const Surf
     };
   if (!scene.loads.empty()) {
     const Eigen::Matrix3Xd normals = area_vectors(surface.X, surface.F).colwise().normalized();
-    Eigen::Matrix3Xd traction = problem.traction;
-    if (scene.reference.law == ElasticLaw::SmallStrain)  // knows one surface only
-      traction -= normals * problem.follower_pressure.asDiagonal();
-    else if (!problem.follower_pressure.isZero(0))
+    if (!problem.follower_pressure.isZero(0))
       loads.follower_pressure = [n_children, follower = problem.follower_pressure](int f) {
         return follower(f / n_children);
       };
     std::vector<std::vector<StressTerm>> stress(surface.F.cols());
     for (const auto& [triangles, terms] : problem.stressed)
       for (const int f : triangles) stress[f].insert(stress[f].end(), terms.begin(), terms.end());
-    loads.traction = [=](const Eigen::Vector3d& x, int child) -> Eigen::Vector3d {
+    loads.traction = [=, traction = problem.traction](const Eigen::Vector3d& x,
+                                                      int child) -> Eigen::Vector3d {
       const int f = child / n_children;
       return traction.col(f) + stress_at(stress[f], x) * normals.col(f);
     };
@@ -102,14 +100,15 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   const SurfaceProblem problem = discretise(scene, surface);
   ElasticLoads loads = loads_of(scene, surface, problem, n_children);
   const std::vector<HeldComponent> held = held_by(scene, problem, boundaries, loads);
-  solid.assemble(scene.material, scene.reference.law, loads, held);
+  const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
+  solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads, held);
   if (scene.reference.inertia_relief) solid.relieve_inertia();
-  solid.set_tolerance(scene.reference.tolerance);
+  solid.set_tolerance(scene.time.residual);
   return solid;
 }
 
 bool is_proportional(const Scene& scene) {
-  if (scene.reference.law != ElasticLaw::SmallStrain) return false;
+  if (law_of(scene) != MaterialLaw::SmallStrain) return false;
   for (const Support& support : scene.supports)
     if (!support.motion.empty()) return false;
   return !scene.collapse || (scene.collapse->pivots.size() == 1 && scene.collapse->pivots[0].start == 0);

@@ -46,7 +46,7 @@ void Simulation::set_in_motion() {
     for (const auto& [unknown, k] : held) u(i++) = solid_.held_displacement(k, t);
     return u;
   };
-  if (scene_.reference.law != ElasticLaw::SmallStrain)
+  if (law_of(scene_) != MaterialLaw::SmallStrain)
     system.linearise = [this](const Eigen::VectorXd& u, bool with_tangent) {
       return solid_.linearise(u.reshaped(3, solid_.X().cols()), 1, with_tangent);
     };
@@ -94,7 +94,7 @@ std::string Simulation::solver() const {
   if (!motion_) return equilibrium_.solver;
   return std::string(scene_.reference.spectral_radius ? "generalised-alpha"
                                                       : "Newmark (average acceleration)") +
-         (scene_.reference.law == ElasticLaw::SmallStrain ? "" : ", Newton") + ", Cholesky";
+         (law_of(scene_) == MaterialLaw::SmallStrain ? "" : ", Newton") + ", Cholesky";
 }
 
 }  // namespace testbed::fem

@@ -76,7 +76,10 @@ const Reading kReadings[] = {
      [](const Scene& s, const Calibration& c) {
        return has_links(s, c) && s.network.connectivity == "completed_pcp";
      }},
-    {"network.spring_law", has_springs},
+    {"network.spring_law",
+     [](const Scene& s, const Calibration& c) {
+       return has_springs(s, c) && law_of(s) != MaterialLaw::SmallStrain;
+     }},
     {"network.spring_damping", has_springs},
     {"network.mass",
      [](const Scene& s, const Calibration& c) {

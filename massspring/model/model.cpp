@@ -144,6 +144,7 @@ void add_hessian_at(const State& state, const TetSprings& of, BlockMatrix& K, Cu
 }
 
 void add_elastic_forces(const MassSpringModel& model, const State& state, Eigen::Matrix3Xd& f) {
+  if (model.linear) return add_linear_forces(model, state, state.x - model.network.X, f);
   for_each_energy(model, [&](const auto& energy) { add_forces_at(state, energy, f); });
 }
 
@@ -156,6 +157,7 @@ int n_energies(const MassSpringModel& model) {
 }
 
 double elastic_energy(const MassSpringModel& model, const State& state) {
+  if (model.linear) return linear_energy(model, state, state.x - model.network.X);
   double sum = 0;
   for_each_energy(model, [&](const auto& energy) { sum += energy_at(state, energy); });
   return sum;
@@ -233,6 +235,10 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model) {
 }
 
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K, Curvature curvature) {
+  if (model.linear) {
+    for (size_t k = 0; k < K.block.size(); ++k) K.block[k] += model.linear->K.block[k];
+    return;
+  }
   for_each_energy(model, [&](const auto& energy) { add_hessian_at(state, energy, K, curvature); });
 }
 
@@ -272,7 +278,7 @@ double largest_strain(const Springs& springs, const Eigen::Matrix3Xd& X, const E
 }
 
 bool is_springs_alone(const MassSpringModel& model) {
-  return model.springs && n_energies(model) == 1;
+  return model.springs && n_energies(model) == 1 && !model.linear;
 }
 
 void filter(const std::vector<Constraint>& constraints, Eigen::Matrix3Xd& y) {

@@ -14,6 +14,7 @@
 #include "massspring/energies/tet_springs.h"
 #include "massspring/energies/volume_force.h"
 #include "massspring/model/mass.h"
+#include "massspring/model/small_strain.h"
 #include "meshing/algebra/status.h"
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
@@ -29,6 +30,7 @@ struct MassSpringModel {
   std::optional<TetSprings> tet_springs;    ///< springs coupled within tetrahedra
   std::optional<Bending> bending;           ///< of the skin
   std::optional<LocalVolume> local_volume;  ///< of every tetrahedron
+  std::shared_ptr<const LinearElasticity> linear;  ///< small strain; absent: full geometry
 };
 
 /// The elastic energies that a model may have. Each has the verbs energy, add_forces, add_hessian and
@@ -160,7 +162,7 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model);
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K,
                    Curvature curvature = Curvature::Projected);
 
-/// Springs are all that add_stiffness adds, so that no step needs the matrix.
+/// Full geometry, and springs are all that add_stiffness adds, so that no step needs the matrix.
 bool is_springs_alone(const MassSpringModel& model);
 
 /// y_i <- S_i y_i at every constrained node [(25)].

@@ -93,10 +93,33 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
   return K;
 }
 
+std::unique_ptr<BlockCholesky> shifted_factor(BlockMatrix P, const std::vector<Constraint>& constraints) {
+  constexpr double kShift = 1e-8;  // so that a factor exists where motions cost no energy
+  const double scale = largest_diagonal(P);
+  for (int i = 0; i < P.rows(); ++i) P.block[P.find(i, i)].diagonal().array() += kShift * scale;
+  filter(constraints, P);
+  auto factor = std::make_unique<BlockCholesky>(P);
+  if (!factor->is_ok())
+    throw std::runtime_error("the stiffness has no Cholesky factor, expected a positive definite model");
+  return factor;
+}
+
 }  // namespace
 
-QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces& forces)
-    : model_(model), forces_(forces), held_motions_(free_rigid_motions(model.network.X, forces.constraints)) {
+int n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
+  if (model.tet_springs) return 0;  // rigid motions are all that tetrahedra leave free
+  BlockMatrix K = simple_stiffness(model, initial_state(model));
+  const auto factor = shifted_factor(K, constraints);
+  filter(constraints, K);
+  const auto n_free = zero_energy_motions(K, *factor, largest_diagonal(K)).cols();
+  return static_cast<int>(n_free - free_rigid_motions(model.network.X, constraints).cols());
+}
+
+QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces& forces, double tolerance)
+    : model_(model),
+      forces_(forces),
+      tolerance_(tolerance),
+      held_motions_(free_rigid_motions(model.network.X, forces.constraints)) {
   n_free_rigid_motions_ = static_cast<int>(held_motions_.cols());
   const Eigen::Map<const Eigen::VectorXd> load(forces.load.data(), forces.load.size());
   constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
@@ -126,13 +149,7 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
 }
 
 void QuasiStaticSolver::factorise(BlockMatrix P) {
-  constexpr double kShift = 1e-8;  // so that a factor exists where motions cost no energy
-  const double scale = largest_diagonal(P);
-  for (int i = 0; i < P.rows(); ++i) P.block[P.find(i, i)].diagonal().array() += kShift * scale;
-  filter(forces_.constraints, P);
-  preconditioner_ = std::make_unique<BlockCholesky>(P);
-  if (!preconditioner_->is_ok())
-    throw std::runtime_error("the stiffness has no Cholesky factor, expected a positive definite model");
+  preconditioner_ = shifted_factor(std::move(P), forces_.constraints);
 }
 
 void QuasiStaticSolver::project(Matrix3Xd& y) const {
@@ -169,6 +186,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     report.residual = std::numeric_limits<double>::quiet_NaN();
     return report;
   }
+  if (model_.linear) return solve_linear(load_factor, state);
   predict(load_factor, state);
   const Matrix3Xd start = state.x;
   const double far =
@@ -176,7 +194,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   Matrix3Xd before = start;
   // Without a load, forces are what the rounding of positions makes of the stiffness: those are balanced.
   constexpr double kRounding = std::numeric_limits<double>::epsilon();
-  double scale = kRounding * largest_stiffness_ * state.x.norm() / kTolerance;
+  double scale = kRounding * largest_stiffness_ * state.x.norm() / tolerance_;
 
   Objective energy;
   energy.value = [&] { return potential(model_, forces_, state, load_factor); };
@@ -186,7 +204,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     scale =
         std::max({scale, load_factor * forces_.load.norm() + elastic_forces(model_, state).norm(), r.norm()});
     report.residual = scale > 0 ? r.norm() / scale : 0;
-    if (report.residual <= kTolerance) return true;
+    if (report.residual <= tolerance_) return true;
     const bool is_astray = (state.x - start).colwise().norm().maxCoeff() > far;
     if (is_astray) {
       newton.status = Status::NotConverged;
@@ -207,7 +225,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
       preconditioner_->solve(v, z);
       project(z);
     };
-    const double tolerance = std::clamp(kTolerance / report.residual / 2, kTightest, kLoosest);
+    const double tolerance = std::clamp(tolerance_ / report.residual / 2, kTightest, kLoosest);
     const auto is_solved = [&](int max_iterations) {
       dx = Matrix3Xd::Zero(3, r.cols());
       const SolveReport linear = conjugate_gradients(product, precondition, r, dx, tolerance, max_iterations);

@@ -17,16 +17,17 @@ namespace testbed::massspring {
 /// Nothing would stop the latter; the share of the load on them is reported.
 class QuasiStaticSolver {
  public:
-  /// Of the balance of forces, relative to the largest met on the way, or else to rounding.
-  static constexpr double kTolerance = 1e-8;
-
+  /// @param tolerance  of the balance of forces, relative to the largest met on the way, or else to rounding
   /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive: names
   /// force and torque.
-  QuasiStaticSolver(const MassSpringModel& model, const Forces& forces);
+  QuasiStaticSolver(const MassSpringModel& model, const Forces& forces,
+                    double tolerance = TimeOptions().residual);
 
   /// Moves `state` to equilibrium at `load_factor` times the full loads and prescribed displacements. Beyond
   /// a limit point, where the energy has no minimum, ends once the body has run away by its own size. Starts
-  /// from where the last two equilibria point to, if that is nearer to balance than `state`.
+  /// from where the last two equilibria point to, if that is nearer to balance than `state`. A linear model
+  /// [small_strain.h], under dead loads alone, takes one linear solve from what the last equilibrium is in
+  /// proportion to.
   StepReport solve(double load_factor, State& state);
 
   int n_free_rigid_motions() const { return n_free_rigid_motions_; }
@@ -41,6 +42,7 @@ class QuasiStaticSolver {
     Eigen::Matrix3Xd x;
   };
 
+  StepReport solve_linear(double load_factor, State& state);
   void predict(double load_factor, State& state) const;
   void factorise(BlockMatrix P);
   Eigen::Matrix3Xd residual(const State& state, double load_factor) const;
@@ -48,6 +50,7 @@ class QuasiStaticSolver {
 
   const MassSpringModel& model_;
   const Forces& forces_;
+  double tolerance_;
   Eigen::MatrixXd held_motions_;  ///< orthonormal basis of the motions without energy, 3n x m
   int n_free_rigid_motions_ = 0;
   double floppy_load_share_ = 0;
@@ -55,6 +58,10 @@ class QuasiStaticSolver {
   double largest_stiffness_;  ///< on the diagonal of the simple stiffness at rest (N/m)
   std::unique_ptr<BlockCholesky> preconditioner_;
   Equilibrium last_, before_last_;
+  Eigen::Matrix3Xd u_;  ///< of a linear model: displacement at the last equilibrium (m)
 };
+
+/// Motions other than rigid ones that the constraints leave free and that cost no energy at rest.
+int n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints);
 
 }  // namespace testbed::massspring

@@ -89,12 +89,10 @@ constexpr std::array<Named<MassMatrix>, 2> names_of(MassMatrix) {
   return {{{MassMatrix::Consistent, "consistent"}, {MassMatrix::Lumped, "lumped"}}};
 }
 
-/// SmallStrain is a fair reference below a few per cent of strain; NeoHookean is the law of coupled springs.
-enum class ElasticLaw { SmallStrain, StVenantKirchhoff, NeoHookean };
-constexpr std::array<Named<ElasticLaw>, 3> names_of(ElasticLaw) {
-  return {{{ElasticLaw::SmallStrain, "small_strain"},
-           {ElasticLaw::StVenantKirchhoff, "st_venant_kirchhoff"},
-           {ElasticLaw::NeoHookean, "neo_hookean"}}};
+/// SmallStrain is linear, and fair below a few per cent of strain and small rotations; NeoHookean goes beyond.
+enum class MaterialLaw { SmallStrain, NeoHookean };
+constexpr std::array<Named<MaterialLaw>, 2> names_of(MaterialLaw) {
+  return {{{MaterialLaw::SmallStrain, "small_strain"}, {MaterialLaw::NeoHookean, "neo_hookean"}}};
 }
 
 }  // namespace testbed::meshing

@@ -79,6 +79,7 @@ void Session::open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int 
   if (is_first_) recorder_.emplace(out_, std::move(cells), n_surface);
   nlohmann::ordered_json head = environment_record(program_, n_threads);
   head["name"] = scene.name;
+  head["law"] = name_of(law_of(scene));
   head["input_hash"] = hash_;
   head["mesh_hash"] = hash_of({reinterpret_cast<const char*>(X.data()), X.size() * sizeof(double)});
   head["problem_hash"] = hash_of(bytes_of(discretise(scene, surface)));

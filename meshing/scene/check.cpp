@@ -17,6 +17,11 @@ void check_scene(const Scene& scene, const std::string& file) {
   expect(has_file != has_shape, "surface.file and surface.shape are both ", has_file ? "given" : "missing",
          ", expected one of them");
 
+  if (scene.material.law == MaterialLaw::SmallStrain) {
+    const std::string part = large_strain_part(scene);
+    expect(part.empty(), "material.law = small_strain, expected neo_hookean with ", part);
+  }
+
   const bool has_contacts = !scene.obstacles.empty() || scene.self_contact.is_on;
   const TimeOptions& time = scene.time;
   if (time.mode == TimeMode::Static) {
@@ -44,12 +49,12 @@ std::string unmodelled_part(const Scene& scene) {
       if (!pivot.motion.empty() || pivot.end)
         return "collapse.pivots with motion or end: the reference's stay";
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (scene.reference.inertia_relief && (!is_static || scene.reference.law != ElasticLaw::SmallStrain))
+  if (scene.reference.inertia_relief && (!is_static || law_of(scene) != MaterialLaw::SmallStrain))
     return "reference.inertia_relief: for static scenes at small strain";
   if (is_static) return "";
   if (scene.collapse)
     return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
-  if (scene.reference.law != ElasticLaw::SmallStrain && scene.material.stiffness_damping > 0)
+  if (law_of(scene) != MaterialLaw::SmallStrain && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping at finite strain: it would hold back rotations";
   return "";
 }

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 
@@ -23,6 +24,10 @@ template <class T>
 struct IsVector : std::false_type {};
 template <class T>
 struct IsVector<std::vector<T>> : std::true_type {};
+
+/// Keys of earlier scenes and what they are called now.
+const std::map<std::string, std::string> kRenamed{{"reference.law", "material.law"},
+                                                  {"reference.tolerance", "time.residual"}};
 
 /// Fills the scene's structs from a TOML table and refuses every key it was not asked for.
 class Reader {
@@ -61,6 +66,10 @@ class Reader {
     read(*node, full(key), name, kAny, meaning);
     expect_one_of(all_names<Enum>(), *node, full(key), name);
     value = *meshing::value_of<Enum>(name);
+  }
+  template <class Enum>
+  void choice(const char* key, std::optional<Enum>& value, const char* meaning) {
+    if (find(key)) choice(key, value.emplace(), meaning);
   }
   void choice(const char* key, std::string& value, const std::vector<std::string>& names,
               const char* meaning) {
@@ -129,7 +138,10 @@ class Reader {
     for (const auto& [key, node] : table_) {
       const std::string name(key.str());
       if (std::find(known_.begin(), known_.end(), name) != known_.end()) continue;
-      fail(node, full(name) + " = " + value_of(node) + ": unknown key" + suggestion(name, known_));
+      const auto renamed = kRenamed.find(full(name));
+      fail(node, full(name) + " = " + value_of(node) +
+                     (renamed == kRenamed.end() ? ": unknown key" + suggestion(name, known_)
+                                                : ": this key is " + renamed->second + " now"));
     }
   }
 
@@ -316,6 +328,24 @@ Eigen::Vector3d position_at(const Path& path, double t) {
   return interpolated(path, t).tail<3>();
 }
 
+std::string large_strain_part(const Scene& scene) {
+  if (!scene.obstacles.empty()) return "obstacles: bodies touch where they are, not where they were at rest";
+  if (scene.self_contact.is_on) return "self_contact.on: a surface that touches itself has moved far";
+  if (scene.skin) return "skin: it wrinkles, which turns it far";
+  if (scene.volume) return "volume: it acts on the surface where that is, not where it was at rest";
+  for (const Load& load : scene.loads)
+    if (load.is_follower)
+      return "a follower load: it acts on the surface where that is, not where it was at rest";
+  if (scene.collapse && scene.time.mode == TimeMode::Dynamic)
+    return "collapse with time.mode = \"dynamic\": it goes on from where the body is";
+  return "";
+}
+
+MaterialLaw law_of(const Scene& scene) {
+  if (scene.material.law) return *scene.material.law;
+  return large_strain_part(scene).empty() ? MaterialLaw::SmallStrain : MaterialLaw::NeoHookean;
+}
+
 Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vector3d& x) {
   Eigen::Matrix3d stress = Eigen::Matrix3d::Zero();
   for (const StressTerm& term : terms) {
@@ -345,6 +375,7 @@ Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides
   Reader reader(table, "");
   describe(reader, scene);
   reader.refuse_unknown_keys();
+  scene.material.law = law_of(scene);
   return scene;
 }
 

@@ -128,9 +128,10 @@ struct SelfContact {
 
 struct TimeOptions {
   TimeMode mode = TimeMode::Static;
-  int load_steps = 10;                        ///< static: loads grow linearly to full in this many steps
-  double step = 0;                            ///< dynamic: s; 0 chooses one
-  double end = 1;                             ///< dynamic: s
+  int load_steps = 10;      ///< static: loads grow linearly to full in this many steps
+  double residual = 1e-10;  ///< static: forces out of balance over load plus internal forces at the end
+  double step = 0;          ///< dynamic: s; 0 chooses one
+  double end = 1;           ///< dynamic: s
   std::string integrator = "implicit_euler";  ///< name of the scheme that springs are stepped by
   /// Dynamic: error of a part of a step over the body's size; 0: steps are taken whole.
   double tolerance = 0;
@@ -160,7 +161,6 @@ struct NetworkOptions {
 };
 
 struct ReferenceOptions {
-  ElasticLaw law = ElasticLaw::SmallStrain;
   int degree = 2;                       ///< polynomial degree of the displacement, 1 or 2
   std::optional<double> interior_size;  ///< m; from the surface's edges if absent
   int refine = 0;                       ///< uniform refinements of the tetrahedra
@@ -169,7 +169,6 @@ struct ReferenceOptions {
   /// Newmark's average acceleration, which damps none.
   std::optional<double> spectral_radius;
   bool inertia_relief = false;  ///< static: inertia balances loads that drive free rigid motions
-  double tolerance = 1e-13;     ///< static, small strain: of the residual, relative to the load
 };
 
 struct ComparisonOptions {
@@ -211,6 +210,12 @@ struct Scene {
   OutputOptions output;
 };
 
+/// The part of the scene that small strain does not describe, and why; empty: none.
+std::string large_strain_part(const Scene& scene);
+
+/// The scene's law, of both solvers: where it names none, neo-Hookean with such a part, else small strain.
+MaterialLaw law_of(const Scene& scene);
+
 /// The sum of a polynomial stress field's terms at x (Pa).
 Eigen::Matrix3d stress_at(const std::vector<StressTerm>& terms, const Eigen::Vector3d& x);
 
@@ -219,7 +224,7 @@ constexpr int kDefaultSteps = 200;
 
 /// Reads a scene with `overrides` in place: "material.nu=0.3", "loads.0.pressure=5", the value in TOML or
 /// else a string. Paths are relative to the scene file, in overrides to the current folder, and absolute in
-/// the result.
+/// the result, where the law is filled in.
 /// @throws std::runtime_error naming file, line, key, value found, what is allowed and the nearest known key.
 Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 

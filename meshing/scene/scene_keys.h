@@ -114,6 +114,10 @@ void describe(V& v, Material& m) {
     "of the lowest vibration, over critical, by mass-proportional damping as well");
   v("stiffness_damping", m.stiffness_damping, kNotNegative,
     "stiffness-proportional damping (s), elements only");
+  v.choice(
+      "law", m.law,
+      "small_strain or neo_hookean, of both solvers; absent: neo_hookean with obstacles, self_contact, skin, "
+      "volume, a follower load or a collapse in time");
 }
 
 template <class V>
@@ -196,6 +200,8 @@ template <class V>
 void describe(V& v, TimeOptions& t) {
   v.choice("mode", t.mode, "static (loads grow in load_steps) or dynamic");
   v("load_steps", t.load_steps, kAtLeastOne, "steps to full load of a static scene");
+  v("residual", t.residual, kPositive,
+    "static: forces out of balance over load plus internal forces, at which solvers stop");
   v("step", t.step, kNotNegative,
     "s, of a dynamic scene; 0: a 200th of end, or half an explicit integrator's stable step");
   v("end", t.end, kPositive, "s, of a dynamic scene");
@@ -234,7 +240,6 @@ void describe(V& v, NetworkOptions& n) {
 
 template <class V>
 void describe(V& v, ReferenceOptions& r) {
-  v.choice("law", r.law, "small_strain, or at finite strain st_venant_kirchhoff or neo_hookean");
   v("degree", r.degree, kDegree, "of the displacement's polynomials");
   v("interior_size", r.interior_size, kPositive, "edge length inside (m); absent: from the surface");
   v("refine", r.refine, kNotNegative, "times every tetrahedron is split in eight");
@@ -242,7 +247,6 @@ void describe(V& v, ReferenceOptions& r) {
   v("spectral_radius", r.spectral_radius, kUpToOne,
     "of generalised-alpha at the highest frequencies; absent: Newmark, which damps none");
   v("inertia_relief", r.inertia_relief, "static: inertia balances loads that drive free rigid motions");
-  v("tolerance", r.tolerance, kPositive, "static, small strain: of the residual, relative to the load");
 }
 
 template <class V>

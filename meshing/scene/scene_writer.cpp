@@ -45,6 +45,10 @@ class Writer {
   void choice(const char* key, Enum value, const char* meaning) {
     line(key, toml_text(name_of(value)), meaning);
   }
+  template <class Enum>
+  void choice(const char* key, const std::optional<Enum>& value, const char* meaning) {
+    line(key, value ? toml_text(name_of(*value)) : "", meaning);
+  }
   template <class T>
   void choice(const char* key, const T& value, const std::vector<std::string>&, const char* meaning) {
     line(key, value.empty() ? "" : text(value), meaning);

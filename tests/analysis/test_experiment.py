@@ -33,6 +33,7 @@ def experiment(ball, tmp_path):
     scene = {
         "name": "synthetic",
         "surface": {"file": "/somewhere/ball.obj", "shape": ""},
+        "material": {"law": "small_strain"},
         "network": {"calibration": "affine"},
         "comparison": {"calibrations": ["node_averaged", "moment", "affine"]},
         "time": {"mode": "static"},
@@ -135,12 +136,13 @@ def test_refinement_that_failed_estimates_nothing(experiment, ball):
 def test_references_are_refined_while_they_are_small():
     scene = {
         "time": {"mode": "static"},
-        "reference": {"law": "small_strain", "refine": 1},
+        "material": {"law": "small_strain"},
+        "reference": {"refine": 1},
         "output": {"frames_every": 3},
     }
     assert refinement(scene, {"n_dofs": 60_000})[-2:] == ["--converge", "2"]
     assert not refinement(scene, {"n_dofs": 70_000})
-    newton = scene | {"reference": {"law": "neo_hookean", "refine": 1}}
+    newton = scene | {"material": {"law": "neo_hookean"}}
     assert "reference.refine=2" in refinement(newton, {"n_dofs": 30_000})
     assert not refinement(newton, {"n_dofs": 35_000})
     moving = scene | {"time": {"mode": "dynamic"}}
@@ -157,7 +159,7 @@ def solve(ball, tmp_path, monkeypatch):
     monkeypatch.setattr("analysis.experiment.PROGRAMS", programs)
     filled_in = (
         '[network]\ncalibration = "affine"\n[comparison]\ncalibrations = []\n[time]\nmode = "static"\n'
-        '[reference]\nlaw = "small_strain"\nrefine = 0\n'
+        '[material]\nlaw = "small_strain"\n[reference]\nrefine = 0\n'
     )
     for folder in programs.parent.glob("fem_reference*"):
         (folder / "scene.toml").write_text(filled_in)
@@ -285,6 +287,7 @@ def test_scene_without_a_fair_reference_shows_the_springs_alone(ball, tmp_path):
     scene = {
         "name": "falls",
         "surface": {"file": "", "shape": "ball"},
+        "material": {"law": "neo_hookean"},
         "network": {"calibration": "uniform"},
         "comparison": {"calibrations": ["affine"]},
         "time": {"mode": "dynamic"},
@@ -326,7 +329,8 @@ surface = { file = "", shape = "ball" }
 network = { calibration = "affine" }
 comparison = { calibrations = [] }
 time = { mode = "static" }
-reference = { law = "small_strain", refine = 0 }
+material = { law = "small_strain" }
+reference = { refine = 0 }
 """
 
 

@@ -140,7 +140,7 @@ TEST(ProblemOfAScene, IsProportionalOnlyWhereItsSolutionIs) {
   Scene later = scene, two = scene, finite = scene, moved = scene;
   later.collapse->pivots[0].start = 0.5;
   two.collapse->pivots.push_back(two.collapse->pivots[0]);
-  finite.reference.law = ElasticLaw::NeoHookean;
+  finite.material.law = MaterialLaw::NeoHookean;
   moved.supports.emplace_back();
   moved.supports[0].motion = {{0, 0, 0, 0}};
   for (const Scene& other : {later, two, finite, moved}) EXPECT_FALSE(is_proportional(other));

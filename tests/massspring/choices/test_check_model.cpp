@@ -165,6 +165,15 @@ TEST(UnusedKeys, HangOnTheNodesTheLinksAndTheIntegrator) {
   EXPECT_EQ(unused_keys(motion), (Keys{"time.bend_gradient", "network.mass"}));
 }
 
+TEST(UnusedKeys, HoldTheLawOfSpringsWhereStrainsAreSmall) {
+  Scene scene;
+  scene.network.calibration = "uniform";
+  scene.network.spring_law = SpringLaw::Definite;
+  EXPECT_EQ(unused_keys(scene), Keys{"network.spring_law"});
+  scene.material.law = MaterialLaw::NeoHookean;
+  EXPECT_EQ(unused_keys(scene), Keys{});
+}
+
 TEST(UnusedKeys, AreNoneWhereAFilledInSceneHoldsDefaults) {
   const auto file = std::filesystem::temp_directory_path() / "testbed_filled_in.toml";
   for (const Calibration& calibration : calibrations()) {

@@ -62,6 +62,19 @@ TEST(CheckScene, RefusesRelaxationThatNothingDrives) {
   EXPECT_EQ(refusal_of(scene), "");
 }
 
+TEST(CheckScene, RefusesSmallStrainWhereAPartGoesBeyondIt) {
+  Scene scene = moving_ball();
+  scene.material.law = MaterialLaw::SmallStrain;
+  EXPECT_EQ(refusal_of(scene), "");
+  scene.loads.emplace_back().is_follower = true;
+  EXPECT_EQ(refusal_of(scene),
+            "a.toml: material.law = small_strain, expected neo_hookean with a follower load: it acts on the "
+            "surface "
+            "where that is, not where it was at rest");
+  scene.material.law = MaterialLaw::NeoHookean;
+  EXPECT_EQ(refusal_of(scene), "");
+}
+
 TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
   EXPECT_EQ(unmodelled_part(ball()), "");
   EXPECT_EQ(unmodelled_part(moving_ball()), "");
@@ -85,7 +98,7 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
   EXPECT_EQ(part_with(moving_ball(), [](Scene& s) { s.reference.inertia_relief = true; }),
             "reference.inertia_relief");
   const auto damp_at_finite_strain = [](Scene& s) {
-    s.reference.law = ElasticLaw::NeoHookean;
+    s.material.law = MaterialLaw::NeoHookean;
     s.material.stiffness_damping = 0.1;
   };
   EXPECT_EQ(part_with(moving_ball(), damp_at_finite_strain), "material.stiffness_damping at finite strain");

@@ -200,6 +200,38 @@ TEST(Scene, ShippedScenesAreAccepted) {
   EXPECT_GT(n_scenes, 0);
 }
 
+TEST(Scene, LawIsThatOfSmallStrainUnlessAPartGoesBeyondIt) {
+  const std::string ball = "[surface]\nshape = \"ball\"\n", moving = "[time]\nmode = \"dynamic\"\n";
+  const auto law = [](const std::string& text) { return *read_scene(write_scene(text)).material.law; };
+  for (const std::string& part : std::vector<std::string>{
+           "", "[self_contact]\non = false\n", "[[loads]]\npressure = 1\n", "[collapse]\ncoefficient = 0.1\n",
+           "[time]\nmode = \"dynamic\"\n", "[[supports]]\ndisplacement = [1, 0, 0]\n"})
+    EXPECT_EQ(law(ball + part), MaterialLaw::SmallStrain) << part;
+  for (const std::string& part : std::vector<std::string>{
+           "[[obstacles]]\nsphere = { center = [0, 9, 0], radius = 1 }\n" + moving,
+           "[self_contact]\non = true\n" + moving, std::string("[skin]\nbending = 1\n"),
+           std::string("[volume]\n"), std::string("[[loads]]\npressure = 1\nfollower = true\n"),
+           "[collapse]\ncoefficient = 0.1\n" + moving}) {
+    EXPECT_EQ(law(ball + part), MaterialLaw::NeoHookean) << part;
+    const std::string refusal = error_of(ball + "[material]\nlaw = \"small_strain\"\n" + part);
+    EXPECT_EQ(refusal.substr(0, 63), "scene.toml: material.law = small_strain, expected neo_hookean w")
+        << part;
+    EXPECT_EQ(error_of(ball + "[material]\nlaw = \"neo_hookean\"\n" + part), "") << part;
+  }
+  EXPECT_EQ(law(ball + "[material]\nlaw = \"neo_hookean\"\n"), MaterialLaw::NeoHookean);
+}
+
+TEST(Scene, ShippedScenesHaveTheLawOfTheirStrain) {
+  const std::set<std::string> large{"ball_deflates", "ball_inflates",  "bar_bend",
+                                    "handle_folds",  "head_crushes",   "inflate",
+                                    "squash",        "torus_implodes", "hollow_ball_inflates"};
+  for (const auto& entry : fs::directory_iterator(SCENE_FOLDER)) {
+    if (entry.path().extension() != ".toml") continue;
+    const bool is_large = *read_scene(entry.path()).material.law == MaterialLaw::NeoHookean;
+    EXPECT_EQ(is_large, large.count(entry.path().stem()) == 1) << entry.path();
+  }
+}
+
 TEST(Scene, OverridesReplaceAddAndReachIntoLists) {
   const Scene scene =
       read_scene(write_scene(kFull), {"material.nu=0.45", "loads.0.pressure=-7", "reference.degree=1",
@@ -236,11 +268,11 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
             "scene.toml:4: material.E = nan, expected a number: Young's modulus (Pa)");
   EXPECT_EQ(error_of(ball + "[material]\nyoung = 1\n"),
             "scene.toml:4: material.young = 1: unknown key (known: E, nu, rho, damping, damping_ratio, "
-            "stiffness_damping)");
+            "stiffness_damping, law)");
   EXPECT_EQ(error_of(ball + "[material]\nrh = 1\n"),
             "scene.toml:4: material.rh = 1: unknown key, did you mean rho? (known: E, nu, rho, damping, "
             "damping_ratio, "
-            "stiffness_damping)");
+            "stiffness_damping, law)");
   EXPECT_EQ(error_of(ball + "[materials]\nE = 1\n").substr(0, 65),
             "scene.toml:3: materials = table: unknown key, did you mean materi");
   EXPECT_EQ(error_of(ball + "[time]\nmode = \"slow\"\n"),
@@ -273,6 +305,13 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
             "scene.toml:3: loads = table, expected tables [[loads]]");
   EXPECT_EQ(error_of(ball + "[[collapse.pivots]]\nstart = 1\n"),
             "scene.toml:3: collapse.pivots.0.point is missing, expected m");
+  EXPECT_EQ(error_of(ball + "[reference]\nlaw = \"neo_hookean\"\n"),
+            "scene.toml:4: reference.law = \"neo_hookean\": this key is material.law now");
+  EXPECT_EQ(error_of(ball, {"reference.tolerance=1e-9"}),
+            "--set reference.tolerance=1e-9: reference.tolerance = 1e-09: this key is time.residual now");
+  EXPECT_EQ(error_of(ball + "[material]\nlaw = \"st_venant_kirchhoff\"\n"),
+            "scene.toml:4: material.law = \"st_venant_kirchhoff\": unknown name (known: small_strain, "
+            "neo_hookean)");
   EXPECT_NE(error_of(ball + "[time\n").find("scene.toml:3: "), std::string::npos);
   EXPECT_THROW(read_scene("nowhere.toml"), std::runtime_error);
 }
@@ -408,7 +447,7 @@ std::vector<std::string> others_than(const std::string& value) {
                             kSamplings,
                             all_names<Connectivity>(),
                             all_names<SpringLaw>(),
-                            all_names<ElasticLaw>(),
+                            all_names<MaterialLaw>(),
                             all_names<MassMatrix>(),
                             kWarps,
                             {"x", "some text"}})

@@ -1,0 +1,114 @@
+#include "massspring/model/small_strain.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "massspring/model/model.h"
+#include "meshing/algebra/subdomains.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+
+/// Calls visit(s, a, b, L - r) for the springs whose rest length r differs from their length L at rest.
+template <class Visit>
+void for_each_shrunk_spring(const MassSpringModel& model, const State& state, const Visit& visit) {
+  if (!model.springs) return;
+  const Eigen::VectorXd& rest = model.linear->rest_length;
+  for (Eigen::Index s = 0; s < rest.size(); ++s)
+    if (state.rest_length(s) != rest(s))
+      visit(s, model.springs->E(0, s), model.springs->E(1, s), rest(s) - state.rest_length(s));
+}
+
+/// Calls visit(p, 1 - scale) for the patches whose rest shape has shrunk.
+template <class Visit>
+void for_each_shrunk_patch(const State& state, const Visit& visit) {
+  for (Eigen::Index p = 0; p < state.patch_scale.size(); ++p)
+    if (state.patch_scale(p) != 1) visit(static_cast<int>(p), 1 - state.patch_scale(p));
+}
+
+}  // namespace
+
+void linearise(MassSpringModel& model) {
+  const State rest = initial_state(model);
+  auto linear = std::make_shared<LinearElasticity>();
+  linear->K = stiffness_pattern(model);
+  add_stiffness(model, rest, linear->K, Curvature::Exact);  // no negative eigenvalues at rest
+  linear->rest_length = rest.rest_length;
+  model.linear = std::move(linear);
+}
+
+double linear_energy(const MassSpringModel& model, const State& state, const Matrix3Xd& u) {
+  Matrix3Xd Ku, g = Matrix3Xd::Zero(3, u.cols());
+  multiply(model.linear->K, u, Ku);
+  add_shrinkage_forces(model, state, g);
+  double sum = u.cwiseProduct(Ku / 2 - g).sum();
+  for_each_shrunk_spring(model, state, [&](Eigen::Index s, int, int, double shrinkage) {
+    sum += model.springs->stiffness(s) / 2 * shrinkage * shrinkage;
+  });
+  for_each_shrunk_patch(state, [&](int p, double shrinkage) {
+    const TetSprings& springs = *model.tet_springs;
+    sum += 1.5 * (2 * springs.mu + 3 * springs.lambda[p]) * springs.volume[p] * shrinkage * shrinkage;
+  });
+  return sum;
+}
+
+void add_shrinkage_forces(const MassSpringModel& model, const State& state, Matrix3Xd& f) {
+  const Matrix3Xd& X = model.network.X;
+  for_each_shrunk_spring(model, state, [&](Eigen::Index s, int a, int b, double shrinkage) {
+    const Vector3d pull =
+        model.springs->stiffness(s) * shrinkage / model.linear->rest_length(s) * (X.col(b) - X.col(a));
+    f.col(a) += pull;
+    f.col(b) -= pull;
+  });
+  for_each_shrunk_patch(state, [&](int p, double shrinkage) {
+    const TetSprings& springs = *model.tet_springs;
+    const double stress = (2 * springs.mu + 3 * springs.lambda[p]) * shrinkage;
+    for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
+      f.col(springs.node[e]) -= stress * springs.volume[p] * springs.b.col(e);
+  });
+}
+
+void add_linear_forces(const MassSpringModel& model, const State& state, const Matrix3Xd& u, Matrix3Xd& f) {
+  add_shrinkage_forces(model, state, f);
+  const BlockMatrix& K = model.linear->K;
+  for_each_chunk(u.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+    for (Eigen::Index i = begin; i < end; ++i) {
+      Vector3d sum = Vector3d::Zero();
+      for (int k = K.row_start[i]; k < K.row_start[i + 1]; ++k) sum += K.block[k] * u.col(K.column[k]);
+      f.col(i) -= sum;
+    }
+  });
+}
+
+double largest_linear_strain(const Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Matrix3Xd& u) {
+  double largest = 0;
+  for (const auto& t : T.colwise()) {
+    Matrix3d rest, moved;
+    for (int k = 0; k < 3; ++k) {
+      rest.col(k) = X.col(t[k + 1]) - X.col(t[0]);
+      moved.col(k) = u.col(t[k + 1]) - u.col(t[0]);
+    }
+    const Matrix3d gradient = moved * rest.inverse(), strain = (gradient + gradient.transpose()) / 2;
+    if (strain.norm() <= largest) continue;  // no eigenvalue is larger
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(strain, Eigen::EigenvaluesOnly);
+    largest = std::max(largest, eigen.eigenvalues().cwiseAbs().maxCoeff());
+  }
+  return largest;
+}
+
+double largest_linear_strain(const Matrix3Xd& X, const Eigen::Matrix2Xi& E, const Matrix3Xd& u) {
+  double largest = 0;
+  for (const auto& s : E.colwise()) {
+    const Vector3d l = X.col(s(0)) - X.col(s(1));
+    largest = std::max(largest, std::abs(l.dot(u.col(s(0)) - u.col(s(1)))) / l.squaredNorm());
+  }
+  return largest;
+}
+
+}  // namespace testbed::massspring

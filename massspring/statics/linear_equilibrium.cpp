@@ -1,0 +1,72 @@
+// Equilibrium at small strain: one linear solve, and none where a load step is proportional to the last.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "massspring/statics/quasi_static.h"
+#include "meshing/algebra/conjugate_gradients.h"
+
+namespace testbed::massspring {
+
+using Eigen::Matrix3Xd;
+
+StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
+  constexpr int kMaxSolves = 3;  // the second takes what rounding left to the first
+  constexpr int kPatience = 100, kMaxLinear = 2000;
+  // Displacements are kept on their own: beside the positions of a stiff body they would lose their digits.
+  if (last_.load_factor > 0)
+    u_ *= load_factor / last_.load_factor;
+  else
+    u_ = Matrix3Xd::Zero(3, state.x.cols());
+  prescribe(forces_.constraints, Matrix3Xd::Zero(3, u_.cols()), load_factor, 1, u_);
+
+  StepReport report;
+  Matrix3Xd f, r, du;
+  // Elastic forces at the end vanish where supports only move a body, or where it only shrinks.
+  f = Matrix3Xd::Zero(3, u_.cols());
+  add_shrinkage_forces(model_, state, f);
+  constexpr double kRounding = std::numeric_limits<double>::epsilon();
+  double scale = std::max(f.norm(), kRounding * largest_stiffness_ * u_.norm() / tolerance_);
+  const auto measure = [&] {
+    f.setZero();
+    add_linear_forces(model_, state, u_, f);
+    r = f + load_factor * forces_.load;
+    project(r);
+    scale = std::max({scale, load_factor * forces_.load.norm() + f.norm(), r.norm()});
+    report.residual = scale > 0 ? r.norm() / scale : 0;
+  };
+  const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
+    multiply(model_.linear->K, p, y);
+    project(y);
+  };
+  const auto precondition = [&](const Matrix3Xd& v, Matrix3Xd& z) {
+    preconditioner_->solve(v, z);
+    project(z);
+  };
+  measure();
+  for (int n = 0; n < kMaxSolves && report.residual > tolerance_; ++n) {
+    const double tolerance = tolerance_ / report.residual / 2;
+    du = Matrix3Xd::Zero(3, u_.cols());
+    SolveReport linear = conjugate_gradients(product, precondition, r, du, tolerance, kPatience);
+    report.linear_iterations += linear.iterations;
+    if (!linear.is_converged && linear.iterations == kPatience) {  // a poor guide: take the matrix itself
+      factorise(model_.linear->K);
+      linear = conjugate_gradients(product, precondition, r, du, tolerance, kMaxLinear);
+      report.linear_iterations += linear.iterations;
+    }
+    u_ += du;
+    ++report.newton_iterations;
+    measure();
+  }
+  state.x = model_.network.X + u_;
+  last_ = {load_factor, state.x};
+  if (!std::isfinite(report.residual))
+    report.status = Status::Diverged;
+  else if (report.residual > tolerance_) {
+    report.status = Status::NotConverged;
+    report.reason = "the linear system's conjugate gradients stand still";
+  }
+  return report;
+}
+
+}  // namespace testbed::massspring

@@ -1,0 +1,164 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "massspring/statics/quasi_static.h"
+#include "tests/massspring/dense.h"
+#include "tests/massspring/linear_box.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::VectorXd;
+
+constexpr double kTight = 1e-13, kClose = 1e-10;  // of the solver's residual; of displacements
+
+Matrix3Xd solve(const MassSpringModel& model, const Forces& forces, double tolerance = kTight) {
+  QuasiStaticSolver solver(model, forces, tolerance);
+  State state = initial_state(model);
+  EXPECT_EQ(solver.solve(1, state).status, Status::Ok);
+  return state.x - model.network.X;
+}
+
+TEST(LinearEquilibrium, IsThatOfADenseSolver) {
+  for (const char* calibration : {"van_gelder", "edge_coupled", "node_averaged"}) {
+    const MassSpringModel model = linear_box(calibration);
+    Forces forces = hanging(model);
+    forces.constraints.front().displacement = {0.01, 0.02, -0.03};
+    const Eigen::MatrixXd K = dense_stiffness(model);
+    VectorXd u = VectorXd::Zero(K.rows());
+    u.segment<3>(3 * forces.constraints.front().node) = forces.constraints.front().displacement;
+    const Eigen::VectorXi free = free_unknowns(model, forces);
+    const VectorXd r = forces.load.reshaped() - K * u;
+    const Eigen::MatrixXd K_free = K(free, free);
+    u(free) = K_free.llt().solve(r(free).eval()).eval();
+    EXPECT_LT((solve(model, forces).reshaped() - u).norm(), kClose * u.norm()) << calibration;
+  }
+}
+
+TEST(LinearEquilibrium, DoublesWithTheLoad) {
+  const MassSpringModel model = linear_box("node_averaged");
+  const Matrix3Xd once = solve(model, hanging(model, 100)), twice = solve(model, hanging(model, 200));
+  EXPECT_GT(once.colwise().norm().maxCoeff(), 0.01) << "far beyond what is small";
+  EXPECT_LT((twice - 2 * once).norm(), 1e-12 * twice.norm());
+}
+
+TEST(LinearEquilibrium, OfProportionalStepsTakesOneSolve) {
+  const MassSpringModel model = linear_box("node_averaged");
+  const Forces forces = hanging(model);
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  int n_solves = 0;
+  for (const double load_factor : {0.25, 0.5, 0.75, 1.0}) {
+    const StepReport report = solver.solve(load_factor, state);
+    EXPECT_LE(report.residual, TimeOptions().residual);
+    n_solves += report.newton_iterations;
+  }
+  EXPECT_EQ(n_solves, 1);
+  EXPECT_LT((state.x - model.network.X - solve(model, forces)).norm(), 1e-7 * solve(model, forces).norm());
+}
+
+TEST(LinearEquilibrium, OfSupportsThatMoveOnTheirPathIsFoundAtEveryStep) {
+  const MassSpringModel model = linear_box("edge_coupled");
+  Forces forces = hanging(model), still = forces;
+  const auto path =
+      std::make_shared<const Path>(Path{{0, 0, 0, 0}, {0.5, 0.02, 0.01, 0}, {1, 0.01, 0, -0.01}});
+  for (Constraint& c : forces.constraints) c.motion = {path, path, path};
+  QuasiStaticSolver solver(model, forces, kTight);
+  State state = initial_state(model);
+  const Matrix3Xd sagged = solve(model, still);
+  for (const double load_factor : {0.25, 0.5, 0.8, 1.0}) {
+    ASSERT_EQ(solver.solve(load_factor, state).status, Status::Ok);
+    const Matrix3Xd expected = (load_factor * sagged).colwise() + position_at(*path, load_factor);
+    EXPECT_LT((state.x - model.network.X - expected).norm(), kClose * expected.norm()) << load_factor;
+  }
+}
+
+TEST(LinearEquilibrium, WhereSupportsOnlyMoveTheBodyIsReachedAtEveryStep) {
+  const MassSpringModel model = linear_box("node_averaged");
+  Forces forces = no_forces(model);
+  for (const Constraint& c : hanging(model).constraints) forces.constraints.push_back(c);
+  for (Constraint& c : forces.constraints) c.displacement = {1, 2, 3};
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  for (const double load_factor : {0.3, 0.6, 1.0}) {
+    EXPECT_EQ(solver.solve(load_factor, state).status, Status::Ok);
+    const Eigen::Vector3d shift = load_factor * Eigen::Vector3d(1, 2, 3);
+    EXPECT_LT(((state.x - model.network.X).colwise() - shift).norm(), 1e-8);
+  }
+}
+
+TEST(LinearEquilibrium, OfAStiffBodyIsAsCloseAsThatOfASoftOne) {
+  constexpr double kStiffer = 1e9;
+  const Matrix3Xd soft = solve(linear_box("node_averaged"), hanging(linear_box("node_averaged")));
+  const MassSpringModel model = linear_box("node_averaged", 2, 1e6 * kStiffer);
+  const Forces forces = hanging(model);
+  QuasiStaticSolver stiff(model, forces, kTight);
+  State state = initial_state(model);
+  ASSERT_EQ(stiff.solve(1, state).status, Status::Ok);
+  const Matrix3Xd u = state.x - model.network.X;
+  // Positions hold displacements of 1e-12 m to 1e-16 m, no better.
+  EXPECT_LT((kStiffer * u - soft).cwiseAbs().maxCoeff(), kStiffer * 1e-16);
+}
+
+TEST(LinearEquilibrium, OfABodyThatShrinksEvenlyIsFreeOfForces) {
+  for (const char* calibration : {"van_gelder", "node_averaged"}) {
+    const MassSpringModel model = linear_box(calibration);
+    const Forces forces = no_forces(model);
+    QuasiStaticSolver solver(model, forces, kTight);
+    State state = initial_state(model);
+    for (const double shrinkage : {0.1, 0.2}) {
+      state.rest_length = (1 - shrinkage) * initial_state(model).rest_length;
+      if (model.tet_springs)
+        state.patch_scale = VectorXd::Constant(model.tet_springs->n_patches(), 1 - shrinkage);
+      ASSERT_EQ(solver.solve(5 * shrinkage, state).status, Status::Ok);
+      const Matrix3Xd& X = model.network.X;
+      const Eigen::Vector3d centre = X.rowwise().mean();
+      const Matrix3Xd shrunk = ((1 - shrinkage) * (X.colwise() - centre)).colwise() + centre;
+      EXPECT_LT((state.x - shrunk).norm(), kClose) << calibration;
+      EXPECT_LT(elastic_energy(model, state), 1e-12 * model.material.E) << calibration;
+    }
+  }
+}
+
+TEST(LinearEquilibrium, OfANearlyIncompressibleBodyIsFound) {
+  const MassSpringModel model = linear_box("node_averaged", 4, 1e6, 0.499);
+  const Forces forces = hanging(model);
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  const StepReport report = solver.solve(1, state);
+  EXPECT_EQ(report.status, Status::Ok);
+  EXPECT_LE(report.linear_iterations, 130) << "a matrix of its own preconditions it";
+}
+
+TEST(LinearEquilibrium, IsThatOfFullGeometryAsTheLoadVanishes) {
+  const MassSpringModel linear = linear_box("node_averaged"), full = full_box("node_averaged");
+  const auto difference = [&](double gravity) {
+    const Forces forces = hanging(linear, gravity);
+    return (solve(linear, forces) - solve(full, forces, 1e-12)).norm();
+  };
+  EXPECT_NEAR(difference(0.8) / difference(0.4), 4, 0.1);
+}
+
+TEST(LinearEquilibrium, HoldsFloppyMotionsAndCountsThem) {
+  MassSpringModel model = small_model();
+  model.springs->stiffness.tail(4) << 50, 0, 0, 0;  // one spring is left to the inner node
+  linearise(model);
+  Forces forces = no_forces(model);
+  const Eigen::Vector3d n = (model.network.X.col(4) - model.network.X.col(0)).normalized();
+  const Eigen::Vector3d across = n.unitOrthogonal();
+  for (int i = 0; i < 4; ++i)
+    forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  forces.load.col(4) = 4 * n + 3 * across;
+  EXPECT_EQ(n_floppy_motions(model, forces.constraints), 2);
+  EXPECT_EQ(n_floppy_motions(model, {}), 2);
+  EXPECT_EQ(n_floppy_motions(small_model(), {}), 0);
+  const Matrix3Xd u = solve(model, forces);
+  EXPECT_LT((u.col(4) - 4. / 50 * n).norm(), kClose);
+}
+
+}  // namespace
+}  // namespace testbed::massspring
