@@ -170,6 +170,12 @@ def test_time_is_saved_where_a_fifth_of_it_is(solve, saved):
     assert conclusion(comparison_of(models))[1].endswith(f"it saves {saved}.")
 
 
+def test_models_that_differ_by_rounding_are_named_in_the_scenes_order():
+    models = {"node_averaged": model_of(2e-12), "edge_coupled": model_of(1e-12)}
+    first = conclusion(comparison_of(models, "node_averaged"))[0]
+    assert first == "Use node_averaged (less than 0.001 %) or edge_coupled (less than 0.001 %) here."
+
+
 def test_conclusion_says_what_limits_it():
     words = " ".join(conclusion(comparison_of()))
     assert words.startswith("No model is shown to serve here. affine (20 %) lies in between.")
