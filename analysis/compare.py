@@ -15,7 +15,9 @@ from .small_strain import deformation_of
 _SAME_POINT = 1e-12  # of the bounding box
 _LOAD_CASE = ("gravity", "material", "supports", "loads")  # of a scene: must be the same in both runs
 _SAME_TIME = 1e-9  # of the run's length
-_KEPT = 0.01  # of what parts of the surface do: a volume or an area that changes less in all is kept
+# Of what parts of the surface do: a volume or an area that changes less in all is kept. Bending far stretches the surface
+# in all by a thirtieth of what it stretches and shrinks, which is of second order.
+_KEPT_VOLUME, _KEPT_AREA = 0.01, 0.05
 
 
 class DisplacementError(NamedTuple):
@@ -259,7 +261,7 @@ class ReferenceFigures:
     largest_volume_change: float
     swept_volume: float  #: by the surface, of the volume at rest
     keeps_volume: bool  #: changes it by less than a hundredth of what the surface sweeps, as in bending
-    keeps_area: bool  #: changes it by less than a hundredth of what its triangles do, taken without sign
+    keeps_area: bool  #: changes it by less than a twentieth of what its triangles do, taken without sign
     rotation: float  #: rad, of all but a twentieth of the surface at most
     strain: float  #: along the surface, of the same part
     largest_strain: float | None  #: anywhere within the body
@@ -374,13 +376,13 @@ def swept_volume(frame: Frame) -> float:
 
 def keeps_volume(run: Run) -> bool:
     """Whether it changes by less than a hundredth of what the surface sweeps: bending, torsion."""
-    return _largest(volume_change(run)) <= _KEPT * swept_volume(_widest_frame(run))
+    return _largest(volume_change(run)) <= _KEPT_VOLUME * swept_volume(_widest_frame(run))
 
 
 def keeps_area(run: Run) -> bool:
-    """Whether it changes by less than a hundredth of what the areas of the triangles change by."""
+    """Whether it changes by less than a twentieth of what the areas of the triangles change by."""
     frame = _widest_frame(run)
     before, after = (
         np.linalg.norm(triangle_normals(points, frame.F), axis=1) for points in (frame.X, frame.X + frame.u)
     )
-    return _largest(area_change(run)) <= _KEPT * float(np.abs(after - before).sum() / before.sum())
+    return _largest(area_change(run)) <= _KEPT_AREA * float(np.abs(after - before).sum() / before.sum())
