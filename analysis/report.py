@@ -209,7 +209,7 @@ def render(
     """
     parts = [f'<p class="conclusion">{html.escape(" ".join(conclusion(comparison)))}</p>']
     sentences = [_LAWS[comparison["law"]], *trust_in_reference(comparison)]
-    parts += [f"<p>{html.escape(sentence)}</p>" for sentence in sentences]
+    parts.append(f"<p>{html.escape(' '.join(sentences))}</p>")
     parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]
     parts += [image_figure(file, caption) for caption, file in pictures.items()]
@@ -234,9 +234,12 @@ def _explained(comparison: dict[str, Any]) -> str:
         if comparison["rigid_motion_removed"]
         else ""
     )
-    kept = {"volume": ("of what the surface sweeps"), "area": "of what its triangles change by"}
+    kept = {
+        "volume": "a hundredth of what the surface sweeps",
+        "area": "a twentieth of what its triangles change by",
+    }
     left_out = " ".join(
-        f"The {part} changes by less than a hundredth {of}, so its error is left out."
+        f"The {part} changes by less than {of}, so its error is left out."
         for part, of in kept.items()
         if comparison["reference"][f"keeps_{part}"]
     )

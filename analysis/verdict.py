@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .wording import about, listed, percent, seconds, share, significant
+from .wording import about, listed, seconds, share, significant
+from .wording import percent_in_words as percent
 
 SERVES, FAILS = (
     0.05,
@@ -14,7 +15,7 @@ SERVES, FAILS = (
 _SAVED = 0.8  # of the finite elements' seconds, at most: single runs vary by a fifth
 _AT_REST = 0.01  # of the largest kinetic energy
 _ROUNDING = 1e-8
-_NOTICED = 0.01  # error of a law that both solvers share: it is no part of their difference
+_NOTICED = 0.01  # error of small strain on both sides: it is no part of their difference
 _OTHER_LAW = 'material.law = "neo_hookean"'
 
 RULES = (
@@ -95,9 +96,9 @@ def is_blurred(model: dict[str, Any], error_of_reference: float | None) -> bool:
 def is_out_of_range(model: dict[str, Any], reference: dict[str, Any]) -> bool:
     """Whether small strain costs the reference more than a tenth of the model's difference from it.
 
-    Of a law that both share, errors below _NOTICED are no news.
+    Where the model leaves out the same, errors below _NOTICED are no news.
     """
-    least = _NOTICED if model["has_law_of_reference"] else _ROUNDING
+    least = _NOTICED if model["is_linear"] else _ROUNDING
     return is_blurred(model, reference["law_error"]) and reference["law_error"] > least
 
 
@@ -110,7 +111,10 @@ def conclusion(comparison: dict[str, Any]) -> list[str]:
         return [f"No model can be recommended here, as there is no reference to judge it by; {came}."]
     reference = comparison["reference"]
     groups: dict[str, list[str]] = {"use": [], "not": [], "between": [], "undecided": []}
-    for name, model in sorted(models.items(), key=lambda item: item[1]["displacement_error_l2"]):
+    # Models that differ by rounding stay in the scene's order.
+    for name, model in sorted(
+        models.items(), key=lambda item: max(_ROUNDING, item[1]["displacement_error_l2"])
+    ):
         groups[_group(model, reference)].append(name)
 
     def named(group: str, last: str) -> str:
@@ -153,12 +157,12 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
     reference, models = comparison["reference"], comparison["models"]
     own = reference["estimated_error_l2"]
     limits = []
+    if any(is_out_of_range(models[name], reference) for group in groups.values() for name in group):
+        limits.append(f"Set {_OTHER_LAW} to leave the limits of small strain.")
     if own is None:
         limits.append("The finite elements' own error, which is not estimated, limits this.")
     elif any(is_blurred(models[name], own) for group in groups.values() for name in group):
         limits.append(f"The finite elements' own error of {about(own)} limits this.")
-    if any(is_out_of_range(models[name], reference) for group in groups.values() for name in group):
-        limits.append(f"Set {_OTHER_LAW} to leave the limits of small strain.")
     mechanisms = [
         name for group in ("use", "undecided") for name in groups[group] if models[name]["n_floppy_motions"]
     ]

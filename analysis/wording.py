@@ -24,6 +24,11 @@ def percent(fraction: float | None, digits: int = 3) -> str:
     return f"{significant(100 * fraction, digits)} %"
 
 
+def percent_in_words(fraction: float | None, digits: int = 3) -> str:
+    """As percent, within a sentence."""
+    return percent(fraction, digits).replace("<", "less than").replace(">", "more than")
+
+
 def percent_signed(fraction: float) -> str:
     """As percent, with a sign where it is not next to nothing."""
     if 0 < abs(fraction) < LEAST:
@@ -33,13 +38,13 @@ def percent_signed(fraction: float) -> str:
 
 def about(fraction: float | None) -> str:
     """An estimate, as a percentage of two digits."""
-    return f"some {percent(fraction, 2)}"
+    return f"some {percent_in_words(fraction, 2)}"
 
 
 def share(fraction: float) -> str:
     """A part of something that has been named: "25 % of it", "as much", "5.4 times as much"."""
     if fraction < 0.95:
-        return f"{percent(fraction, 2)} of it"
+        return f"{percent_in_words(fraction, 2)} of it"
     return "as much" if fraction < 1.05 else f"{significant(fraction, 2)} times as much"
 
 

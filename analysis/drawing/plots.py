@@ -48,15 +48,19 @@ def plot_curves(panels: list[Panel], time_label: str) -> str:
             shape = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.6}
             if method == REFERENCE:  # below the others, and seen behind a curve that meets it
                 shape |= {"markersize": 8, "linewidth": 3, "zorder": 1}
-            if len(times) > 25:
-                shape["markevery"] = len(times) // 12
-            column[0].plot(times, panel.factor * values, label=label_of(method), **shape)
+            column[0].plot(
+                times, panel.factor * values, label=label_of(method), markevery=_every(times), **shape
+            )
             if method != REFERENCE and has_reference:
                 times_ref, values_ref = panel.curves[REFERENCE]
                 is_shared = times_ref <= times[-1] * (1 + 1e-9)
                 difference = np.interp(times_ref, times, values) - values_ref
-                shape |= {"markevery": None}
-                column[1].plot(times_ref[is_shared], panel.factor * difference[is_shared], **shape)
+                column[1].plot(
+                    times_ref[is_shared],
+                    panel.factor * difference[is_shared],
+                    markevery=_every(times_ref),
+                    **shape,
+                )
         if has_reference:
             column[1].axhline(0, color=style_of(REFERENCE).colour, linewidth=1)
             column[1].set_ylabel("difference")
@@ -64,6 +68,11 @@ def plot_curves(panels: list[Panel], time_label: str) -> str:
     figure.legend(handles, labels, loc="outside upper left", ncols=3)
     figure.align_ylabels()
     return svg_of(figure)
+
+
+def _every(times: Array) -> int:
+    """A dozen markers or two are enough."""
+    return 1 if len(times) <= 25 else len(times) // 12
 
 
 def plot_errors(errors: dict[str, tuple[float, float]], of_reference: float | None) -> str:

@@ -18,7 +18,7 @@ def model_of(error=0.2, **more):
         "volume_change_difference": 0.004,
         "area_change_error": 0.033,
         "tip_displacement": 0.0185,
-        "has_law_of_reference": True,
+        "is_linear": True,
         "n_nodes": 10,
         "n_springs": 30,
         "n_patches": 0,
@@ -108,7 +108,7 @@ def test_references_own_error_is_the_finding_where_it_exceeds_the_difference():
 
 
 @pytest.mark.parametrize(
-    "law_error, is_shared, is_out",
+    "law_error, is_linear, is_out",
     [
         (None, False, False),
         (0.019, False, False),
@@ -118,8 +118,8 @@ def test_references_own_error_is_the_finding_where_it_exceeds_the_difference():
         (0.0009, False, False),
     ],
 )
-def test_small_strain_is_out_of_range_beyond_a_tenth_of_the_difference(law_error, is_shared, is_out):
-    model = model_of(has_law_of_reference=is_shared)
+def test_small_strain_is_out_of_range_beyond_a_tenth_of_the_difference(law_error, is_linear, is_out):
+    model = model_of(is_linear=is_linear)
     comparison = comparison_of({"affine": model}, law_error=law_error)
     assert is_out_of_range(model, comparison["reference"]) == is_out
     assert ("being of small strain, are off by some 2.1 %" in finding(comparison)) == is_out
@@ -129,8 +129,8 @@ def test_small_strain_is_out_of_range_beyond_a_tenth_of_the_difference(law_error
 
 def test_errors_of_a_law_that_both_share_are_news_from_a_hundredth_on():
     """Springs that take the same linear law may agree to rounding."""
-    for law_error, is_shared, is_out in ((0.005, True, False), (0.015, True, True), (0.005, False, True)):
-        model = model_of(1e-9, has_law_of_reference=is_shared)
+    for law_error, is_linear, is_out in ((0.005, True, False), (0.015, True, True), (0.005, False, True)):
+        model = model_of(1e-9, is_linear=is_linear)
         assert is_out_of_range(model, comparison_of(law_error=law_error)["reference"]) == is_out
     words = " ".join(trust_in_reference(comparison_of(law_error=0.025)))
     assert (
@@ -168,6 +168,12 @@ def test_conclusion_names_models_to_use_and_not_to_use_and_the_seconds_saved():
 def test_time_is_saved_where_a_fifth_of_it_is(solve, saved):
     models = {"affine": model_of(0.01, seconds={"mesh": 0.5, "solve": solve})}
     assert conclusion(comparison_of(models))[1].endswith(f"it saves {saved}.")
+
+
+def test_models_that_differ_by_rounding_are_named_in_the_scenes_order():
+    models = {"node_averaged": model_of(2e-12), "edge_coupled": model_of(1e-12)}
+    first = conclusion(comparison_of(models, "node_averaged"))[0]
+    assert first == "Use node_averaged (less than 0.001 %) or edge_coupled (less than 0.001 %) here."
 
 
 def test_conclusion_says_what_limits_it():

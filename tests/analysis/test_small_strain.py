@@ -32,13 +32,21 @@ def test_strain_is_the_largest_along_the_surface_in_any_direction(ball):
     X, F = ball
     found = deformation_of(X, F, X * [0.01, -0.03, 0.01])
     assert found.strain == pytest.approx(0.03, rel=0.01)  # on all triangles but those that face y
+    X, F = strip()
+    assert deformation_of(X, F, 0.02 * X[:, [1]] * [1, 0, 0]).strain == pytest.approx(0.01)  # of simple shear
 
 
-def test_a_twentieth_of_the_surface_may_do_what_it_likes():
-    """A strip of 100 squares, of which the first few turn or stretch far more than the others."""
+def strip():
+    """Of 100 squares in the plane of x and y."""
     x = np.arange(101.0)
     X = np.vstack([np.column_stack([x, 0 * x, 0 * x]), np.column_stack([x, 0 * x + 1, 0 * x])])
     F = np.array([t for k in range(100) for t in ((k, k + 1, 101 + k), (k + 1, 102 + k, 101 + k))])
+    return X, F
+
+
+def test_a_twentieth_of_the_surface_may_do_what_it_likes():
+    """The first few squares stretch far more than the others."""
+    X, F = strip()
     for n, strain in ((4, 0.01), (6, 0.5)):
         u = 0 * X
         u[:, 0] = 0.01 * X[:, 0] + 0.49 * np.minimum(X[:, 0], n)

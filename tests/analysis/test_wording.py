@@ -8,6 +8,7 @@ from analysis.wording import (
     about,
     listed,
     percent,
+    percent_in_words,
     percent_signed,
     seconds,
     share,
@@ -36,6 +37,14 @@ def test_percentages_have_three_digits_and_two_ends(fraction, text):
 
 def test_signs_of_percentages():
     assert [percent_signed(x) for x in (0.25, -0.25, 0, -1e-9)] == ["+25 %", "-25 %", "+0 %", "< 0.001 %"]
+
+
+def test_ends_are_written_out_in_sentences():
+    assert [percent_in_words(x) for x in (1e-9, 123, 0.2)] == [
+        "less than 0.001 %",
+        "more than 10000 %",
+        "20 %",
+    ]
 
 
 def test_estimates_have_two_digits():
