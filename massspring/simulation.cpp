@@ -87,7 +87,9 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   options.tolerance = time.tolerance;
   options.sleep_below = time.sleep_below;
   stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options, contacts_);
-  if (integrator.is_linearised)
+  if (model_.linear && !integrator.is_explicit)
+    report_.tolerance = ConstantMatrix::kTolerance;
+  else if (integrator.is_linearised)
     report_.tolerance = options.linear_tolerance;
   else if (integrator.minimises())
     report_.tolerance = ImplicitStage::kStepTolerance;

@@ -37,7 +37,7 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   rounded_.reset();
   mass_ = factors.mass * model_.mass;
   if (model_.springs && model_.springs->damping > 0)
-    damping_ = damping_matrix(*model_.springs, damped_at, factors.damping);
+    damping_ = damping_matrix(*model_.springs, motion_.damped_at(damped_at), factors.damping);
   if (has_volume_) g_ = volume_stiffness_root(model_, motion_.forces, at);
   if (g_) *g_ *= std::sqrt(factors.stiffness);
   volume_curvature_.clear();

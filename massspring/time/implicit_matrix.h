@@ -21,6 +21,9 @@ class ImplicitMatrix {
  public:
   struct Factors {
     double mass, stiffness, damping;
+    bool operator==(const Factors& other) const {
+      return mass == other.mass && stiffness == other.stiffness && damping == other.damping;
+    }
   };
 
   explicit ImplicitMatrix(const Motion& motion, const Gradients& gradients = {});
@@ -35,6 +38,9 @@ class ImplicitMatrix {
   /// For LinearSolver; valid until the next set.
   LinearSystem system();
 
+  /// A itself, but for rank-one parts and curvature of volumes, on the constrained space [filter].
+  const BlockMatrix& matrix();
+
  private:
   void multiply_sparse(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
   template <class Field>
@@ -43,7 +49,6 @@ class ImplicitMatrix {
   void filter_rounded(PaddedField& y) const;
   double multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y);
   void diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
-  const BlockMatrix& matrix();
 
   const Motion& motion_;
   bool has_volume_;

@@ -11,7 +11,8 @@ using Eigen::Matrix3Xd;
 
 class StagedScheme : public Scheme {
  public:
-  explicit StagedScheme(Motion& motion) : motion_(motion), stage_(motion) {}
+  StagedScheme(Motion& motion, const IntegratorOptions& options)
+      : motion_(motion), stage_(motion, options.tolerance == 0) {}
   std::string solver_choice() const override { return stage_.solver_choice(); }
 
  protected:
@@ -105,17 +106,17 @@ class TrBdf2 : public StagedScheme {
 
 }  // namespace
 
-std::unique_ptr<Scheme> make_minimising_euler(Motion& motion, const IntegratorOptions&) {
-  return std::make_unique<MinimisingEuler>(motion);
+std::unique_ptr<Scheme> make_minimising_euler(Motion& motion, const IntegratorOptions& options) {
+  return std::make_unique<MinimisingEuler>(motion, options);
 }
-std::unique_ptr<Scheme> make_midpoint(Motion& motion, const IntegratorOptions&) {
-  return std::make_unique<Midpoint>(motion);
+std::unique_ptr<Scheme> make_midpoint(Motion& motion, const IntegratorOptions& options) {
+  return std::make_unique<Midpoint>(motion, options);
 }
-std::unique_ptr<Scheme> make_bdf2(Motion& motion, const IntegratorOptions&) {
-  return std::make_unique<Bdf2>(motion);
+std::unique_ptr<Scheme> make_bdf2(Motion& motion, const IntegratorOptions& options) {
+  return std::make_unique<Bdf2>(motion, options);
 }
-std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion, const IntegratorOptions&) {
-  return std::make_unique<TrBdf2>(motion);
+std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion, const IntegratorOptions& options) {
+  return std::make_unique<TrBdf2>(motion, options);
 }
 
 }  // namespace testbed::massspring

@@ -30,15 +30,41 @@ void bend(const SmallRotation& turn, double step, const Matrix3Xd& before, Matri
 
 }  // namespace
 
-ImplicitStage::ImplicitStage(Motion& motion)
+ImplicitStage::ImplicitStage(Motion& motion, bool keeps_step)
     : motion_(motion),
       A_(motion),
       size_(
           (motion.model.network.X.rowwise().maxCoeff() - motion.model.network.X.rowwise().minCoeff()).norm()),
-      energy_scale_(motion.model.material.E * volume(motion.model.network.X, motion.model.network.F)) {}
+      energy_scale_(motion.model.material.E * volume(motion.model.network.X, motion.model.network.F)) {
+  if (is_linear(motion)) constant_.emplace(motion, A_, solver_, keeps_step);
+}
+
+/// From the guess x = y + a v_0 on, A dx = r with the gradient r there.
+StepReport ImplicitStage::solve_linear(const State& start, double a, const Matrix3Xd& y, const Matrix3Xd& w,
+                                       Matrix3Xd& x, Matrix3Xd& v) {
+  const double mass_damping = motion_.forces.mass_damping;
+  State trial = start;
+  motion_.constrain(trial.v);
+  trial.x = y + a * trial.v;
+  Matrix3Xd r, dx;
+  motion_.undamped_forces_at(trial, r);
+  motion_.add_spring_damping(start.x, trial.v, r);
+  r -= momenta(motion_.model, (trial.v - w) / a + mass_damping * trial.v);
+  filter(motion_.constraints, r);
+  const SolveReport linear = constant_->solve({(1 / a + mass_damping) / a, 1, 1 / a}, r, dx);
+  x = trial.x + dx;
+  v = trial.v + dx / a;
+  StepReport report;
+  report.newton_iterations = 1;
+  report.linear_iterations = linear.iterations;
+  report.residual = linear.residual;
+  if (!linear.is_converged) report.status = x.allFinite() ? Status::NotConverged : Status::Diverged;
+  return report;
+}
 
 StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y, const Matrix3Xd& w,
                                 Matrix3Xd& x, Matrix3Xd& v) {
+  if (constant_) return solve_linear(start, a, y, w, x, v);
   constexpr double kLoosest = 1e-2, kTightest = 1e-8;  // inner solves
   constexpr int kMaxNewton = 500;
   const MassSpringModel& model = motion_.model;
@@ -59,7 +85,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     double sum = kinetic_energy(model, trial.v - w) + motion_.potential(trial);
     if (mass_damping > 0) sum += a * mass_damping * kinetic_energy(model, trial.v);
     if (model.springs && model.springs->damping > 0)
-      sum += a * damping_power(*model.springs, start.x, trial.v) / 2;
+      sum += a * damping_power(*model.springs, motion_.damped_at(start.x), trial.v) / 2;
     return sum;
   };
   objective.negative_gradient = [&](Matrix3Xd& r) {

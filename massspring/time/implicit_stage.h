@@ -1,7 +1,7 @@
 // The nonlinear equation that every implicit scheme solves once or twice a step.
 #pragma once
 
-#include "massspring/time/implicit_matrix.h"
+#include "massspring/time/constant_matrix.h"
 
 namespace testbed::massspring {
 
@@ -9,25 +9,31 @@ namespace testbed::massspring {
 ///   1/(2 a^2) |x - y - a w|_M^2 + potential(x) + a R((x - y)/a),
 /// R the power that damping takes, springs damped along their directions at the start [Martin et al. 2011].
 /// Newton's method solves its linear systems no better than it needs, and lowers the sum in every iteration.
+/// Where forces are linear, one system with a constant matrix gives it.
 class ImplicitStage {
  public:
   /// Of Newton's last step, over the body's size: its error is far less.
   static constexpr double kStepTolerance = 1e-9;
 
-  explicit ImplicitStage(Motion& motion);
+  /// @param keeps_step  steps have one length
+  ImplicitStage(Motion& motion, bool keeps_step);
 
   /// @param start  where damping directions, rest lengths and the first guess of v come from
   StepReport solve(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
                    Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
-  const std::string& solver_choice() const { return solver_.choice(); }
+  const std::string& solver_choice() const { return constant_ ? constant_->choice() : solver_.choice(); }
 
  private:
+  StepReport solve_linear(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
+                          Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
+
   Motion& motion_;
   ImplicitMatrix A_;
   LinearSolver solver_;
-  double size_;          ///< diagonal of the body's box at rest (m)
-  double energy_scale_;  ///< E times volume (J)
+  std::optional<ConstantMatrix> constant_;  ///< of a linear motion
+  double size_;                             ///< diagonal of the body's box at rest (m)
+  double energy_scale_;                     ///< E times volume (J)
 };
 
 }  // namespace testbed::massspring

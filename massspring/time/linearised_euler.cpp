@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "massspring/time/constant_matrix.h"
 #include "massspring/time/schemes.h"
 
 namespace testbed::massspring {
@@ -52,7 +53,11 @@ class LinearisedEuler : public Scheme {
 
 }  // namespace
 
+MakeScheme make_minimising_euler;
+
 std::unique_ptr<Scheme> make_implicit_euler(Motion& motion, const IntegratorOptions& options) {
+  // Linear forces need no linearisation, and then the matrix stays.
+  if (is_linear(motion) && options.linear_solver == Krylov::Cg) return make_minimising_euler(motion, options);
   return std::make_unique<LinearisedEuler>(motion, options);
 }
 

@@ -22,7 +22,7 @@ void Motion::undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const {
 
 void Motion::add_spring_damping(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,
                                 Eigen::Matrix3Xd& f) const {
-  if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, x, v, f);
+  if (model.springs && model.springs->damping > 0) add_damping_forces(*model.springs, damped_at(x), v, f);
 }
 
 double Motion::potential(const State& state) const {

@@ -15,6 +15,11 @@ struct Motion {
   /// The same without damping; but for the friction of `friction` the negative gradient of potential.
   void undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const;
 
+  /// Where the directions come from in which independent springs at x damp: rest, of a linear model.
+  const Eigen::Matrix3Xd& damped_at(const Eigen::Matrix3Xd& x) const {
+    return model.linear ? model.network.X : x;
+  }
+
   /// Adds the damping of independent springs (N).
   void add_spring_damping(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v, Eigen::Matrix3Xd& f) const;
 
