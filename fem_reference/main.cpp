@@ -107,7 +107,9 @@ ExitStatus run(const Arguments& arguments) {
   session.start("mesh");
   TetOptions tets;
   tets.interior_size = scene.reference.interior_size;
-  const TetMesh mesh = from_first_process(is_first ? tetrahedralize(session.surface, tets) : TetMesh());
+  TetReport attempts;
+  const TetMesh mesh =
+      from_first_process(is_first ? tetrahedralize(session.surface, tets, &attempts) : TetMesh());
   const bool is_factor = scene.time.mode == TimeMode::Dynamic || arguments.n_frequencies > 0;
   check_memory(mesh.T.cols(), scene.reference.refine + std::max(0, arguments.n_levels - 1),
                scene.reference.degree, is_factor ? Memory::Factor : Memory::Iterations, memory_available());
@@ -119,6 +121,8 @@ ExitStatus run(const Arguments& arguments) {
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
   const ElasticSolid& solid = simulation.solid();
   session.open(solid.X(), {{5, session.surface.F}, {vtk_type, solid.cells()}}, processes().n_threads);
+  session.record.update(to_json(attempts));
+  session.record["tetrahedra"] = to_json(tet_quality(mesh.X, mesh.T));
   describe(simulation, scene, session.record);
   take_steps(simulation, session);
   report(simulation, session.record);

@@ -29,6 +29,14 @@ std::vector<CellBlock> cells_of(const MassSpringModel& model) {
   return cells;
 }
 
+void describe(const NodeReport& found, nlohmann::ordered_json& record) {
+  if (const auto& most = found.samples.most_nodes)
+    record["internal_nodes"] = {
+        {"bounded_by", *most}, {"phi", found.samples.phi}, {"psi", found.samples.psi}};
+  if (found.is_mesher_instead) record["internal_nodes"] = {{"sampling", "mesher"}};
+  if (!found.tets.mesher.empty()) record.update(to_json(found.tets));
+}
+
 void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
   const MassSpringModel& model = simulation.model();
   const Eigen::Matrix4Xi& T = model.network.T;
@@ -109,13 +117,18 @@ ExitStatus run(const Arguments& arguments) {
 
   session.start("mesh");
   const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
+  NodeReport found;
   const SpringNetwork network =
-      build_network(session.surface, scene.network, needs_links, calibration.needs_tetrahedra);
+      build_network(session.surface, scene.network, needs_links, calibration.needs_tetrahedra, &found);
   session.start("setup");
   Simulation simulation(scene, network);
   session.timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
   const MassSpringModel& model = simulation.model();
   session.open(model.network.X, cells_of(model), omp_get_max_threads());
+  describe(found, session.record);
+  if (const auto& most = found.samples.most_nodes; most && !found.is_mesher_instead && !arguments.is_quiet)
+    std::cerr << "internal nodes bounded by " << *most << ", with network.phi = " << found.samples.phi
+              << ": network.k or network.phi asks for more\n";
   describe(simulation, scene, session.record);
   if (!arguments.is_undiagnosed) add_diagnostics(model, session);
   if (arguments.n_frequencies > 0) {

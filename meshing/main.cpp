@@ -152,7 +152,8 @@ void add_network(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--phi", arguments->nodes.phi, "least distance of internal nodes (normalised box)");
   command->add_option("--psi", arguments->nodes.psi, "least distance to the surface (normalised box)");
-  command->add_option("-k,--nodes", arguments->nodes.k, "internal nodes wanted (absent: as many as fit)");
+  command->add_option("-k,--nodes", arguments->nodes.k,
+                      "internal nodes wanted (absent: as many as fit, at most 3 for each of the surface)");
   command->add_option("--seed", arguments->nodes.seed, "of the random nodes")->capture_default_str();
   command->add_option("--spacing", arguments->nodes.spacing, "mesher: edges inside over the surface's nearby")
       ->capture_default_str();
@@ -176,11 +177,14 @@ void add_network(CLI::App& app) {
   command->callback([arguments] {
     const SurfaceMesh surface = read_surface(arguments->file);
     check_closed(surface, arguments->file);
-    TetReport attempts;
-    const TetMesh nodes = place_nodes(surface, arguments->nodes, arguments->has_tetrahedra, &attempts);
+    NodeReport found;
+    const TetMesh nodes = place_nodes(surface, arguments->nodes, arguments->has_tetrahedra, &found);
     const Eigen::Matrix3Xd interior = nodes.X.rightCols(nodes.X.cols() - nodes.n_surface);
     if (arguments->nodes.k && interior.cols() < *arguments->nodes.k)
       std::fprintf(stderr, "only %ld of %d internal nodes fit\n", interior.cols(), *arguments->nodes.k);
+    if (const auto& most = found.samples.most_nodes)
+      std::fprintf(stderr, "internal nodes bounded by %d, with phi = %.3g: --nodes or --phi asks for more\n",
+                   *most, found.samples.phi);
     arguments->connect.connectivity = connectivity_of(arguments->connectivity);
     PcpReport report;
     const SpringNetwork network = connect(surface, interior, arguments->connect, &report);
@@ -188,7 +192,7 @@ void add_network(CLI::App& app) {
     std::printf("PCP stages %zu\n", report.white_per_stage.size());
     std::vector<CellBlock> cells{{kVtkTriangle, network.F}, {kVtkLine, network.E}};
     if (nodes.T.cols() > 0) {
-      print_attempts(attempts);
+      print_attempts(found.tets);
       print_quality(nodes);
       cells.push_back({kVtkTetra, nodes.T});
     }
@@ -207,8 +211,9 @@ void add_tetrahedralize(CLI::App& app) {
   command->add_option("file", arguments->file, "surface")->required();
   command->add_option("out", arguments->out, "file to write (.vtu): triangles, then tetrahedra");
   command->add_option("--interior-size", arguments->tets.interior_size, "longest edge inside (m)");
-  command->add_option("--time-limit", arguments->tets.time_limit, "for each attempt of a mesher (s)")
-      ->capture_default_str();
+  command->add_option("--time-limit", arguments->tets.time_limit,
+                      "for each attempt of a mesher, of its own computing (s; absent: 5 and 0.0006 for each "
+                      "triangle)");
   command->callback([arguments] {
     const SurfaceMesh surface = read_surface(arguments->file);
     TetReport report;

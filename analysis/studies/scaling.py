@@ -25,6 +25,7 @@ from .result import Figures, Result, Section, alone
 
 _VERTICES = 900  # of the bar's surface, which give
 _NODES = 1400  # nodes with the paper's sampling; half as many for each in a large body
+_FILLED = "network.k=100000000"  # as many as fit, where the default is bounded
 _EXPLICIT_STEPS, _IMPLICIT_STEPS = 50, 10
 _TIME_LIMIT = 1800  # s, for one run of a large body
 _NETWORK = "uniform"  # the model whose springs are single ones, as Lemma 1 counts them
@@ -117,7 +118,12 @@ def measure(scene: Path, store: Store, sizes: list[float], repetitions: int, is_
                     continue
                 vertices = round(_VERTICES * (n / _NODES) ** (2 / 3))
                 options = ("--no-diagnostics",) if line.program == "massspring" else ()
-                few = (f"surface.n_vertices={vertices}", "output.frames_every=0", "output.curves=false")
+                few = (
+                    f"surface.n_vertices={vertices}",
+                    _FILLED,
+                    "output.frames_every=0",
+                    "output.curves=false",
+                )
                 outcome = store.run(
                     Point(line.program, scene, (*few, *line.overrides), options, repetition=repetition)
                 )

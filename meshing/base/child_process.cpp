@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <ctime>
+#include <sstream>
 #include <stdexcept>
 #include <thread>
 
@@ -18,23 +20,38 @@ namespace testbed::meshing {
 
 namespace {
 
-/// Waits for a process; false when the time is over.
-bool wait_for(pid_t process, double time_limit, int& status) {
+/// Seconds that a process has computed for.
+double cpu_seconds(pid_t process) {
+  clockid_t clock;
+  timespec time{};
+  if (clock_getcpuclockid(process, &clock) != 0 || clock_gettime(clock, &time) != 0) return 0;
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+/// Waits for a process; false when one of its times is over.
+bool wait_for(pid_t process, double time_limit, double cpu_limit, int& status) {
   using Clock = std::chrono::steady_clock;
   const auto end = Clock::now() + std::chrono::duration<double>(time_limit);
   std::chrono::milliseconds pause(1);
   while (waitpid(process, &status, WNOHANG) == 0) {
-    if (Clock::now() > end) return false;
+    if (Clock::now() > end || cpu_seconds(process) > cpu_limit) return false;
     std::this_thread::sleep_for(pause);
-    pause = std::min(2 * pause, std::chrono::milliseconds(50));
+    pause = std::min(2 * pause, std::chrono::milliseconds(10));
   }
   return true;
+}
+
+/// 5, 0.5: as few digits as there are.
+std::string text_of(double seconds) {
+  std::ostringstream text;
+  text << seconds;
+  return text.str();
 }
 
 }  // namespace
 
 ChildResult run_child(const std::filesystem::path& program, const std::vector<std::string>& arguments,
-                      double time_limit) {
+                      double time_limit, double cpu_limit) {
   const TemporaryFolder folder;
   const std::string log = folder.path() / "log";
   std::vector<std::string> words = arguments;
@@ -52,12 +69,15 @@ ChildResult run_child(const std::filesystem::path& program, const std::vector<st
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) throw std::runtime_error(program.string() + ": cannot be started: " + std::strerror(error));
 
-  ChildResult result{false, "", ""};
+  ChildResult result{false, false, "", ""};
   int status = 0;
-  if (!wait_for(process, time_limit, status)) {
+  if (!wait_for(process, time_limit, cpu_limit, status)) {
+    result.is_stopped = true;
+    result.ending =
+        "stopped after " + (cpu_seconds(process) > cpu_limit ? text_of(cpu_limit) + " s of computing"
+                                                             : text_of(time_limit) + " s");
     kill(process, SIGKILL);
     waitpid(process, &status, 0);
-    result.ending = "stopped after " + std::to_string(static_cast<int>(time_limit)) + " s";
   } else if (WIFSIGNALED(status)) {
     result.ending = "signal " + std::to_string(WTERMSIG(status)) + " (" + strsignal(WTERMSIG(status)) + ")";
   } else {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -11,14 +12,16 @@ namespace testbed::meshing {
 
 struct ChildResult {
   bool is_success;     ///< ended by itself with status 0
+  bool is_stopped;     ///< killed since its time was over
   std::string ending;  ///< "status 1", "signal 6 (Aborted)", "stopped after 300 s"
   std::string output;  ///< what it wrote to stdout and stderr
 };
 
-/// Runs a program with arguments and waits for it at most `time_limit` seconds, then kills it.
+/// Runs a program with arguments, waits for it at most `time_limit` seconds or until it has computed for
+/// `cpu_limit` seconds of its own, then kills it.
 /// @throws std::runtime_error when it cannot be started.
 ChildResult run_child(const std::filesystem::path& program, const std::vector<std::string>& arguments,
-                      double time_limit);
+                      double time_limit, double cpu_limit = std::numeric_limits<double>::infinity());
 
 /// A new folder for temporary files, removed with everything in it at the end of its life.
 class TemporaryFolder {

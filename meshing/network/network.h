@@ -24,15 +24,24 @@ constexpr std::array<Named<Sampling>, 3> names_of(Sampling) {
 struct SampleOptions {
   std::optional<double> phi;  ///< least distance between internal nodes; from the surface if absent
   std::optional<double> psi;  ///< least distance to the surface; from the surface if absent
-  std::optional<int> k;       ///< nodes wanted; as many as fit if absent
+  std::optional<int> k;       ///< nodes wanted; as many as fit if absent, see sample_interior
   std::uint64_t seed = 1;
   Sampling sampling = Sampling::Darts;
 };
 
+/// What was sampled.
+struct SampleReport {
+  double phi = 0, psi = 0;        ///< as taken (normalised box)
+  std::optional<int> most_nodes;  ///< that bounded their number, where it did
+};
+
 /// Random internal nodes, 3 x k' with k' <= k (m) [paper 4.2, fig. 4].
 /// Always ends; the same seed gives the same nodes everywhere.
+/// Where neither k nor phi is given, phi grows until no more than three nodes fit for each of the surface: a
+/// body that is thin beside its edges would take many times as many, and its results would not change.
 /// @throws std::runtime_error for options out of range or a grid too fine to store.
-Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& options);
+Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& options,
+                                 SampleReport* report = nullptr);
 
 /// The options with phi and psi filled in: the mean surface
 /// edge (less in a body thinner than that) and half of that.

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -17,6 +19,9 @@ namespace {
 /// Candidates rejected in a row before a cell counts as full.
 constexpr int kMostMisses = 30;
 constexpr double kMostCells = 2e9;
+/// Internal nodes for each of the surface, unless more are asked for: a ball of 5,000 vertices has as many, a
+/// bar of 25,000.
+constexpr int kMostPerVertex = 3;
 
 /// The bounding box cut into cubes ("quadrants") no smaller than phi, each with the list of its nodes.
 class HashGrid {
@@ -94,6 +99,28 @@ void collect_open_cells(const HashGrid& grid, const SurfaceTree& tree, double ps
   collect_open_cells(grid, tree, psi, middle_from, to, open);
 }
 
+/// Points in the body until it is full or has `most`.
+std::vector<Eigen::Vector3d> throw_darts(const SurfaceTree& tree, const Eigen::AlignedBox3d& box, double cell,
+                                         double phi, double psi, int most, std::uint64_t seed) {
+  HashGrid grid(box, cell, phi);
+  std::vector<OpenCell> open;
+  collect_open_cells(grid, tree, psi, {0, 0, 0}, grid.size(), open);
+  Random random(seed);
+  while (!open.empty() && static_cast<int>(grid.nodes().size()) < most) {
+    OpenCell& cell_drawn = open[random.below(open.size())];
+    Eigen::Vector3d x = grid.corner(cell_drawn.at);
+    for (int axis = 0; axis < 3; ++axis) x[axis] += grid.cell() * random.uniform();
+    if (grid.is_free(cell_drawn.at, x) && (cell_drawn.is_deep || tree.depth(x) >= psi)) {
+      grid.add(cell_drawn.at, x);
+      cell_drawn.n_missed = 0;
+    } else if (++cell_drawn.n_missed == kMostMisses) {
+      cell_drawn = open.back();
+      open.pop_back();
+    }
+  }
+  return grid.nodes();
+}
+
 /// The points along a Morton curve: neighbours in space are neighbours
 /// in memory, which doubles the speed of all that comes after.
 Eigen::Matrix3Xd in_morton_order(const std::vector<Eigen::Vector3d>& points, const Eigen::AlignedBox3d& box) {
@@ -131,38 +158,40 @@ SampleOptions fill_spacing(const SurfaceMesh& surface, SampleOptions options) {
   return options;
 }
 
-Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& wanted) {
+Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& wanted,
+                                 SampleReport* report) {
   const SampleOptions options = fill_spacing(surface, wanted);
-  const double side = smallest_side(surface), phi = *options.phi * side, psi = *options.psi * side;
+  const double side = smallest_side(surface), psi = *options.psi * side;
+  double phi = *options.phi * side;
   if (!(phi > 0)) throw std::runtime_error("phi = " + std::to_string(*options.phi) + ", expected > 0");
   if (!(psi >= 0)) throw std::runtime_error("psi = " + std::to_string(*options.psi) + ", expected >= 0");
   if (options.k && *options.k < 0)
     throw std::runtime_error("k = " + std::to_string(*options.k) + ", expected >= 0");
-  const size_t most = options.k ? *options.k : SIZE_MAX;
-  if (most == 0) return {};
-
-  // With few nodes wanted, cells larger than phi hold no more than a few either.
-  Eigen::AlignedBox3d box(surface.X.rowwise().minCoeff(), surface.X.rowwise().maxCoeff());
-  const double cell = std::max(phi, options.k ? std::cbrt(box.volume() / (8.0 * *options.k)) : 0);
   const SurfaceTree tree(surface);
-  HashGrid grid(box, cell, phi);
-  std::vector<OpenCell> open;
-  collect_open_cells(grid, tree, psi, {0, 0, 0}, grid.size(), open);
-
-  Random random(options.seed);
-  while (!open.empty() && grid.nodes().size() < most) {
-    OpenCell& cell_drawn = open[random.below(open.size())];
-    Eigen::Vector3d x = grid.corner(cell_drawn.at);
-    for (int axis = 0; axis < 3; ++axis) x[axis] += grid.cell() * random.uniform();
-    if (grid.is_free(cell_drawn.at, x) && (cell_drawn.is_deep || tree.depth(x) >= psi)) {
-      grid.add(cell_drawn.at, x);
-      cell_drawn.n_missed = 0;
-    } else if (++cell_drawn.n_missed == kMostMisses) {
-      cell_drawn = open.back();
-      open.pop_back();
+  const Eigen::AlignedBox3d box(surface.X.rowwise().minCoeff(), surface.X.rowwise().maxCoeff());
+  std::vector<Eigen::Vector3d> nodes;
+  std::optional<int> bound;
+  if (wanted.k || wanted.phi) {
+    const int most = options.k.value_or(std::numeric_limits<int>::max());
+    if (most == 0) return {};
+    // With few nodes wanted, cells larger than phi hold no more than a few either.
+    const double cell = std::max(phi, options.k ? std::cbrt(box.volume() / (8.0 * most)) : 0);
+    nodes = throw_darts(tree, box, cell, phi, psi, most, options.seed);
+  } else {
+    constexpr double kGrowth = 1.1;
+    // No body holds as few as a fifth of its volume over phi cubed, so that smaller phi need no trial.
+    const int most = kMostPerVertex * static_cast<int>(surface.X.cols());
+    const double least = std::cbrt(volume(surface.X, surface.F) / (5.0 * most));
+    if (least > phi) bound = most;
+    phi = std::max(phi, least);
+    while (static_cast<int>((nodes = throw_darts(tree, box, phi, phi, psi, most + 1, options.seed)).size()) >
+           most) {
+      bound = most;
+      phi *= kGrowth;
     }
   }
-  Eigen::Matrix3Xd darts = in_morton_order(grid.nodes(), box);
+  if (report) *report = {phi / side, *options.psi, bound};
+  Eigen::Matrix3Xd darts = in_morton_order(nodes, box);
   if (options.sampling == Sampling::Darts) return darts;
   return relax_interior(surface, darts, psi, options.seed, options.sampling == Sampling::Graded);
 }

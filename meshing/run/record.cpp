@@ -128,6 +128,12 @@ nlohmann::ordered_json to_json(const TetQuality& quality) {
           {"n_slivers", quality.n_slivers}};
 }
 
+nlohmann::ordered_json to_json(const TetReport& report) {
+  nlohmann::ordered_json record{{"mesher", report.mesher}};
+  if (!report.failures.empty()) record["meshers_failed"] = report.failures;
+  return record;
+}
+
 std::optional<nlohmann::ordered_json> stored_record(const fs::path& folder, const std::string& input_hash) {
   if (!fs::exists(folder / "run.json")) return {};
   auto record = nlohmann::ordered_json::parse(read_file(folder / "run.json"), nullptr, false);

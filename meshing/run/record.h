@@ -18,6 +18,7 @@
 
 #include "meshing/base/snapshot.h"
 #include "meshing/tetrahedra/tet_mesh.h"
+#include "meshing/tetrahedra/tetrahedralize.h"
 
 namespace testbed::meshing {
 
@@ -68,6 +69,8 @@ nlohmann::ordered_json environment_record(const std::string& program, int n_thre
 
 /// The measures by their names.
 nlohmann::ordered_json to_json(const TetQuality& quality);
+/// The mesher that filled the surface and what others before it said.
+nlohmann::ordered_json to_json(const TetReport& report);
 
 /// The record of the finished run in `folder`, however it ended, if it has this input hash.
 std::optional<nlohmann::ordered_json> stored_record(const std::filesystem::path& folder,

@@ -10,27 +10,41 @@
 namespace testbed::meshing {
 
 TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_tetrahedra,
-                    TetReport* report) {
-  TetOptions tets;
+                    NodeReport* report, TetOptions tets) {
+  NodeReport own;
+  NodeReport& said = report ? *report : own;
+  said = NodeReport();
   if (options.sampling == "mesher") {
     tets.size = interior_size(surface, options.spacing);
-    return tetrahedralize(surface, tets, report);
+    return tetrahedralize(surface, tets, &said.tets);
   }
   const std::optional<Sampling> sampling = value_of<Sampling>(options.sampling);
   if (!sampling)
     throw std::runtime_error("network.sampling = '" + options.sampling + "'" +
                              suggestion(options.sampling, kSamplings));
-  tets.interior = sample_interior(surface, {options.phi, options.psi, options.k, options.seed, *sampling});
+  tets.interior =
+      sample_interior(surface, {options.phi, options.psi, options.k, options.seed, *sampling}, &said.samples);
   if (needs_tetrahedra) {
     const double body = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm();
     tets.size = Eigen::VectorXd::Constant(surface.X.cols(), body);  // no more nodes than the mesher needs
+    tets.ends_when_stopped =
+        !options.k && !options.phi;  // nodes inside are what takes the time: on with fewer
     try {
-      return tetrahedralize(surface, tets, report);
+      return tetrahedralize(surface, tets, &said.tets);
     } catch (const std::runtime_error& error) {
-      throw std::runtime_error(
-          std::string(error.what()) +
-          "\nThe inner nodes were sampled; network.sampling = 'mesher' lets the mesher choose them.");
+      if (options.k || options.phi)
+        throw std::runtime_error(std::string(error.what()) +
+                                 "\nThe inner nodes were sampled as network.k or network.phi asks; "
+                                 "network.sampling = 'mesher' lets the mesher choose them.");
     }
+    said.is_mesher_instead = true;
+    const std::vector<std::string> failures = said.tets.failures;
+    tets.interior.resize(3, 0);
+    tets.size = interior_size(surface, options.spacing);
+    tets.ends_when_stopped = false;
+    TetMesh mesh = tetrahedralize(surface, tets, &said.tets);
+    said.tets.failures.insert(said.tets.failures.begin(), failures.begin(), failures.end());
+    return mesh;
   }
   const Eigen::Index n_surface = surface.X.cols();
   TetMesh nodes{
@@ -40,8 +54,8 @@ TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, b
 }
 
 SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_links,
-                            bool needs_tetrahedra) {
-  TetMesh nodes = place_nodes(surface, options, needs_tetrahedra);
+                            bool needs_tetrahedra, NodeReport* report) {
+  TetMesh nodes = place_nodes(surface, options, needs_tetrahedra, report);
   if (!needs_links) return {nodes.X, nodes.F, {}, nodes.T, nodes.n_surface};
   ConnectOptions how;
   how.connectivity = connectivity_of(options.connectivity);

@@ -145,7 +145,7 @@ struct TimeOptions {
 struct NetworkOptions {
   std::optional<double> phi;  ///< least distance between internal nodes (normalised box)
   std::optional<double> psi;  ///< least distance of an internal node to the surface (normalised box)
-  std::optional<int> k;       ///< internal nodes wanted; as many as fit if absent
+  std::optional<int> k;       ///< internal nodes wanted; absent: as many as fit, see sample_interior
   int multiplicity = 5;       ///< springs projected by each white node, >= 3
   std::uint64_t seed = 1;
   std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed, graded or mesher

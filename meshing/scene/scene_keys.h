@@ -220,7 +220,8 @@ template <class V>
 void describe(V& v, NetworkOptions& n) {
   v("phi", n.phi, kPositive, "least distance of internal nodes (normalised box); absent: from the surface");
   v("psi", n.psi, kPositive, "least distance to the surface (normalised box); absent: from the surface");
-  v("k", n.k, kNotNegative, "internal nodes wanted; absent: as many as fit");
+  v("k", n.k, kNotNegative,
+    "internal nodes wanted; absent: as many as fit, at most 3 for each of the surface unless phi is given");
   v("multiplicity", n.multiplicity, kAtLeastThree, "springs projected by each white node");
   v("seed", n.seed, kNotNegative, "of the random nodes");
   v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed, graded, mesher");

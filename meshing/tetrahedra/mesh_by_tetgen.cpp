@@ -34,16 +34,21 @@ TetNodes mesh_task(const TetTask& task, int, double) {
   points.pointlist = new REAL[task.interior.size() + 1];
   std::copy_n(task.interior.data(), task.interior.size(), points.pointlist);
 
-  in.numberofpointmtrs = 1;
-  in.pointmtrlist = new REAL[X.cols()];
-  std::copy_n(task.size.data(), X.cols(), in.pointmtrlist);
-  std::string switches = "pYmq1.4";  // Y: the surface stays as it is; m: edge lengths inside
+  std::string switches = "pYq1.4";  // Y: the surface stays as it is
+  if (task.interior.cols() > 0) {
+    switches +=
+        'i';  // with lengths of edges as well, of which these points have none, it does not end or crashes
+  } else {
+    switches += 'm';  // edge lengths inside
+    in.numberofpointmtrs = 1;
+    in.pointmtrlist = new REAL[X.cols()];
+    std::copy_n(task.size.data(), X.cols(), in.pointmtrlist);
+  }
   if (task.longest > 0) {
     char text[32];  // all digits: that of a small body is no more than 0.000000 to six decimals
     std::snprintf(text, sizeof text, "a%.17g", std::pow(task.longest, 3) / (6 * std::sqrt(2.0)));
     switches += text;
   }
-  if (task.interior.cols() > 0) switches += 'i';
   try {
     tetrahedralize(switches.data(), &in, &out, &points);
   } catch (int code) {

@@ -22,6 +22,11 @@ struct Attempt {
   std::string name, worker, algorithm, angle_tolerance;
 };
 
+/// A mesher was stopped.
+struct OutOfTime : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// In the order in which they are tried. HXT comes last: on the long thin triangles of CAD parts, where
 /// Delaunay fails, it takes a hundred times as long as tetgen.
 const std::array<Attempt, 4> kAttempts = {
@@ -62,9 +67,12 @@ TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const Te
   write_task(task,
              {surface, options.interior, options.size.size() > 0 ? options.size : vertex_spacing(surface),
               options.interior_size.value_or(0)});
+  constexpr double kWaiting = 10;  // wall time for each second of computing: other programs need theirs
+  const double limit = options.time_limit.value_or(time_limit(surface.F.cols(), options.interior.cols()));
   const ChildResult child =
-      run_child(program_folder() / attempt.worker,
-                {attempt.algorithm, attempt.angle_tolerance, task, nodes_file}, options.time_limit);
+      run_child(options.workers / attempt.worker,
+                {attempt.algorithm, attempt.angle_tolerance, task, nodes_file}, kWaiting * limit, limit);
+  if (child.is_stopped) throw OutOfTime(child.ending);
   if (!child.is_success) throw std::runtime_error(child.ending + messages_in(child.output));
   const TetNodes nodes = read_nodes(nodes_file);
   TetMesh mesh{nodes.X, nodes.T, surface.F, static_cast<int>(surface.X.cols())};
@@ -80,19 +88,31 @@ TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const Te
 
 }  // namespace
 
+double time_limit(Eigen::Index n_triangles, Eigen::Index n_points) {
+  constexpr double kStart = 5, kTriangle = 6e-4, kPoint = 3e-4;
+  return kStart + kTriangle * static_cast<double>(n_triangles) + kPoint * static_cast<double>(n_points);
+}
+
 TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, TetReport* report) {
   check_closed(surface, "surface to tetrahedralize");
   refuse_crossings(surface);  // meshers may fill overlapping solids one by one without a word
   TetReport own;
   TetReport& said = report ? *report : own;
   said = {};
-  for (const Attempt& attempt : kAttempts) try {
+  std::string stopped;  // algorithm of gmsh
+  for (const Attempt& attempt : kAttempts) {
+    if (attempt.algorithm == stopped) continue;
+    try {
       TetMesh mesh = run_attempt(attempt, surface, options);
       said.mesher = attempt.name;
       return mesh;
     } catch (const std::runtime_error& error) {
       said.failures.push_back(attempt.name + ": " + error.what());
+      if (!dynamic_cast<const OutOfTime*>(&error)) continue;
+      if (options.ends_when_stopped) break;
+      stopped = attempt.algorithm;
     }
+  }
   std::string all;
   for (const std::string& failure : said.failures) all += "\n  " + failure;
   throw std::runtime_error("no mesher fills the surface:" + all);

@@ -1,10 +1,12 @@
 // Tetrahedra of a closed surface, by gmsh or, where it fails, by tetgen.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "meshing/base/child_process.h"
 #include "meshing/base/mesh.h"
 
 namespace testbed::meshing {
@@ -13,11 +15,18 @@ struct TetOptions {
   /// Longest edge wanted inside (m). Absent: edges as `size` says, longer far from the surface.
   std::optional<double> interior_size;
   Eigen::Matrix3Xd interior;  ///< points to keep as nodes n_surface, n_surface + 1, ... (3 x k)
-  double time_limit = 300;    ///< for each attempt (s)
+  /// For each attempt, of the mesher's own computing (s); absent: time_limit().
+  std::optional<double> time_limit{};
   /// Edge length wanted inside, at each surface vertex (m):
   /// interior_size() and the like. Empty: the surface's.
   Eigen::VectorXd size{};
+  bool ends_when_stopped = false;                    ///< no mesher comes after one that was stopped
+  std::filesystem::path workers = program_folder();  ///< where the meshers' programs lie
 };
+
+/// What a mesher may take for a surface of so many triangles and so many points to keep (s): twice what a
+/// slow body of that size takes.
+double time_limit(Eigen::Index n_triangles, Eigen::Index n_points);
 
 struct TetReport {
   std::string mesher;                 ///< attempt that succeeded
@@ -26,7 +35,8 @@ struct TetReport {
 
 /// Tetrahedra that fill the surface, whose vertices stay the first nodes, bit for bit, and whose triangles
 /// are the boundary. Meshers run in a child process, one after the other until a result passes
-/// check_tetrahedra: a crash or an endless run is a failed attempt.
+/// check_tetrahedra: a crash is a failed attempt, and so is a run beyond the time limit (or ten times that
+/// while others compute). A mesher that was stopped is not tried again with other settings.
 /// @throws std::runtime_error with the places where the surface
 /// crosses itself, or with every mesher's messages when none succeeds.
 TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options = {},

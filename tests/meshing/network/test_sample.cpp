@@ -77,6 +77,37 @@ TEST(SampleInterior, ReturnsWhatIsWantedOrWhatFits) {
   EXPECT_EQ(sample_interior(ball, options_of(0.1, 0.6)).cols(), 0);  // psi beyond the radius
 }
 
+TEST(SampleInterior, AThinMatTakesNoMoreThanThreeNodesForEachOfTheSurface) {
+  const SurfaceMesh mat = make_shape("bar", 400, {1, 1, 0.02});
+  SampleReport report;
+  const Eigen::Matrix3Xd bounded = sample_interior(mat, {}, &report);
+  const Eigen::Index most = 3 * mat.X.cols();
+  EXPECT_LE(bounded.cols(), most);
+  EXPECT_GT(bounded.cols(), most / 2) << "the least distance that they allow, but for a tenth";
+  ASSERT_TRUE(report.most_nodes);
+  EXPECT_EQ(*report.most_nodes, most);
+  EXPECT_GE(smallest_distance(bounded), report.phi * 0.02);
+  EXPECT_EQ(report.psi, *fill_spacing(mat, {}).psi);
+
+  // who asks for more gets it
+  const double phi = *fill_spacing(mat, {}).phi;
+  EXPECT_GT(sample_interior(mat, options_of(phi, report.psi), &report).cols(), 2 * most);
+  EXPECT_FALSE(report.most_nodes);
+  SampleOptions wanted;
+  wanted.k = static_cast<int>(2 * most);
+  EXPECT_EQ(sample_interior(mat, wanted, &report).cols(), 2 * most);
+  EXPECT_FALSE(report.most_nodes);
+}
+
+TEST(SampleInterior, ABallIsFilledToTheSurfacesSpacing) {
+  const SurfaceMesh ball = make_shape("ball", 642);
+  const SampleOptions filled = fill_spacing(ball, {});
+  SampleReport report;
+  EXPECT_EQ(sample_interior(ball, {}, &report), sample_interior(ball, options_of(*filled.phi, *filled.psi)));
+  EXPECT_FALSE(report.most_nodes);
+  EXPECT_NEAR(report.phi, *filled.phi, 1e-15);
+}
+
 TEST(SampleInterior, FillsTheBody) {
   // Saturated dart throwing has 0.73 nodes per phi^3; giving a cell up after 30 misses stops a tenth short of
   // it. phi^3.

@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+
 #include "meshing/network/network.h"
 #include "meshing/scene/build_network.h"
 #include "meshing/surface/shapes.h"
@@ -88,6 +91,46 @@ TEST(BuildNetwork, ThinBodiesGetLayers) {
     NetworkOptions options;
     options.sampling = sampling;
     EXPECT_GE(n_tetrahedra_along(build_network(plate, options, true, true), x, 2), 4) << sampling;
+  }
+}
+
+TEST(BuildNetwork, WhereAMesherHangsOnSampledNodesItsOwnTakeTheirPlace) {
+  const TemporaryFolder workers;
+  const std::string real = program_folder() / "gmsh_worker", fake = workers.path() / "gmsh_worker";
+  const auto hang_once = [&] {  // and be the mesher from then on
+    std::ofstream(fake) << "#!/bin/sh\nmv " << fake << ".real " << fake << "\nwhile :; do :; done\n";
+    std::filesystem::permissions(fake, std::filesystem::perms::owner_all);
+    std::filesystem::create_symlink(real, fake + ".real");
+  };
+  TetOptions tets;
+  tets.workers = workers.path();
+  tets.time_limit = 0.5;
+  const SurfaceMesh ball = make_shape("ball", 162);
+  NodeReport report;
+  NetworkOptions mesher;
+  mesher.sampling = "mesher";
+  hang_once();
+  EXPECT_EQ(place_nodes(ball, {}, true, &report, tets).X, place_nodes(ball, mesher, true).X);
+  EXPECT_TRUE(report.is_mesher_instead);
+  EXPECT_EQ(report.tets.mesher, "gmsh, Delaunay");
+  EXPECT_EQ(report.tets.failures,
+            std::vector<std::string>{"gmsh, Delaunay: stopped after 0.5 s of computing"});
+  place_nodes(ball, {}, true, &report);
+  EXPECT_FALSE(report.is_mesher_instead);
+}
+
+TEST(BuildNetwork, NodesThatWereAskedForAreNotGivenUp) {
+  TetOptions tets;
+  tets.workers = "/nowhere";
+  NetworkOptions many;
+  many.k = 20;
+  try {
+    place_nodes(make_shape("ball", 42), many, true, nullptr, tets);
+    FAIL() << "filled without a mesher";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("network.sampling = 'mesher' lets the mesher choose them"),
+              std::string::npos)
+        << error.what();
   }
 }
 

@@ -108,6 +108,39 @@ TEST(TetQuality, OfARegularTetrahedronAndOfASliver) {
   EXPECT_EQ(flat.n_slivers, 1);
 }
 
+TEST(TetQuality, IsThatOfTheSpheresThatTouchTheFacesAndHoldTheCorners) {
+  const SurfaceMesh surface = make_shape("torus", 300);
+  const TetMesh mesh = tetrahedralize(surface);
+  double least = 1, mean = 0;
+  for (const auto& tet : mesh.T.colwise()) {
+    // both centres from linear equations: |x - X_c|^2 = R^2 at all corners, n_f . x + r = d_f at all faces
+    Eigen::Matrix3d apart;
+    Eigen::Vector3d squares;
+    Eigen::Matrix4d faces;
+    Eigen::Vector4d planes;
+    for (int c = 0; c < 4; ++c) {
+      const Eigen::Vector3d a = mesh.X.col(tet[(c + 1) % 4]), b = mesh.X.col(tet[(c + 2) % 4]),
+                            d = mesh.X.col(tet[(c + 3) % 4]), top = mesh.X.col(tet[c]);
+      Eigen::Vector3d normal = (b - a).cross(d - a).normalized();
+      if (normal.dot(top - a) > 0) normal = -normal;
+      faces.row(c) << normal.transpose(), 1;
+      planes[c] = normal.dot(a);
+      if (c == 0) continue;
+      const Eigen::Vector3d first = mesh.X.col(tet[0]);
+      apart.row(c - 1) = 2 * (top - first).transpose();
+      squares[c - 1] = top.squaredNorm() - first.squaredNorm();
+    }
+    const double inscribed = faces.partialPivLu().solve(planes)[3];
+    const Eigen::Vector3d centre = apart.partialPivLu().solve(squares);
+    const double ratio = 3 * inscribed / (centre - mesh.X.col(tet[0])).norm();
+    least = std::min(least, ratio);
+    mean += ratio / mesh.T.cols();
+  }
+  const TetQuality quality = tet_quality(mesh.X, mesh.T);
+  EXPECT_NEAR(quality.min_radius_ratio, least, 1e-9);
+  EXPECT_NEAR(quality.mean_radius_ratio, mean, 1e-9);
+}
+
 TEST(TetQuality, ASliverIsJudgedByItsLongestEdgeWhicheverThatIs) {
   // The longest edge is 2 m, and 6 sqrt(2) V / 8 is a b / (2 sqrt(2)), half of the limit of 0.05.
   // The next longest edge, of sqrt(1 + a^2), would make that 8 / (1 + a^2)^1.5 = 7.8 times as much.

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 
 #include "meshing/base/child_process.h"
 #include "meshing/base/geometry.h"
@@ -100,6 +101,11 @@ TEST(RunChild, TellsHowTheProgramEndsAndWhatItWrites) {
   EXPECT_FALSE(endless.is_success);
   EXPECT_EQ(endless.ending, "stopped after 1 s");
   EXPECT_THROW(run_child("/nowhere/program", {}, 1), std::runtime_error);
+  const ChildResult busy = run_child("/bin/sh", {"-c", "while :; do :; done"}, 60, 0.1);
+  EXPECT_FALSE(busy.is_success);
+  EXPECT_EQ(busy.ending, "stopped after 0.1 s of computing");
+  EXPECT_TRUE(run_child("/bin/sh", {"-c", "sleep 0.3"}, 60, 0.1).is_success)
+      << "it waits, and computes little";
 }
 
 TEST(TemporaryFolder, IsAnotherEachTimeAndGoesWithItsFiles) {
@@ -170,6 +176,20 @@ TEST(TetgenWorker, NoTetrahedronIsLargerThanARegularOneOfTheLongestEdge) {
   }
 }
 
+TEST(TetgenWorker, KeepsPointsInABodyWhoseEdgesMayBeLong) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  Eigen::Matrix3Xd interior = make_shape("ball", 42).X;
+  interior *= 0.5;
+  const TemporaryFolder folder;
+  const std::string task = folder.path() / "task", file = folder.path() / "nodes";
+  write_task(task, {ball, interior, Eigen::VectorXd::Constant(162, 4), 0});
+  const ChildResult child = run_child(program_folder() / "tetgen_worker", {"0", "0", task, file}, 60, 5);
+  ASSERT_TRUE(child.is_success) << child.ending;
+  const TetNodes nodes = read_nodes(file);
+  EXPECT_EQ(nodes.X.middleCols(162, 42), interior);
+  EXPECT_LT(nodes.X.cols(), 162 + 42 + 20) << "few are added";
+}
+
 TEST(TetgenWorker, FillsABodyAlikeAtEveryScale) {
   const auto n_tetrahedra = [](double scale) {  // a power of two: all coordinates round alike
     return mesh_by_tetgen(scaled(make_shape("ball", 162), scale), 0.3 * scale, 0.4 * scale).T.cols();
@@ -187,6 +207,29 @@ TEST(Tetrahedralize, RefusesCrossingsWithTheirPlaces) {
               std::string::npos)
         << error.what();
   }
+}
+
+TEST(Tetrahedralize, StopsAMesherThatHangsAndTakesTheNext) {
+  const TemporaryFolder workers;
+  std::ofstream(workers.path() / "gmsh_worker") << "#!/bin/sh\nexec sleep 1000\n";
+  std::filesystem::permissions(workers.path() / "gmsh_worker", std::filesystem::perms::owner_all);
+  std::filesystem::create_symlink(program_folder() / "tetgen_worker", workers.path() / "tetgen_worker");
+  const SurfaceMesh ball = make_shape("ball", 162);
+  TetOptions options;
+  options.workers = workers.path();
+  options.time_limit = 0.1;
+  TetReport report;
+  EXPECT_EQ(complaint(tetrahedralize(ball, options, &report), ball), "");
+  EXPECT_EQ(report.mesher, "tetgen");
+  EXPECT_EQ(report.failures, std::vector<std::string>{"gmsh, Delaunay: stopped after 1 s"})
+      << "its second settings are not tried";
+}
+
+TEST(Tetrahedralize, GivesAMesherTimeByTheTrianglesAndPoints) {
+  EXPECT_GT(time_limit(12, 0), 4) << "even a small body may take seconds";
+  EXPECT_NEAR(time_limit(30000, 0) - time_limit(10000, 0), 2 * (time_limit(20000, 0) - time_limit(10000, 0)),
+              1e-9);
+  EXPECT_GT(time_limit(10000, 20000), time_limit(10000, 0));
 }
 
 TEST(Tetrahedralize, NamesEveryMesherWhenNoneEndsInTime) {
