@@ -69,6 +69,7 @@ def test_table_holds_the_errors_of_the_runs(scene, programs, tmp_path):
         assert float(row["displacement_error_l2"]) == pytest.approx(ERRORS[row["material.nu"]], rel=1e-9)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "10 % at best" in page and "40 % at worst" in page
+    assert "points they are off by at most 5 %" in page
     assert not fetched(page)
 
 

@@ -389,7 +389,8 @@ def test_time_limit_is_that_of_timed_runs_alone(tmp_path, monkeypatch):
     (tmp_path / "scene.toml").write_text(STATIC)
     options = ["--quick", "--quiet", "--repetitions", "2", "--time-limit", "7"]
     arguments = parse_arguments(["study", "work-precision", str(tmp_path / "scene.toml"), *options])
-    work_precision.study(arguments, tmp_path / "out")
+    result = work_precision.study(arguments, tmp_path / "out")
+    assert list(result.sections[-1].tables) == ["use_when"]
     repetitions = {limit: {point.repetition for point in ladder.points} for limit, ladder in ladders.items()}
     assert repetitions == {7: {0, 1}, None: {0}}
     assert {point.program for point in ladders[None].points} == {"fem_reference"}
