@@ -1,4 +1,4 @@
-// Small strain: the elastic energy to second order about rest [massspring/README.md, section 5].
+// Small strain: the elastic energy to second order about rest [massspring/README.md, section 13].
 #pragma once
 
 #include <Eigen/Core>
@@ -18,10 +18,10 @@ struct LinearElasticity {
 };
 
 /// Makes the elastic forces of a model linear from now on: f = g - K u, u the displacement from rest and g
-/// the forces at rest of lengths that have shrunk [(26)]. Independent springs obey Hooke's law.
+/// the forces at rest of lengths that have shrunk [(28)]. Independent springs obey Hooke's law.
 void linearise(MassSpringModel& model);
 
-/// Elastic energy (J) of a linear model at displacements u (3 x n, m), rest lengths as in the state [(26)].
+/// Elastic energy (J) of a linear model at displacements u (3 x n, m), rest lengths as in the state [(28)].
 double linear_energy(const MassSpringModel& model, const State& state, const Eigen::Matrix3Xd& u);
 
 /// f += g: what shrunk rest lengths exert on a linear model that has not moved (N), 3 x n.

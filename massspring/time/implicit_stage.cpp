@@ -39,19 +39,26 @@ ImplicitStage::ImplicitStage(Motion& motion, bool keeps_step)
   if (is_linear(motion)) constant_.emplace(motion, A_, solver_, keeps_step);
 }
 
+/// Negative gradient of the sum.
+Matrix3Xd ImplicitStage::unbalanced(const State& start, const State& trial, double a,
+                                    const Matrix3Xd& w) const {
+  Matrix3Xd r;
+  motion_.undamped_forces_at(trial, r);
+  motion_.add_spring_damping(start.x, trial.v, r);
+  r -= momenta(motion_.model, (trial.v - w) / a + motion_.forces.mass_damping * trial.v);
+  filter(motion_.constraints, r);
+  return r;
+}
+
 /// From the guess x = y + a v_0 on, A dx = r with the gradient r there.
 StepReport ImplicitStage::solve_linear(const State& start, double a, const Matrix3Xd& y, const Matrix3Xd& w,
                                        Matrix3Xd& x, Matrix3Xd& v) {
-  const double mass_damping = motion_.forces.mass_damping;
   State trial = start;
   motion_.constrain(trial.v);
   trial.x = y + a * trial.v;
-  Matrix3Xd r, dx;
-  motion_.undamped_forces_at(trial, r);
-  motion_.add_spring_damping(start.x, trial.v, r);
-  r -= momenta(motion_.model, (trial.v - w) / a + mass_damping * trial.v);
-  filter(motion_.constraints, r);
-  const SolveReport linear = constant_->solve({(1 / a + mass_damping) / a, 1, 1 / a}, r, dx);
+  const Matrix3Xd r = unbalanced(start, trial, a, w);
+  Matrix3Xd dx;
+  const SolveReport linear = constant_->solve({(1 / a + motion_.forces.mass_damping) / a, 1, 1 / a}, r, dx);
   x = trial.x + dx;
   v = trial.v + dx / a;
   StepReport report;
@@ -88,12 +95,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       sum += a * damping_power(*model.springs, motion_.damped_at(start.x), trial.v) / 2;
     return sum;
   };
-  objective.negative_gradient = [&](Matrix3Xd& r) {
-    motion_.undamped_forces_at(trial, r);
-    motion_.add_spring_damping(start.x, trial.v, r);
-    r -= momenta(model, (trial.v - w) / a + mass_damping * trial.v);
-    filter(motion_.constraints, r);
-  };
+  objective.negative_gradient = [&](Matrix3Xd& r) { r = unbalanced(start, trial, a, w); };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
     if (first == 0) first = r.norm();
     const double tolerance = std::clamp(r.norm() / first, kTightest, kLoosest);

@@ -25,6 +25,8 @@ class ImplicitStage {
   const std::string& solver_choice() const { return constant_ ? constant_->choice() : solver_.choice(); }
 
  private:
+  Eigen::Matrix3Xd unbalanced(const State& start, const State& trial, double a,
+                              const Eigen::Matrix3Xd& w) const;
   StepReport solve_linear(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
                           Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
