@@ -195,6 +195,43 @@ def test_torus_hang(tmp_path):
     assert 0.0071 < comparison["displacement_error_l2"] < 0.0121
 
 
+def gear(n_teeth=10, height=1.0, edge=1e-3):
+    """A gear whose teeth have corners of two points, `edge` apart: the triangles between its faces are needles."""
+    ring = []
+    for tooth in range(n_teeth):
+        for turn, radius in ((0.1, 0.8), (0.3, 1.0), (0.7, 1.0), (0.9, 0.8)):
+            ring += [((tooth + turn) * 2 * np.pi / n_teeth + side * edge / 2, radius) for side in (-1, 1)]
+    n = len(ring)
+    rings = [[(r * np.cos(a), r * np.sin(a), z) for a, r in ring] for z in (0, height)]
+    bores = [[(0.3 * np.cos(a), 0.3 * np.sin(a), z) for a, _ in ring] for z in (0, height)]
+    low, high, low_bore, high_bore = (part * n + np.arange(n) for part in range(4))
+    faces = []
+    for a, b in ((low, high), (high, high_bore), (high_bore, low_bore), (low_bore, low)):
+        faces += [(a[k], a[k - n + 1], b[k - n + 1]) for k in range(n)]
+        faces += [(a[k], b[k - n + 1], b[k]) for k in range(n)]
+    return np.concatenate([*rings, *bores]), np.array(faces)
+
+
+def test_gear_of_needles_is_solved_by_both_programs(tmp_path):
+    X, F = gear()
+    a, b, c = (X[F[:, k]] for k in range(3))
+    longest = np.max([np.linalg.norm(p - q, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    assert (longest**2 / (2 * area)).max() > 1e3  # over the least height
+    file = tmp_path / "gear.off"
+    rows = [" ".join(map(repr, map(float, x))) for x in X] + [f"3 {i} {j} {k}" for i, j, k in F]
+    file.write_text(f"OFF\n{len(X)} {len(F)} 0\n" + "\n".join(rows) + "\n")
+
+    few = (f"surface.file={file}", "surface.shape=", "comparison.calibrations=[]")
+    comparison = write_results(run_pair("sag", tmp_path / "out", *few))
+    assert comparison["status"] == "ok"
+    assert comparison["models"]["node_averaged"]["displacement_error_l2"] < 0.2
+    for folder in (tmp_path / "out").rglob("run.json"):
+        record = json.loads(folder.read_text())
+        assert record["mesher"], folder
+        assert 0 < record["tetrahedra"]["min_radius_ratio"] < 0.01, folder
+
+
 def test_sag_is_free_of_scale(tmp_path):
     """The same body in other units of length gives the same figures."""
     few = ("surface.n_vertices=600", "comparison.calibrations=[]")
