@@ -14,7 +14,8 @@
 #include <string>
 #include <utility>
 
-#include "massspring/kernels/patch_kernels.h"
+#include "massspring/kernels/padded_nodes.h"
+#include "massspring/kernels/patch_law.h"
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/algebra/subdomains.h"
 #include "meshing/base/geometry.h"
@@ -29,7 +30,8 @@ using Eigen::Matrix4Xi;
 using Eigen::Vector3d;
 using TetGradients = Eigen::Matrix<double, 3, 4>;
 
-constexpr double kLeastJacobian = 0.1;  // J_0 of the law
+/// Smaller bodies fit the first-level cache in any order.
+constexpr int kLeastOrdered = 500;
 
 /// Gradients of the four barycentric coordinates (1/m).
 TetGradients barycentric_gradients(const Matrix3Xd& X, const Eigen::Vector4i& t) {
@@ -46,18 +48,14 @@ struct VolumeLaw {
 };
 
 /// g(J) of the law and its derivatives.
-[[gnu::always_inline]] inline VolumeLaw volume_law(double J, double lambda, double mu) {
-  const double c = mu + lambda / 2, j = std::max(J, kLeastJacobian);
-  VolumeLaw law{lambda / 4 * (j * j - 1) - c * std::log(j), lambda / 2 * j - c / j, lambda / 2 + c / (j * j)};
-  const double d = J - j;
-  law.g += law.dg * d + law.ddg / 2 * d * d;
-  law.dg += law.ddg * d;
-  return law;
+VolumeLaw volume_law(double J, double lambda, double mu) {
+  const double c = mu + lambda / 2, j = std::max(J, kLeastJacobian), d = J - j;
+  const double dg = lambda / 2 * j - c / j, ddg = lambda / 2 + c / (j * j);
+  return {lambda / 4 * (j * j - 1) - c * std::log(j) + (dg + ddg / 2 * d) * d, volume_slope(J, lambda, mu),
+          ddg};
 }
 
-// Called instead of inlined, this and what else is marked so makes forces a fifth slower.
-[[gnu::always_inline]] inline Matrix3d deformation_gradient(const TetSprings& springs, int patch,
-                                                            const Matrix3Xd& x) {
+Matrix3d deformation_gradient(const TetSprings& springs, int patch, const Matrix3Xd& x) {
   double F[9] = {};  // as far as a compiler sees, a matrix might alias x
   for (int e = springs.first[patch]; e < springs.first[patch + 1]; ++e)
     for (int j = 0; j < 3; ++j)
@@ -69,7 +67,7 @@ double scale_of(const Eigen::VectorXd& scale, int patch) {
   return scale.size() > 0 ? scale[patch] : 1;
 }
 
-[[gnu::always_inline]] inline Matrix3d cofactor(const Matrix3d& F) {
+Matrix3d cofactor(const Matrix3d& F) {
   Matrix3d C;
   C << F.col(1).cross(F.col(2)), F.col(2).cross(F.col(0)), F.col(0).cross(F.col(1));
   return C;
@@ -218,20 +216,21 @@ Eigen::MatrixXi edge_numbers(const Matrix4Xi& T) {
   return numbers;
 }
 
-/// Calls visit(subdomain, begin, end) for all ranges of patches, those of subdomains of one size at once.
+/// Calls visit(begin, end) for the ranges of n patches, or batches, that begin where `first` says, those of
+/// subdomains of one size at once.
 template <class Visit>
-void for_each_range(const TetSprings& springs, const Visit& visit) {
-  const std::vector<int>& first = springs.subdomain_first;
-  if (first.empty()) return visit(0, 0, springs.n_patches());
+void for_each_range(const std::vector<int>& first, int n, const Visit& visit) {
+  if (first.empty()) return visit(0, n);
   for_each_subdomain([&](int subdomain) {
-    for (std::size_t k = subdomain; k + 1 < first.size(); k += kSubdomains)
-      visit(subdomain, first[k], first[k + 1]);
+    for (std::size_t k = subdomain; k + 1 < first.size(); k += kSubdomains) visit(first[k], first[k + 1]);
   });
 }
 
-/// The patches of each subdomain; column t of `patches` names those that tetrahedron t belongs to.
+/// Patches in a given order, divided into those of each subdomain; column t of `patches` names those that
+/// tetrahedron t belongs to.
 std::vector<std::vector<int>> patches_of_subdomains(const Matrix3Xd& X, const Matrix4Xi& T,
-                                                    const Eigen::MatrixXi& patches) {
+                                                    const Eigen::MatrixXi& patches,
+                                                    const std::vector<int>& order) {
   const std::vector<int> leaf = leaves_of(X);
   Eigen::Matrix2Xi range = Eigen::Vector2i(7, 0).replicate(1, patches.maxCoeff() + 1);
   for (Eigen::Index t = 0; t < T.cols(); ++t)
@@ -241,8 +240,68 @@ std::vector<std::vector<int>> patches_of_subdomains(const Matrix3Xd& X, const Ma
         range(1, p) = std::max(range(1, p), leaf[i]);
       }
   std::vector<std::vector<int>> result(kSubdomains);
-  for (int p = 0; p < range.cols(); ++p) result[subdomain_of(range(0, p), range(1, p))].push_back(p);
+  for (const int p : order) result[subdomain_of(range(0, p), range(1, p))].push_back(p);
   return result;
+}
+
+/// Patches along the body, those of like numbers of tetrahedra near each other.
+std::vector<int> order_of_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches,
+                                  const Occurrences& in_patch) {
+  constexpr int kWindow = 32 * kBatchSize;  // of patches that are sorted by their numbers of tetrahedra
+  const int n = patches.maxCoeff() + 1;
+  if (X.cols() < kLeastOrdered) {
+    std::vector<int> order(n);
+    std::iota(order.begin(), order.end(), 0);
+    return order;
+  }
+  Matrix3Xd centres = Matrix3Xd::Zero(3, n);
+  for (Eigen::Index t = 0; t < T.cols(); ++t)
+    for (const int p : patches.col(t)) centres.col(p) += X(Eigen::all, T.col(t)).rowwise().mean();
+  const auto n_tets = [&](int p) { return in_patch.first[p + 1] - in_patch.first[p]; };
+  for (int p = 0; p < n; ++p) centres.col(p) /= n_tets(p);
+  std::vector<int> order = along_body(centres);
+  for (int begin = 0; begin < n; begin += kWindow)
+    std::stable_sort(order.begin() + begin, order.begin() + std::min(n, begin + kWindow),
+                     [&](int p, int q) { return n_tets(p) < n_tets(q); });
+  return order;
+}
+
+/// Lays the patches out in batches, none of them of two subdomains.
+void fill_batches(TetSprings& springs) {
+  PatchBatches& batches = springs.batches;
+  std::vector<int> first = springs.subdomain_first;  // of ranges
+  if (first.empty()) first = {0, springs.n_patches()};
+  batches.first = batches.start = {0};
+  for (std::size_t k = 0; k + 1 < first.size(); ++k) {
+    if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
+    for (int p = first[k]; p < first[k + 1]; p += kBatchSize) {
+      const int n = std::min(kBatchSize, first[k + 1] - p), n_before = batches.start.back();
+      int n_entries = 0;
+      for (int i = 0; i < n; ++i)
+        n_entries = std::max(n_entries, springs.first[p + i + 1] - springs.first[p + i]);
+      batches.first.push_back(p + n);
+      batches.start.push_back(n_before + n_entries);
+      batches.node.resize(kBatchSize * batches.start.back());
+      batches.b.resize(3 * kBatchSize * static_cast<std::size_t>(batches.start.back()));
+      for (int i = 0; i < kBatchSize; ++i) {
+        const int patch = p + std::min(i, n - 1), begin = springs.first[patch],
+                  end = springs.first[patch + 1];
+        for (int e = 0; e < n_entries; ++e) {
+          const bool is_there = i < n && begin + e < end;
+          const auto at = static_cast<std::size_t>(n_before) + e;
+          batches.node[kBatchSize * at + i] = springs.node[is_there ? begin + e : begin];
+          for (int j = 0; j < 3; ++j)
+            batches.b[kBatchSize * (3 * at + j) + i] = is_there ? springs.b(j, begin + e) : 0;
+        }
+      }
+    }
+  }
+  if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
+}
+
+PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
+  return {springs.volume.data(), springs.lambda.data(), scale.size() > 0 ? scale.data() : nullptr,
+          springs.mu};
 }
 
 /// Adds patches that average over tetrahedra: column t of `patches` names those that tetrahedron t belongs
@@ -268,16 +327,16 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   springs.lambda.conservativeResize(n_before + n_new);
   springs.lambda.tail(n_new).setConstant(lambda);
 
-  std::vector<int> order(n_new);
-  std::iota(order.begin(), order.end(), 0);
+  const Occurrences in_patch = occurrences(patches.reshaped(), n_new);
+  std::vector<int> order = order_of_patches(X, T, patches, in_patch);
   if (X.cols() >= kLeastSubdivided) {
+    const auto divided = patches_of_subdomains(X, T, patches, order);
     order.clear();
-    for (const std::vector<int>& own : patches_of_subdomains(X, T, patches)) {
+    for (const std::vector<int>& own : divided) {
       springs.subdomain_first.push_back(n_before + static_cast<int>(order.size()));
       order.insert(order.end(), own.begin(), own.end());
     }
   }
-  const Occurrences in_patch = occurrences(patches.reshaped(), n_new);
   std::vector<int> patch_of(X.cols(), -1), entry_of(X.cols());  // of nodes: the last that they were met in
   for (const int p : order) {
     const auto tets = [&](const auto& visit) {
@@ -331,37 +390,35 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
   if (blend.nodes > 0)
     append_patches(X, T, T, blend.nodes, shared + (lame.lambda - shared) / blend.nodes, springs);
   if (!springs.subdomain_first.empty()) springs.subdomain_first.push_back(springs.n_patches());
+  fill_batches(springs);
   return springs;
 }
 
 double energy(const TetSprings& springs, const Matrix3Xd& x, const Eigen::VectorXd& scale) {
-  std::array<double, kSubdomains> sums{};
-  for_each_range(springs, [&](int subdomain, int begin, int end) {
-    double sum = 0;
-    for (int p = begin; p < end; ++p) {
+  const PatchBatches& batches = springs.batches;
+  const Double4* const columns = pad(x);
+  return sum_over_chunks(batches.n_batches(), [&](Eigen::Index begin, Eigen::Index end) {
+    double J[kBatchSize * kChunkSize], squares[kBatchSize * kChunkSize], sum = 0;
+    measure_patches(static_cast<int>(begin), static_cast<int>(end), batches, arrays_of(springs, scale),
+                    columns, J, squares);
+    for (int p = batches.first[begin], i = 0; p < batches.first[end]; ++p, ++i) {
       const double s = scale_of(scale, p);
-      const Matrix3d F = deformation_gradient(springs, p, x) / s;
       sum += s * s * s * springs.volume[p] *
-             (springs.mu / 2 * (F.squaredNorm() - 3) +
-              volume_law(F.determinant(), springs.lambda[p], springs.mu).g);
+             (springs.mu / 2 * (squares[i] - 3) + volume_law(J[i], springs.lambda[p], springs.mu).g);
     }
-    sums[subdomain] += sum;
+    return sum;
   });
-  return std::accumulate(sums.begin(), sums.end(), 0.);
 }
 
 void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, const Eigen::VectorXd& scale) {
-  for_each_range(springs, [&](int, int begin, int end) {
-    for (int p = begin; p < end; ++p) {
-      const double s = scale_of(scale, p);
-      const Matrix3d F = deformation_gradient(springs, p, x) / s, C = cofactor(F);
-      const double J = F.col(0).dot(C.col(0));
-      const Matrix3d VP =
-          s * s * springs.volume[p] * (springs.mu * F + volume_law(J, springs.lambda[p], springs.mu).dg * C);
-      for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
-        f.col(springs.node[e]) -= VP * springs.b.col(e);
-    }
-  });
+  const PatchBatches& batches = springs.batches;
+  add_padded(
+      [&](const Double4* in, Double4* out) {
+        for_each_range(springs.subdomain_batch, batches.n_batches(), [&](int begin, int end) {
+          add_patch_forces(begin, end, batches, arrays_of(springs, scale), in, out);
+        });
+      },
+      x, f);
 }
 
 void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
@@ -372,7 +429,7 @@ void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, 
     const int n = springs.first[p + 1] - springs.first[p];
     n_before.push_back(n_before.back() + n * (n + 1) / 2);
   }
-  for_each_range(springs, [&](int, int begin, int end) {
+  for_each_range(springs.subdomain_first, springs.n_patches(), [&](int begin, int end) {
     for (int p = begin; p < end; ++p) {
       const double s = scale_of(scale, p);
       const Matrix3d F = deformation_gradient(springs, p, x) / s;

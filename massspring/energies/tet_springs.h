@@ -14,6 +14,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "massspring/kernels/patch_kernels.h"
 #include "meshing/algebra/block_matrix.h"
 #include "meshing/base/material.h"
 
@@ -41,6 +42,9 @@ struct TetSprings {
   /// Where the patches of each subdomain begin [subdomains.h], n_subdomains for each kind of patch, and their
   /// end. Empty where they are in any order.
   std::vector<int> subdomain_first = {};
+  /// What forces and energies are summed by, and where the batches of each subdomain begin, likewise.
+  PatchBatches batches = {};
+  std::vector<int> subdomain_batch = {};
 
   int n_patches() const { return static_cast<int>(volume.size()); }
 };
@@ -56,8 +60,8 @@ inline constexpr Blend kEdgeCoupled{1, 0, 0};
 /// for edges 0.8 to 1.
 inline constexpr Blend kNodeAveraged{0, 0.9, 0.1};
 
-/// Patches of a blend, those of tetrahedra, edges and nodes in this order, each kind in the order of the
-/// subdomains of a body that is large enough. X 3 x n (m), T 4 x m of positive volume. With node patches,
+/// Patches of a blend, those of tetrahedra, edges and nodes in this order, each kind along a body that is large
+/// enough, and in the order of its subdomains. X 3 x n (m), T 4 x m of positive volume. With node patches,
 /// what lambda exceeds mu by acts on them alone [(14)].
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
                           const Blend& blend);

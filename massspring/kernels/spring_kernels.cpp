@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "meshing/algebra/subdomains.h"
-#include "meshing/algebra/vectors.h"
+#include "massspring/kernels/padded_nodes.h"
 
 namespace testbed::massspring {
 namespace {
@@ -150,42 +149,21 @@ TESTBED_EVERY_WIDTH void add_product_by(const int* E, const Double4* block, cons
   }
 }
 
-/// A column for each node of a field, until it is called again.
-const Double4* pad(const Eigen::Matrix3Xd& in) {
-  thread_local Eigen::Matrix4Xd kept;  // so that a step allocates nothing
-  const Eigen::Index n = in.cols();
-  kept.resize(4, n);
-  Eigen::Map<Eigen::Matrix4Xd> padded(kept.data(), 4, n);
-  for_each_chunk(n, [&](Eigen::Index begin, Eigen::Index end) {
-    padded.middleCols(begin, end - begin).topRows<3>() = in.middleCols(begin, end - begin);
-    padded.middleCols(begin, end - begin).row(3).setZero();
-  });
-  return reinterpret_cast<const Double4*>(padded.data());
-}
-
 /// Calls kernel(range of springs; a column of in for each node; one that it adds to) for all springs, those
 /// of different subdomains at once, and adds the result to out.
 template <class Kernel>
 void apply_padded(const SpringPairs& springs, const Kernel& kernel, const Eigen::Matrix3Xd& in,
                   Eigen::Matrix3Xd& out) {
-  thread_local Eigen::Matrix4Xd kept_out;
   const int n = static_cast<int>(in.cols());
-  kept_out.resize(4, n);
-  Eigen::Map<Eigen::Matrix4Xd> padded_out(kept_out.data(), 4, n);
-  for_each_chunk(
-      n, [&](Eigen::Index begin, Eigen::Index end) { padded_out.middleCols(begin, end - begin).setZero(); });
-  const Double4* const P = pad(in);
-  auto* const Y = reinterpret_cast<Double4*>(padded_out.data());
   const std::vector<int>& first = springs.first;
-  if (first.empty())
-    kernel(Range{0, static_cast<int>(springs.E.cols()), n}, P, Y);
-  else
-    for_each_subdomain([&](int subdomain) {
-      for (int k : {subdomain, kSubdomains + subdomain}) kernel(Range{first[k], first[k + 1], n}, P, Y);
-    });
-  for_each_chunk(n, [&](Eigen::Index begin, Eigen::Index end) {
-    out.middleCols(begin, end - begin) += padded_out.middleCols(begin, end - begin).topRows<3>();
-  });
+  add_padded(
+      [&](const Double4* P, Double4* Y) {
+        if (first.empty()) return kernel(Range{0, static_cast<int>(springs.E.cols()), n}, P, Y);
+        for_each_subdomain([&](int subdomain) {
+          for (int k : {subdomain, kSubdomains + subdomain}) kernel(Range{first[k], first[k + 1], n}, P, Y);
+        });
+      },
+      in, out);
 }
 
 }  // namespace

@@ -1,6 +1,9 @@
 #include "meshing/algebra/subdomains.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <numeric>
+#include <utility>
 
 namespace testbed::meshing {
 namespace {
@@ -27,6 +30,24 @@ void bisect(const Eigen::Matrix3Xd& X, int* begin, int* end, int leaf, int n_lea
 }
 
 }  // namespace
+
+std::vector<int> along_body(const Eigen::Matrix3Xd& points) {
+  constexpr int kBits = 21;  // of each coordinate
+  const Eigen::Vector3d low = points.rowwise().minCoeff();
+  const double side = (points.colwise() - low).maxCoeff(), cells = (1 << kBits) - 1;
+  std::vector<std::pair<std::uint64_t, int>> code(points.cols());
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    const Eigen::Vector3d place = (points.col(i) - low) * (side > 0 ? cells / side : 0);
+    for (int k = 0; k < 3; ++k)
+      for (int bit = 0; bit < kBits; ++bit)
+        code[i].first |= (static_cast<std::uint64_t>(place[k]) >> bit & 1) << (3 * bit + k);
+    code[i].second = static_cast<int>(i);
+  }
+  std::sort(code.begin(), code.end());
+  std::vector<int> order;
+  for (const auto& [_, i] : code) order.push_back(i);
+  return order;
+}
 
 std::vector<int> leaves_of(const Eigen::Matrix3Xd& X) {
   std::vector<int> nodes(X.cols()), result(X.cols());

@@ -18,6 +18,9 @@ inline constexpr int kSubdomains = 15;
 /// Bodies of fewer nodes do not repay a second thread.
 inline constexpr int kLeastSubdivided = 5000;
 
+/// An order of points (3 x n) in which near ones follow each other: that of their Morton codes [Morton 1966].
+std::vector<int> along_body(const Eigen::Matrix3Xd& points);
+
 /// The leaf that each node lies in; X 3 x n (m).
 std::vector<int> leaves_of(const Eigen::Matrix3Xd& X);
 

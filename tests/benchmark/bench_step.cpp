@@ -7,11 +7,15 @@
 
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
+#include <algorithm>
 #include <cmath>
+#include <ctime>
+#include <limits>
 
 #include "massspring/statics/linear_statics.h"
 #include "massspring/time/implicit_matrix.h"
 #include "massspring/time/integrators.h"
+#include "meshing/algebra/vectors.h"
 #include "tests/benchmark/table_1.h"
 #include "tests/meshing/box_tets.h"
 
@@ -130,16 +134,82 @@ void kernel(benchmark::State& bench, const std::string& name) {
   bench.counters["springs_per_s"] = benchmark::Counter(n * n_springs, benchmark::Counter::kIsRate);
 }
 
-/// a = b + s c over 3.6 MB, as much as the head's matrix: the bandwidth that the kernels could reach.
-void triad(benchmark::State& bench) {
-  constexpr int n = 150000;
-  Eigen::VectorXd a(n), b = Eigen::VectorXd::Random(n), c = Eigen::VectorXd::Random(n);
-  for (auto _ : bench) {
-    a = b + 1.1 * c;
-    benchmark::DoNotOptimize(a.data());
+/// Smallest CPU time (s) of a few calls.
+template <class Work>
+TESTBED_INLINE inline double shortest(const Work& work) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int n = 0; n < 7; ++n) {
+    const std::clock_t begin = std::clock();
+    work();
+    least = std::min(least, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
   }
-  bench.counters["GB/s"] =
-      benchmark::Counter(static_cast<double>(bench.iterations()) * n * 24e-9, benchmark::Counter::kIsRate);
+  return least;
+}
+
+/// Multiplications and additions in a second, of sums that stay in the widest registers.
+double flop_rate() {
+  static const double kRate = [] {
+    constexpr int n_times = 1000000, n_sums = 12;  // enough of them that none waits for the one before
+    double result = 0;
+    by_width([&](auto width) TESTBED_INLINE {
+      typename Lanes<width>::Vector sum[n_sums], factor{}, term{};
+      factor = factor + 0.5;
+      term = term + 1.;
+      for (auto& s : sum) s = term;
+      const double time = shortest([&]() TESTBED_INLINE {
+        for (int n = 0; n < n_times; ++n)
+          for (auto& s : sum) s = s * factor + term;
+      });
+      for (auto& s : sum) benchmark::DoNotOptimize(*reinterpret_cast<double*>(&s));
+      result = 2. * width * n_sums * n_times / time;
+    });
+    return result;
+  }();
+  return kRate;
+}
+
+/// Bytes in a second that a = b + s c moves over so many bytes: those that fit a cache come from there.
+double bandwidth(double bytes) {
+  const auto n = static_cast<Eigen::Index>(bytes / 24);
+  const auto n_times = static_cast<int>(1 + 1e8 / bytes);
+  Eigen::VectorXd a(n), b = Eigen::VectorXd::Random(n), c = Eigen::VectorXd::Random(n);
+  return bytes * n_times / shortest([&] {
+           for (int k = 0; k < n_times; ++k) {
+             a = b + 1.1 * c;
+             benchmark::DoNotOptimize(a.data());
+           }
+         });
+}
+
+/// What a kernel has to do. Its limit is the longer of the times that its flops and its bytes take at the
+/// machine's rates.
+struct Work {
+  double flops, bytes;
+};
+
+void report_limit(benchmark::State& bench, const Work& work, double seconds) {
+  const double limit = std::max(work.flops / flop_rate(), work.bytes / bandwidth(work.bytes));
+  bench.counters["flops"] = work.flops;
+  bench.counters["bytes"] = work.bytes;
+  bench.counters["limit_s"] = limit;
+  bench.counters["over_limit"] = seconds / static_cast<double>(bench.iterations()) / limit;
+}
+
+void rates(benchmark::State& bench) {
+  for (auto _ : bench) benchmark::DoNotOptimize(flop_rate());
+  bench.counters["flops_per_s"] = flop_rate();
+  for (const double bytes : {3e4, 3e5, 3e6, 3e7, 3e8})
+    bench.counters["bytes_per_s_of_" + std::to_string(static_cast<int>(bytes / 1e3)) + "_kB"] =
+        bandwidth(bytes);
+}
+
+/// Forces of coupled springs. A node of a patch takes part in F (18 flops) and takes a force (18); a patch's
+/// cofactors, determinant, law and stress are 74. Vectors and constants are read once, node vectors twice and
+/// written once.
+Work work_of_forces(const TetSprings& springs) {
+  const auto n_entries = static_cast<double>(springs.node.size()), n_patches = springs.n_patches() * 1.,
+             n_nodes = 1. + *std::max_element(springs.node.begin(), springs.node.end());
+  return {36 * n_entries + 74 * n_patches, 28 * n_entries + 16 * n_patches + 72 * n_nodes};
 }
 
 /// One implicit step's system of the head, from zero to 1e-6: our conjugate gradients spring by spring, and
@@ -182,26 +252,33 @@ void solve(benchmark::State& bench, double E, bool is_eigens) {
   bench.counters["cg_iterations"] = iterations;
 }
 
-/// Coupled springs on a box of tetrahedra whose nodes are displaced at random by up to a tenth of an edge:
-/// forces, Hessians, or a linear solve of the box under its weight, clamped at its bottom, with assembly and
-/// factorisation. The edge-coupled ones are linear finite elements.
-void coupled(benchmark::State& bench, const std::string& work, const char* model_name, double nu) {
-  constexpr int n = 12;
-  const TetMesh mesh = box_tets(n, n, n, 1. / n, 0.2);
+/// A box of tetrahedra with coupled springs.
+constexpr int kCells = 12;  // in each direction
+MassSpringModel make_box(const char* model_name, double nu) {
+  const TetMesh mesh = box_tets(kCells, kCells, kCells, 1. / kCells, 0.2);
   Material material;
   material.nu = nu;
-  const MassSpringModel model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface},
-                                          material, find_calibration(model_name));
+  return calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface}, material,
+                   find_calibration(model_name));
+}
+
+/// Coupled springs on the box, its nodes displaced at random by up to a tenth of an edge: forces, Hessians, or
+/// a linear solve of the box under its weight, clamped at its bottom, with assembly and factorisation. The
+/// edge-coupled ones are linear finite elements.
+void coupled(benchmark::State& bench, const std::string& work, const char* model_name, double nu) {
+  const MassSpringModel model = make_box(model_name, nu);
+  const Eigen::Matrix3Xd& X = model.network.X;
   const Eigen::Matrix3Xd load = Eigen::Vector3d(0, 0, -9.81) * model.mass.transpose();
   std::vector<Constraint> clamp;
-  for (int i = 0; i < mesh.X.cols(); ++i)
-    if (mesh.X(2, i) < 0.3 / n) clamp.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
-  Eigen::Matrix3Xd x = mesh.X;
+  for (int i = 0; i < X.cols(); ++i)
+    if (X(2, i) < 0.3 / kCells) clamp.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  Eigen::Matrix3Xd x = X;
   Random random(1);
-  for (double& c : x.reshaped()) c += 0.2 / n * (random.uniform() - 0.5);
+  for (double& c : x.reshaped()) c += 0.2 / kCells * (random.uniform() - 0.5);
   Eigen::Matrix3Xd y = Eigen::Matrix3Xd::Zero(3, x.cols());
   BlockMatrix K = stiffness_pattern(model);
   int iterations = 0;
+  const std::clock_t begin = std::clock();
   for (auto _ : bench) {
     if (work == "solve")
       iterations = LinearStatics(model, clamp).solve(load, y).iterations;
@@ -212,10 +289,34 @@ void coupled(benchmark::State& bench, const std::string& work, const char* model
     benchmark::DoNotOptimize(y.data());
     benchmark::DoNotOptimize(K.block.data());
   }
+  const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  if (work == "forces") report_limit(bench, work_of_forces(*model.tet_springs), seconds);
   bench.counters["cg_iterations"] = iterations;
   bench.counters["nodes"] = static_cast<double>(x.cols());
   bench.counters["patches_per_s"] = benchmark::Counter(
       static_cast<double>(bench.iterations()) * model.tet_springs->n_patches(), benchmark::Counter::kIsRate);
+}
+
+/// Explicit steps of the box, which hangs on one of its faces.
+void coupled_step(benchmark::State& bench, const char* model_name) {
+  const MassSpringModel model = make_box(model_name, 0.25);
+  Forces forces;
+  forces.load = Eigen::Vector3d(0, 0, -9.81) * model.mass.transpose();
+  for (int i = 0; i < model.mass.size(); ++i)
+    if (model.network.X(2, i) > 1 - 0.3 / kCells)
+      forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  State state = initial_state(model);
+  const double h = 0.5 * stable_step(model, forces, state);
+  TimeStepper stepper(model, forces, "symplectic_euler", 1);
+  const std::clock_t begin = std::clock();
+  for (auto _ : bench)
+    if (stepper.step(state, h).status != Status::Ok) bench.SkipWithError("no step");
+  const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  // Velocities and positions: 12 flops a node; the load, the mass and both are read, both are written.
+  Work work = work_of_forces(*model.tet_springs);
+  work.flops += 12. * static_cast<double>(state.x.cols());
+  work.bytes += 128. * static_cast<double>(state.x.cols());
+  report_limit(bench, work, seconds);
 }
 
 }  // namespace
@@ -231,7 +332,7 @@ int main(int argc, char** argv) {
       }
   for (const char* name : {"forces", "springs_product", "block_product"})
     benchmark::RegisterBenchmark((std::string("kernel/") + name).c_str(), kernel, name);
-  benchmark::RegisterBenchmark("kernel/triad", triad);
+  benchmark::RegisterBenchmark("kernel/rates", rates);
   for (const double E : {kSoft, kStiff})
     for (const bool is_eigens : {false, true})
       benchmark::RegisterBenchmark(
@@ -246,6 +347,8 @@ int main(int argc, char** argv) {
             (std::string("coupled/") + work + "/" + name + "/nu:" + std::to_string(nu).substr(0, 4)).c_str(),
             coupled, work, name, nu);
     }
+  for (const char* name : {"edge_coupled", "node_averaged"})
+    benchmark::RegisterBenchmark((std::string("coupled/step/") + name).c_str(), coupled_step, name);
   for (const char* integrator : {"symplectic_euler", "implicit_euler"})
     for (const double E : {kSoft, kStiff})
       for (const int n : {1000, 10000, 100000, 1000000}) {

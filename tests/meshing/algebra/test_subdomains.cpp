@@ -62,6 +62,23 @@ TEST_F(Subdomains, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
   EXPECT_GT(n_in_leaves, 0.7 * static_cast<double>(springs.E.cols()));
 }
 
+TEST(AlongBody, NeighboursFollowEachOther) {
+  constexpr int n = 8;  // points in a row of a cube, whose halves, quarters and eighths are whole pieces
+  Matrix3Xd points(3, n * n * n);
+  for (int i = 0; i < points.cols(); ++i) points.col(i) << i % n, i / n % n, i / (n * n);
+  std::vector<int> order = along_body(points);
+  for (int size = n * n * n; size >= 8; size /= 8) {
+    const int side = static_cast<int>(std::lround(std::cbrt(size)));
+    for (int begin = 0; begin < points.cols(); begin += size) {
+      const Matrix3Xd piece =
+          points(Eigen::all, std::vector<int>(order.begin() + begin, order.begin() + begin + size));
+      EXPECT_EQ((piece.rowwise().maxCoeff() - piece.rowwise().minCoeff()).maxCoeff(), side - 1);
+    }
+  }
+  std::sort(order.begin(), order.end());
+  for (int i = 0; i < points.cols(); ++i) EXPECT_EQ(order[i], i) << "each once";
+}
+
 TEST(Leaves, OfABarAreSlicesAcrossIt) {
   constexpr int n = 80;
   const Matrix3Xd X = Eigen::Vector3d(1, 16, 1).asDiagonal() * random_points(n, 1, 1);
