@@ -332,7 +332,7 @@ int main(int argc, char** argv) {
       }
   for (const char* name : {"forces", "springs_product", "block_product"})
     benchmark::RegisterBenchmark((std::string("kernel/") + name).c_str(), kernel, name);
-  benchmark::RegisterBenchmark("kernel/rates", rates);
+  benchmark::RegisterBenchmark("kernel/rates", rates)->Iterations(1);
   for (const double E : {kSoft, kStiff})
     for (const bool is_eigens : {false, true})
       benchmark::RegisterBenchmark(
