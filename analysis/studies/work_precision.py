@@ -45,7 +45,9 @@ _DYNAMIC = ["uniform", "edge_coupled", "node_averaged"]
 _INTEGRATORS = {"symplectic_euler": ":", "implicit_euler": "--", "midpoint": "-"}
 _EXPLICIT = {"symplectic_euler"}
 _LEVELS = (0.1, 0.03, 0.01, 0.003, 0.001)  # errors at which methods are compared in words
-_TOLERANCE = 1e-4  # of linear statics, of every method alike: changes displacements by less than 1e-6, measured
+_TOLERANCE = (
+    1e-4  # of linear statics, of every method alike: changes displacements by less than 1e-6, measured
+)
 _USABLE = 0.3  # what is further off is no answer, however fast
 _SETUP = ("mesh", "setup", "assemble")
 

@@ -241,7 +241,15 @@ def study_over(ladder, scene, reference_tetrahedra=0, factors=(1,)):
     return study
 
 
-LARGE = {"ball_deflates", "ball_inflates", "bar_bend", "handle_folds", "head_crushes", "hollow_ball_inflates", "inflate"}
+LARGE = {
+    "ball_deflates",
+    "ball_inflates",
+    "bar_bend",
+    "handle_folds",
+    "head_crushes",
+    "hollow_ball_inflates",
+    "inflate",
+}
 LARGE |= {"squash", "torus_implodes"}  # as the solvers have it, ShippedScenesHaveTheLawOfTheirStrain
 
 
