@@ -212,7 +212,7 @@ void add_tetrahedralize(CLI::App& app) {
   command->add_option("out", arguments->out, "file to write (.vtu): triangles, then tetrahedra");
   command->add_option("--interior-size", arguments->tets.interior_size, "longest edge inside (m)");
   command->add_option("--time-limit", arguments->tets.time_limit,
-                      "for each attempt of a mesher, of its own computing (s; absent: 5 and 0.0006 for each "
+                      "for each attempt of a mesher, of its own computing (s; absent: 5 and 0.001 for each "
                       "triangle)");
   command->callback([arguments] {
     const SurfaceMesh surface = read_surface(arguments->file);

@@ -38,7 +38,7 @@ struct SampleReport {
 /// Random internal nodes, 3 x k' with k' <= k (m) [paper 4.2, fig. 4].
 /// Always ends; the same seed gives the same nodes everywhere.
 /// Where neither k nor phi is given, phi grows until no more than three nodes fit for each of the surface: a
-/// body that is thin beside its edges would take many times as many, and its results would not change.
+/// body that is thin beside its edges would take many times as many, which gain it nothing.
 /// @throws std::runtime_error for options out of range or a grid too fine to store.
 Eigen::Matrix3Xd sample_interior(const SurfaceMesh& surface, const SampleOptions& options,
                                  SampleReport* report = nullptr);

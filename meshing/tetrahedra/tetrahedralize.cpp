@@ -89,7 +89,7 @@ TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const Te
 }  // namespace
 
 double time_limit(Eigen::Index n_triangles, Eigen::Index n_points) {
-  constexpr double kStart = 5, kTriangle = 6e-4, kPoint = 3e-4;
+  constexpr double kStart = 5, kTriangle = 1e-3, kPoint = 3e-4;
   return kStart + kTriangle * static_cast<double>(n_triangles) + kPoint * static_cast<double>(n_points);
 }
 

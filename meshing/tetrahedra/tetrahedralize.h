@@ -24,8 +24,8 @@ struct TetOptions {
   std::filesystem::path workers = program_folder();  ///< where the meshers' programs lie
 };
 
-/// What a mesher may take for a surface of so many triangles and so many points to keep (s): twice what a
-/// slow body of that size takes.
+/// What a mesher may take for a surface of so many triangles and so many points to keep (s): more than any
+/// took on the bodies that it filled.
 double time_limit(Eigen::Index n_triangles, Eigen::Index n_points);
 
 struct TetReport {
