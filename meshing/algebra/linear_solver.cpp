@@ -27,12 +27,16 @@ struct OfSystem {
   Multigrid& multigrid;
   const LinearSystem& A;
 
-  double operator()(const PaddedField& r, PaddedField& z) const { return multigrid.apply(A, r, z); }
+  double operator()(const PaddedField& r, PaddedField& z) const {
+    multigrid.apply(r, z);
+    A.rounded_filter(z);  // constraints may have come since
+    return dot(r, z);
+  }
   void operator()(const Matrix3Xd& r, Matrix3Xd& z) const {
     const double size = r.norm();
     PaddedField rounded_r, rounded_z;
     pad(r, size > 0 ? 1 / size : 1, rounded_r);
-    multigrid.apply(A, rounded_r, rounded_z);
+    (*this)(rounded_r, rounded_z);
     z = Matrix3Xd::Zero(3, r.cols());
     add_unpadded(rounded_z, size, z);
   }
@@ -164,11 +168,8 @@ SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, cons
 
 SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A, const Matrix3Xd& b,
                                      Matrix3Xd& x, double tolerance, int& n) {
-  std::vector<Eigen::Matrix3d> inverse;
-  set_inverse_diagonal(A, inverse);
   const bool is_new = !groups.multigrid;
-  if (is_new) groups.multigrid = std::make_unique<Multigrid>(A, inverse);
-  groups.multigrid->set_smoother(inverse);
+  if (is_new) groups.multigrid = std::make_unique<Multigrid>(A.matrix(), *A.positions, A.filter);
   const SolveReport report = iterate(A, OfSystem{*groups.multigrid, A}, b, x, tolerance, kMaxMultigrid, n);
   if (is_new) groups.first_iterations = report.iterations;
   constexpr int kMore = 15;  // iterations that cost as much as making it anew

@@ -8,6 +8,7 @@
 
 #include "meshing/algebra/cholesky.h"
 #include "meshing/algebra/conjugate_gradients.h"
+#include "meshing/algebra/linear_system.h"
 #include "meshing/algebra/multigrid.h"
 #include "meshing/base/choices.h"
 
