@@ -5,12 +5,22 @@
 
 #include <Eigen/CholmodSupport>
 #include <Eigen/SparseCore>
+#include <algorithm>
 
 namespace testbed::meshing {
 
+namespace {
+
+/// With its factor laid open.
+struct Supernodal : Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> {
+  const cholmod_factor& factor() const { return *m_cholmodFactor; }
+};
+
+}  // namespace
+
 struct BlockCholesky::Factor {
   Eigen::SparseMatrix<double> lower;
-  Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> llt;
+  Supernodal llt;
 };
 
 BlockCholesky::BlockCholesky(const BlockMatrix& A) : factor_(std::make_unique<Factor>()) {
@@ -58,6 +68,39 @@ bool BlockCholesky::is_ok() const {
 void BlockCholesky::solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const {
   const Eigen::VectorXd solution = factor_->llt.solve(Eigen::Map<const Eigen::VectorXd>(b.data(), b.size()));
   x = Eigen::Map<const Eigen::Matrix3Xd>(solution.data(), 3, b.cols());
+}
+
+RoundedFactor BlockCholesky::rounded() const {
+  const cholmod_factor& L = factor_->llt.factor();
+  const auto* first = static_cast<const int*>(L.super);
+  const auto* begin = static_cast<const int*>(L.pi);
+  const auto* entries = static_cast<const int*>(L.px);
+  const auto* row = static_cast<const int*>(L.s);
+  const auto* permutation = static_cast<const int*>(L.Perm);
+  RoundedFactor result;
+  std::size_t n_entries = 0;
+  for (std::size_t k = 0; k < L.nsuper; ++k) {
+    const int n_columns = first[k + 1] - first[k], n_rows = begin[k + 1] - begin[k];
+    const int height = (n_rows + 7) / 8 * 8;
+    result.supernodes.push_back({first[k], n_columns, n_rows, height, result.row.size(), n_entries});
+    result.row.insert(result.row.end(), row + begin[k] + n_columns, row + begin[k + 1]);
+    n_entries += static_cast<std::size_t>(height) * n_columns;
+  }
+  result.entry.resize(n_entries);
+  for (std::size_t k = 0; k < L.nsuper; ++k) {
+    const RoundedFactor::Supernode& s = result.supernodes[k];
+    for (int j = 0; j < s.n_columns; ++j) {
+      const double* from =
+          static_cast<const double*>(L.x) + entries[k] + static_cast<std::size_t>(j) * s.n_rows;
+      float* to = &result.entry[s.entries + static_cast<std::size_t>(j) * s.height];
+      std::transform(from + j + 1, from + s.n_rows, to + j + 1,
+                     [](double e) { return static_cast<float>(e); });
+      result.inverse.push_back(static_cast<float>(1 / from[j]));
+    }
+  }
+  for (std::size_t k = 0; k < L.n; ++k)
+    result.unknown.push_back(4 * (permutation[k] / 3) + permutation[k] % 3);
+  return result;
 }
 
 }  // namespace testbed::meshing

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "meshing/algebra/block_matrix.h"
+#include "meshing/algebra/rounded_factor.h"
 
 namespace testbed::meshing {
 
@@ -20,6 +21,8 @@ class BlockCholesky {
   bool is_ok() const;
   /// x = A^-1 b, 3 x n.
   void solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const;
+  /// The factor in single precision, which takes a third of the time of solve. Under the same condition.
+  RoundedFactor rounded() const;
 
  private:
   struct Factor;
