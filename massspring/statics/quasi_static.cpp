@@ -99,6 +99,7 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
       tolerance_(tolerance),
       held_motions_(free_rigid_motions(model.network.X, forces.constraints)),
       K_(stiffness_pattern(model)),
+      solver_(LinearSolver::of_stiffness(!model.tet_springs)),
       path_(model.network.X) {
   n_free_rigid_motions_ = static_cast<int>(held_motions_.cols());
   const Eigen::Map<const Eigen::VectorXd> load(forces.load.data(), forces.load.size());

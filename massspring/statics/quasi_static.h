@@ -79,7 +79,7 @@ class QuasiStaticSolver {
   Eigen::Matrix3Xd x_;
 
   BlockMatrix P_;  ///< of which preconditioners are made
-  LinearSolver solver_ = LinearSolver::of_stiffness();
+  LinearSolver solver_;
   LoadPath path_;
   Rest last_rest_;
 };

@@ -134,9 +134,11 @@ SolveReport LinearSolver::solve_on(const LinearSystem& A, const Matrix3Xd& b, Ma
   return std::visit([&](auto& with) { return solve_with(with, A, b, x, tolerance, n); }, preconditioner_);
 }
 
-LinearSolver LinearSolver::of_stiffness() {
+LinearSolver LinearSolver::of_stiffness(bool is_floppy) {
   LinearSolver solver;
   solver.is_hard_ = true;
+  solver.is_floppy_ = is_floppy;
+  solver.is_single_enough_ = !is_floppy;
   return solver;
 }
 
@@ -148,11 +150,13 @@ SolveReport LinearSolver::solve_with(BlockJacobi& jacobi, const LinearSystem& A,
                                      Matrix3Xd& x, double tolerance, int& n) {
   const bool is_small = b.cols() < kSmallest;
   if (is_hard_) {
-    if (is_small)
+    if (is_small || is_floppy_)
       preconditioner_ = Factor{};
     else
       preconditioner_ = RigidGroups{};
-    choice_ = is_small ? "Cholesky factor: the nodes are few" : "multigrid: a stiffness alone is hard";
+    choice_ = is_floppy_ ? "Cholesky factor: motions may cost no energy"
+              : is_small ? "Cholesky factor: the nodes are few"
+                         : "multigrid: a stiffness alone is hard";
     return solve_on(A, b, x, tolerance, n);
   }
   set_inverse_diagonal(A, jacobi.inverse);
@@ -192,14 +196,14 @@ SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, cons
       factor.cholesky.reset();
       return rest;
     }
-    if (b.cols() >= kSmallest) factor.rounded = factor.cholesky->rounded();
+    if (b.cols() >= kSmallest && !is_floppy_) factor.rounded = factor.cholesky->rounded();
   }
   const auto exactly = [&](const Matrix3Xd& r, Matrix3Xd& z) {
     factor.cholesky->solve(r, z);
     A.filter(z);  // constraints may have come since
   };
   SolveReport report;
-  if (b.cols() < kSmallest) {
+  if (b.cols() < kSmallest || is_floppy_) {
     report = conjugate_gradients(A.product, exactly, b, x, tolerance, kMaxIterations);
     n += report.iterations;
   } else {

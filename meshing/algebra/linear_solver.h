@@ -25,7 +25,8 @@ class LinearSolver {
   explicit LinearSolver(Krylov krylov = Krylov::Cg) : krylov_(krylov) {}
 
   /// One for stiffness matrices alone, which need multigrid or a factor from the first system on.
-  static LinearSolver of_stiffness();
+  /// @param is_floppy  motions may cost no energy: a factor in double precision
+  static LinearSolver of_stiffness(bool is_floppy);
 
   /// @param x  the first guess, then the solution
   SolveReport solve(const LinearSystem& A, const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance);
@@ -81,6 +82,7 @@ class LinearSolver {
   Krylov krylov_;
   std::variant<BlockJacobi, Factor, RigidGroups> preconditioner_;
   bool is_hard_ = false;          ///< block Jacobi is not tried
+  bool is_floppy_ = false;        ///< multigrid is not tried
   double waste_ = 0;              ///< iterations with block Jacobi that multigrid would have spared
   int patience_ = 500;            ///< what it may waste before another is tried
   bool is_single_enough_ = true;  ///< single precision led to the tolerance so far
