@@ -114,6 +114,7 @@ StepReport Simulation::take_step() {
     if (scene_.collapse) collapse_to(*scene_.collapse, model_, load_factor, state_);
     set_target_volume(load_factor);
     StepReport step = equilibrium_->solve(load_factor, state_);
+    report_.solver = equilibrium_->solver_choice();
     state_.t = load_factor;
     return step;
   }

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "massspring/statics/quasi_static.h"
-#include "meshing/algebra/conjugate_gradients.h"
 
 namespace testbed::massspring {
 
@@ -12,12 +11,15 @@ using Eigen::Matrix3Xd;
 
 StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   constexpr int kMaxSolves = 3;  // the second takes what rounding left to the first
-  constexpr int kPatience = 100, kMaxLinear = 2000;
   // Displacements are kept on their own: beside the positions of a stiff body they would lose their digits.
-  if (last_.load_factor > 0)
-    u_ *= load_factor / last_.load_factor;
+  if (linear_factor_ > 0)
+    u_ *= load_factor / linear_factor_;
   else
     u_ = Matrix3Xd::Zero(3, state.x.cols());
+  if (rounded_K_.empty()) {
+    rounded_K_ = rounded(stiffness());
+    x_ = model_.network.X;
+  }
   prescribe(forces_.constraints, Matrix3Xd::Zero(3, u_.cols()), load_factor, 1, u_);
 
   StepReport report;
@@ -35,31 +37,19 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
     scale = std::max({scale, load_factor * forces_.load.norm() + f.norm(), r.norm()});
     report.residual = scale > 0 ? r.norm() / scale : 0;
   };
-  const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
-    multiply(model_.linear->K, p, y);
-    project(y);
-  };
-  const auto precondition = [&](const Matrix3Xd& v, Matrix3Xd& z) {
-    preconditioner_->solve(v, z);
-    project(z);
-  };
+  const State rest = initial_state(model_);
+  const LinearSystem A = system(rest);
   measure();
   for (int n = 0; n < kMaxSolves && report.residual > tolerance_; ++n) {
     const double tolerance = tolerance_ / report.residual / 2;
     du = Matrix3Xd::Zero(3, u_.cols());
-    SolveReport linear = conjugate_gradients(product, precondition, r, du, tolerance, kPatience);
-    report.linear_iterations += linear.iterations;
-    if (!linear.is_converged && linear.iterations == kPatience) {  // a poor guide: take the matrix itself
-      factorise(model_.linear->K);
-      linear = conjugate_gradients(product, precondition, r, du, tolerance, kMaxLinear);
-      report.linear_iterations += linear.iterations;
-    }
+    report.linear_iterations += solver_.solve(A, r, du, tolerance).iterations;
     u_ += du;
     ++report.newton_iterations;
     measure();
   }
   state.x = model_.network.X + u_;
-  last_ = {load_factor, state.x};
+  linear_factor_ = load_factor;
   if (!std::isfinite(report.residual))
     report.status = Status::Diverged;
   else if (report.residual > tolerance_) {

@@ -8,9 +8,7 @@
 #include <limits>
 #include <sstream>
 #include <stdexcept>
-#include <utility>
 
-#include "meshing/algebra/conjugate_gradients.h"
 #include "meshing/algebra/newton.h"
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/base/random.h"
@@ -93,25 +91,29 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
   return K;
 }
 
-std::unique_ptr<BlockCholesky> shifted_factor(BlockMatrix P, const std::vector<Constraint>& constraints) {
-  constexpr double kShift = 1e-8;  // so that a factor exists where motions cost no energy
+/// So that a factor exists where motions cost no energy.
+BlockMatrix shifted(BlockMatrix P, const std::vector<Constraint>& constraints) {
+  constexpr double kShift = 1e-8;
   const double scale = largest_diagonal(P);
-  for (int i = 0; i < P.rows(); ++i) P.block[P.find(i, i)].diagonal().array() += kShift * scale;
+  for (int i = 0; i < P.rows(); ++i) P.block[P.diagonal[i]].diagonal().array() += kShift * scale;
   filter(constraints, P);
-  auto factor = std::make_unique<BlockCholesky>(P);
-  if (!factor->is_ok())
+  return P;
+}
+
+/// Orthonormal basis of the motions that the constraints leave free and on which K does no work, 3n x m.
+Eigen::MatrixXd zero_energy_motions(BlockMatrix K, const std::vector<Constraint>& constraints) {
+  const BlockCholesky factor(shifted(K, constraints));
+  if (!factor.is_ok())
     throw std::runtime_error("the stiffness has no Cholesky factor, expected a positive definite model");
-  return factor;
+  filter(constraints, K);
+  return zero_energy_motions(K, factor, largest_diagonal(K));
 }
 
 }  // namespace
 
 int n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
   if (model.tet_springs) return 0;  // rigid motions are all that tetrahedra leave free
-  BlockMatrix K = simple_stiffness(model, initial_state(model));
-  const auto factor = shifted_factor(K, constraints);
-  filter(constraints, K);
-  const auto n_free = zero_energy_motions(K, *factor, largest_diagonal(K)).cols();
+  const auto n_free = zero_energy_motions(simple_stiffness(model, initial_state(model)), constraints).cols();
   return static_cast<int>(n_free - free_rigid_motions(model.network.X, constraints).cols());
 }
 
@@ -119,7 +121,10 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
     : model_(model),
       forces_(forces),
       tolerance_(tolerance),
-      held_motions_(free_rigid_motions(model.network.X, forces.constraints)) {
+      held_motions_(free_rigid_motions(model.network.X, forces.constraints)),
+      K_(model.linear ? BlockMatrix() : stiffness_pattern(model)),
+      solver_(LinearSolver::of_stiffness(!model.tet_springs)),
+      path_(model.network.X) {
   n_free_rigid_motions_ = static_cast<int>(held_motions_.cols());
   const Eigen::Map<const Eigen::VectorXd> load(forces.load.data(), forces.load.size());
   constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
@@ -135,21 +140,25 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
          << ") N m about the centre; expected more supports or balanced loads";
     throw std::runtime_error(what.str());
   }
-  K_ = stiffness_pattern(model);
   const State rest = initial_state(model);
-  last_ = before_last_ = {0, rest.x};
+  last_rest_ = {rest.rest_length, rest.patch_scale, rest.target_volume};
   BlockMatrix P = simple_stiffness(model, rest);
   largest_stiffness_ = largest_diagonal(P);
-  factorise(P);
-  if (model.tet_springs) return;  // rigid motions are all that tetrahedra leave free
-  filter(forces.constraints, P);
-  held_motions_ = zero_energy_motions(P, *preconditioner_, largest_diagonal(P));
-  const double load_norm = load.norm();
-  if (load_norm > 0) floppy_load_share_ = (held_motions_.transpose() * load).norm() / load_norm;
+  if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
+    held_motions_ = zero_energy_motions(std::move(P), forces.constraints);
+    const double load_norm = load.norm();
+    if (load_norm > 0) floppy_load_share_ = (held_motions_.transpose() * load).norm() / load_norm;
+  }
+  const Eigen::Index n = model.network.X.cols(), n_held = held_motions_.cols();
+  rounded_held_motions_.setZero(4 * padded(n), n_held);
+  for (Eigen::Index k = 0; k < n_held; ++k)
+    for (Eigen::Index i = 0; i < n; ++i)
+      rounded_held_motions_.col(k).segment<3>(4 * i) = held_motions_.col(k).segment<3>(3 * i).cast<float>();
 }
 
-void QuasiStaticSolver::factorise(BlockMatrix P) {
-  preconditioner_ = shifted_factor(std::move(P), forces_.constraints);
+const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state) {
+  P_ = shifted(simple_stiffness(model_, state), forces_.constraints);
+  return P_;
 }
 
 void QuasiStaticSolver::project(Matrix3Xd& y) const {
@@ -159,27 +168,75 @@ void QuasiStaticSolver::project(Matrix3Xd& y) const {
   flat -= held_motions_ * (held_motions_.transpose() * flat).eval();
 }
 
-Matrix3Xd QuasiStaticSolver::residual(const State& state, double load_factor) const {
+void QuasiStaticSolver::project(PaddedField& y) const {
+  for (const Constraint& c : forces_.constraints)
+    y.col(c.node).head<3>() = c.S.cast<float>() * y.col(c.node).head<3>().eval();
+  if (held_motions_.cols() == 0) return;
+  Eigen::Map<Eigen::VectorXf> flat(y.data(), y.size());
+  flat -= rounded_held_motions_ * (rounded_held_motions_.transpose() * flat).eval();
+}
+
+/// The forces that are not balanced, and the size of those that should be, loads and internal ones.
+Matrix3Xd QuasiStaticSolver::residual(const State& state, double load_factor, double& size) const {
   Matrix3Xd r;
   undamped_forces(model_, forces_, state, r, load_factor);
+  const bool is_dead = forces_.followers.empty() && !forces_.volume_pressure;
+  size = std::abs(load_factor) * forces_.load.norm() +
+         (is_dead ? (r - load_factor * forces_.load).norm() : elastic_forces(model_, state).norm());
   project(r);
   return r;
 }
 
-void QuasiStaticSolver::predict(double load_factor, State& state) const {
-  prescribe(forces_.constraints, model_.network.X, load_factor, 1, state.x);
-  const double way = last_.load_factor - before_last_.load_factor;
-  if (way == 0) return;
-  State ahead = state;
-  ahead.x = last_.x + (load_factor - last_.load_factor) / way * (last_.x - before_last_.x);
-  prescribe(forces_.constraints, model_.network.X, load_factor, 1, ahead.x);
-  if (residual(ahead, load_factor).norm() < residual(state, load_factor).norm()) state = std::move(ahead);
+void QuasiStaticSolver::set_stiffness(const State& state, double load_factor, Curvature curvature) {
+  K_.set_zero();
+  add_stiffness(model_, state, K_, curvature);
+  curvatures_.clear();
+  if (curvature == Curvature::Exact) curvatures_ = volume_curvatures(model_, forces_, state, load_factor);
+  rounded_K_ = rounded(K_);
+  x_ = state.x;
+  g_ = volume_stiffness_root(model_, forces_, state);
+  if (g_) pad(*g_, 1, rounded_g_);
+}
+
+void QuasiStaticSolver::product(const Matrix3Xd& p, Matrix3Xd& y) const {
+  multiply(stiffness(), p, y);
+  if (g_) add_rank_one(*g_, p, y);
+  for (const auto& [factor, F] : curvatures_) add_volume_curvature(factor, *F, x_, p, y);
+  project(y);
+}
+
+double QuasiStaticSolver::product(const PaddedField& p, PaddedField& y) const {
+  y.setZero(4, p.cols());
+  double p_y = add_product(stiffness(), rounded_K_, p, y);
+  const bool is_all = !g_ && curvatures_.empty() && held_motions_.cols() == 0;
+  if (g_) add_scaled(static_cast<float>(dot(rounded_g_, p)), rounded_g_, y);
+  if (!curvatures_.empty()) {
+    const Eigen::Index n = model_.network.n_surface;
+    const Matrix3Xd q = p.topLeftCorner(3, n).cast<double>();
+    Matrix3Xd z = Matrix3Xd::Zero(3, n);
+    for (const auto& [factor, F] : curvatures_) add_volume_curvature(factor, *F, x_, q, z);
+    y.topLeftCorner(3, n) += z.cast<float>();
+  }
+  project(y);
+  return is_all ? p_y : dot(p, y);
+}
+
+LinearSystem QuasiStaticSolver::system(const State& state) {
+  LinearSystem A;
+  A.product = [this](const Matrix3Xd& p, Matrix3Xd& y) { product(p, y); };
+  A.rounded_product = [this](const PaddedField& p, PaddedField& y) { return product(p, y); };
+  A.filter = [this](Matrix3Xd& y) { project(y); };
+  A.rounded_filter = [this](PaddedField& y) { project(y); };
+  A.diagonal = [this](std::vector<Eigen::Matrix3d>& blocks) {
+    blocks.clear();
+    for (const int k : P_.diagonal) blocks.push_back(P_.block[k]);
+  };
+  A.matrix = [this, &state]() -> const BlockMatrix& { return preconditioning_matrix(state); };
+  A.positions = &x_;
+  return A;
 }
 
 StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
-  constexpr double kTightest = 1e-6, kLoosest = 1e-2;  // linear solves: no tighter than balance asks for
-  constexpr int kMaxNewton = 100, kPatience = 100, kMaxLinear = 2000;
-
   StepReport report;
   if (!state.x.allFinite()) {
     report.status = Status::Diverged;
@@ -187,7 +244,51 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     return report;
   }
   if (model_.linear) return solve_linear(load_factor, state);
-  predict(load_factor, state);
+  const Rest from = last_rest_, to{state.rest_length, state.patch_scale, state.target_volume};
+  const double first = path_.load_factor(), way = load_factor - first;
+  State trial = state;
+  const auto set_rest = [&](double factor) {
+    const double part = way == 0 ? 1 : (factor - first) / way;
+    if (part == 1) {
+      trial.rest_length = to.rest_length;
+      trial.patch_scale = to.patch_scale;
+      trial.target_volume = to.target_volume;
+      return;
+    }
+    trial.rest_length = (1 - part) * from.rest_length + part * to.rest_length;
+    if (to.patch_scale.size() > 0)
+      trial.patch_scale =
+          part * to.patch_scale +
+          (1 - part) *
+              (from.patch_scale.size() > 0 ? from.patch_scale : Eigen::VectorXd::Ones(to.patch_scale.size()));
+    trial.target_volume = (1 - part) * from.target_volume + part * to.target_volume;
+  };
+  LoadedBody body;
+  body.prescribe = [&](double factor, Matrix3Xd& x) {
+    prescribe(forces_.constraints, model_.network.X, factor, 1, x);
+  };
+  body.energy = [&](double factor, const Matrix3Xd& x) {
+    set_rest(factor);
+    trial.x = x;
+    return potential(model_, forces_, trial, factor);
+  };
+  body.balance = [&](double factor, Matrix3Xd& x) {
+    set_rest(factor);
+    trial.x = x;
+    find_balance(factor, trial, report);
+    x = trial.x;
+    return report.status == Status::Ok;
+  };
+  if (path_.follow(body, load_factor, state.x)) last_rest_ = to;
+  return report;
+}
+
+/// Adds its iterations to the report's.
+void QuasiStaticSolver::find_balance(double load_factor, State& state, StepReport& report) {
+  constexpr double kTightest = 2e-6, kLoosest = 1e-2, kForcing = 1e-2;  // linear solves
+  constexpr double kContracts = 1e-3;  // of the residual, while the matrix is kept
+  constexpr double kStalls = 0.3;
+  constexpr int kMaxNewton = 100;
   const Matrix3Xd start = state.x;
   const double far =
       (start.rowwise().maxCoeff() - start.rowwise().minCoeff()).norm();  // supports' motion included
@@ -195,14 +296,16 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   // Without a load, forces are what the rounding of positions makes of the stiffness: those are balanced.
   constexpr double kRounding = std::numeric_limits<double>::epsilon();
   double scale = kRounding * largest_stiffness_ * state.x.norm() / tolerance_;
+  double size = 0;             // of forces
+  double first = 0, last = 0;  // residuals
+  bool has_matrix = false, is_exact = false;
 
   Objective energy;
   energy.value = [&] { return potential(model_, forces_, state, load_factor); };
-  energy.negative_gradient = [&](Matrix3Xd& r) { r = residual(state, load_factor); };
+  energy.negative_gradient = [&](Matrix3Xd& r) { r = residual(state, load_factor, size); };
   energy.is_end = [&](const Matrix3Xd& r, NewtonReport& newton) {
     // The largest forces met on the way: those at the end vanish where supports only move a body.
-    scale =
-        std::max({scale, load_factor * forces_.load.norm() + elastic_forces(model_, state).norm(), r.norm()});
+    scale = std::max({scale, size, r.norm()});
     report.residual = scale > 0 ? r.norm() / scale : 0;
     if (report.residual <= tolerance_) return true;
     const bool is_astray = (state.x - start).colwise().norm().maxCoeff() > far;
@@ -213,48 +316,40 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     return is_astray;
   };
   energy.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
-    const std::optional<Matrix3Xd> g = volume_stiffness_root(model_, forces_, state);
-    std::vector<VolumeCurvature> curvatures;
-    const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
-      multiply(K_, p, y);
-      if (g) add_rank_one(*g, p, y);
-      for (const auto& [factor, F] : curvatures) add_volume_curvature(factor, *F, state.x, p, y);
-      project(y);
-    };
-    const auto precondition = [&](const Matrix3Xd& v, Matrix3Xd& z) {
-      preconditioner_->solve(v, z);
-      project(z);
-    };
-    const double tolerance = std::clamp(tolerance_ / report.residual / 2, kTightest, kLoosest);
-    const auto is_solved = [&](int max_iterations) {
+    const double norm = r.norm();
+    if (first == 0) first = norm;
+    const bool is_kept = has_matrix && norm < kContracts * last;  // and contracts as much again, not more
+    // Where the residual hardly fell, what loose solves leave of soft motions may be why.
+    const bool stalls = last > 0 && norm > kStalls * last;
+    const double enough =
+        std::max({kForcing * norm / first, tolerance_ / report.residual / 2, is_kept ? norm / last / 2 : 0});
+    const double tolerance = stalls ? kTightest : std::clamp(enough, kTightest, kLoosest);
+    last = norm;
+    const LinearSystem A = system(state);
+    const auto is_solved = [&] {
       dx = Matrix3Xd::Zero(3, r.cols());
-      const SolveReport linear = conjugate_gradients(product, precondition, r, dx, tolerance, max_iterations);
+      const SolveReport linear = solver_.solve(A, r, dx, tolerance);
       report.linear_iterations += linear.iterations;
       return linear.is_converged;
     };
-    // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
-    if (model_.tet_springs && n_energies(model_) == 1) {
-      K_.set_zero();
-      add_hessian(*model_.tet_springs, state.x, K_, Curvature::Exact, state.patch_scale);
-      curvatures = volume_curvatures(model_, forces_, state, load_factor);
-      if (is_solved(kPatience)) return true;
-      curvatures.clear();
+    if (!is_kept) {
+      set_stiffness(state, load_factor, Curvature::Exact);
+      is_exact = true;
     }
-    K_.set_zero();
-    add_stiffness(model_, state, K_);
-    if (is_solved(kPatience)) return false;
-    factorise(simple_stiffness(model_, state));
-    is_solved(kMaxLinear);
+    has_matrix = true;
+    if (is_solved() || !is_exact) return is_exact;
+    // Where the Hessian is indefinite, conjugate gradients notice and stop.
+    set_stiffness(state, load_factor, Curvature::Projected);
+    is_exact = false;
+    is_solved();
     return false;
   };
   energy.move = [&](const Matrix3Xd& dx, double step) { state.x = before + step * dx; };
   energy.accept = [&] { before = state.x; };
   const NewtonReport newton = minimise(energy, {kMaxNewton, largest_stiffness_ * far * far});
   report.status = newton.status;
-  report.newton_iterations = newton.iterations;
+  report.newton_iterations += newton.iterations;
   report.reason = newton.reason;
-  if (report.status == Status::Ok) before_last_ = std::exchange(last_, {load_factor, state.x});
-  return report;
 }
 
 }  // namespace testbed::massspring

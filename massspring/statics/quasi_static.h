@@ -5,30 +5,38 @@
 
 #include "massspring/model/model.h"
 #include "meshing/algebra/cholesky.h"
+#include "meshing/algebra/linear_solver.h"
+#include "meshing/algebra/load_path.h"
 
 namespace testbed::massspring {
 
-/// Newton's method on the potential energy with its Hessian kept positive semidefinite and a backtracking
-/// line search. Linear systems by conjugate gradients, preconditioned by the Cholesky factor of the stiffness
-/// at rest, renewed where that has become a poor guide.
+/// Newton's method on the potential energy with a backtracking line search, along a path of load steps that
+/// adapt. Its matrix is the Hessian, with negative eigenvalues taken away where conjugate gradients meet any;
+/// it stays while residuals fall fast. Linear systems in single precision, preconditioned by the stiffness of
+/// the single tetrahedra, the residual in double.
 ///
 /// Motions that cost no energy at rest are kept out of the solution: rigid ones that the supports leave free,
 /// and those of a network that is a mechanism, as the paper's is [massspring/README.md, section 1].
 /// Nothing would stop the latter; the share of the load on them is reported.
 class QuasiStaticSolver {
  public:
-  /// @param tolerance  of the balance of forces, relative to the largest met on the way, or else to rounding
+  /// @param tolerance  of the residual over the sum of load and internal forces, held components included,
+  /// the largest met on the way, or else over rounding
   /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive: names
   /// force and torque.
   QuasiStaticSolver(const MassSpringModel& model, const Forces& forces,
                     double tolerance = TimeOptions().residual);
 
-  /// Moves `state` to equilibrium at `load_factor` times the full loads and prescribed displacements. Beyond
-  /// a limit point, where the energy has no minimum, ends once the body has run away by its own size. Starts
-  /// from where the last two equilibria point to, if that is nearer to balance than `state`. A linear model
-  /// [small_strain.h], under dead loads alone, takes one linear solve from what the last equilibrium is in
-  /// proportion to.
+  /// Moves `state` to equilibrium at `load_factor` times the full loads and prescribed displacements, in
+  /// shorter steps where one finds none. On these rest lengths and target volume change evenly. Beyond a
+  /// limit point, where the energy has no minimum, ends at the last equilibrium, once the body has run away
+  /// by its own size. Starts from where the last equilibria point to, if the energy is lower there. A linear
+  /// model [small_strain.h], under dead loads alone, takes one linear solve from what the last equilibrium is
+  /// in proportion to.
   StepReport solve(double load_factor, State& state);
+
+  /// How linear systems are solved, and why.
+  const std::string& solver_choice() const { return solver_.choice(); }
 
   int n_free_rigid_motions() const { return n_free_rigid_motions_; }
   /// Motions besides the rigid ones that cost no energy at rest.
@@ -37,28 +45,48 @@ class QuasiStaticSolver {
   double floppy_load_share() const { return floppy_load_share_; }
 
  private:
-  struct Equilibrium {
-    double load_factor;
-    Eigen::Matrix3Xd x;
+  /// What load steps change in a state besides positions.
+  struct Rest {
+    Eigen::VectorXd rest_length, patch_scale;
+    double target_volume;
   };
 
   StepReport solve_linear(double load_factor, State& state);
-  void predict(double load_factor, State& state) const;
-  void factorise(BlockMatrix P);
-  Eigen::Matrix3Xd residual(const State& state, double load_factor) const;
+  void find_balance(double load_factor, State& state, StepReport& report);
+  void set_stiffness(const State& state, double load_factor, Curvature curvature);
+  LinearSystem system(const State& state);
+  const BlockMatrix& stiffness() const { return model_.linear ? model_.linear->K : K_; }
+  void product(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
+  double product(const PaddedField& p, PaddedField& y) const;
+  const BlockMatrix& preconditioning_matrix(const State& state);
+  Eigen::Matrix3Xd residual(const State& state, double load_factor, double& size) const;
   void project(Eigen::Matrix3Xd& y) const;
+  void project(PaddedField& y) const;
 
   const MassSpringModel& model_;
   const Forces& forces_;
   double tolerance_;
-  Eigen::MatrixXd held_motions_;  ///< orthonormal basis of the motions without energy, 3n x m
+  Eigen::MatrixXd held_motions_;          ///< orthonormal basis of the motions without energy, 3n x m
+  Eigen::MatrixXf rounded_held_motions_;  ///< as padded fields
   int n_free_rigid_motions_ = 0;
   double floppy_load_share_ = 0;
-  BlockMatrix K_;
   double largest_stiffness_;  ///< on the diagonal of the simple stiffness at rest (N/m)
-  std::unique_ptr<BlockCholesky> preconditioner_;
-  Equilibrium last_, before_last_;
-  Eigen::Matrix3Xd u_;  ///< of a linear model: displacement at the last equilibrium (m)
+
+  // The matrix at hand: K, the rank-one part g g^T of a global volume force, and its curvatures at x.
+  BlockMatrix K_;  ///< empty for a linear model, which has its own
+  std::vector<float> rounded_K_;
+  std::optional<Eigen::Matrix3Xd> g_;
+  PaddedField rounded_g_;
+  std::vector<VolumeCurvature> curvatures_;
+  Eigen::Matrix3Xd x_;
+
+  BlockMatrix P_;  ///< of which preconditioners are made
+  LinearSolver solver_;
+  LoadPath path_;
+  Rest last_rest_;
+
+  Eigen::Matrix3Xd u_;        ///< of a linear model: displacement at the last equilibrium (m)
+  double linear_factor_ = 0;  ///< its load factor
 };
 
 /// Motions other than rigid ones that the constraints leave free and that cost no energy at rest.

@@ -18,6 +18,30 @@ struct Supernodal : Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> {
 
 }  // namespace
 
+double n_factor_entries(const BlockMatrix& A) {
+  cholmod_common common;
+  cholmod_start(&common);
+  std::vector<int> start{0}, rows;  // of the upper triangle by columns, one entry a block
+  for (int i = 0; i < A.rows(); ++i) {
+    rows.insert(rows.end(), A.column.begin() + A.row_start[i], A.column.begin() + A.diagonal[i] + 1);
+    start.push_back(static_cast<int>(rows.size()));
+  }
+  cholmod_sparse pattern{};
+  pattern.nrow = pattern.ncol = static_cast<std::size_t>(A.rows());
+  pattern.nzmax = rows.size();
+  pattern.p = start.data();
+  pattern.i = rows.data();
+  pattern.stype = 1;
+  pattern.itype = CHOLMOD_INT;
+  pattern.xtype = CHOLMOD_PATTERN;
+  pattern.sorted = pattern.packed = 1;
+  cholmod_factor* factor = cholmod_analyze(&pattern, &common);
+  const double n_blocks = common.lnz;
+  cholmod_free_factor(&factor, &common);
+  cholmod_finish(&common);
+  return 9 * n_blocks;
+}
+
 struct BlockCholesky::Factor {
   Eigen::SparseMatrix<double> lower;
   Supernodal llt;

@@ -8,6 +8,9 @@
 
 namespace testbed::meshing {
 
+/// Entries that the factor of a matrix would have, whose order cuts fill.
+double n_factor_entries(const BlockMatrix& A);
+
 /// Supernodal Cholesky factor (CHOLMOD) of a symmetric positive definite block matrix.
 class BlockCholesky {
  public:

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <limits>
 #include <type_traits>
 
 #include "meshing/algebra/single_precision.h"
@@ -56,22 +57,28 @@ double apply(const Operator& A, const Field& u, Field& y) {
 /// @param precondition  (r, z): z = a symmetric positive definite approximation of A^-1 times r
 /// @param r             b - A x of the guess; becomes that of the solution, as far as rounding lets it
 /// @param size          that residuals are relative to, |b| or 1
+/// @param in_energy     of sqrt(r . z) over the first one, which is near the error in energy: what is left of
+/// soft motions, which the residual hardly shows. Seen one iteration late.
 template <class Product, class Precondition, class Field>
 SolveReport conjugate_gradients(const Product& product, const Precondition& precondition, Field& r,
-                                double size, Field& x, double tolerance, int max_iterations) {
+                                double size, Field& x, double tolerance, int max_iterations,
+                                double in_energy = std::numeric_limits<double>::infinity()) {
   using Scalar = typename Field::Scalar;
   SolveReport report;
   Field z, p, Ap;
-  double rr = dot(r, r), rz_before = 0;
+  double rr = dot(r, r), rz_before = 0, rz_first = 0;
   while (true) {
     report.residual = std::sqrt(rr) / size;
-    report.is_converged = report.residual <= tolerance;
+    const bool is_left = rr > 0 && std::sqrt(rz_before) > in_energy * std::sqrt(rz_first);
+    report.is_converged = report.residual <= tolerance && !is_left;
     if (report.is_converged || report.iterations == max_iterations) return report;
     const double rz = apply(precondition, r, z);
-    if (report.iterations == 0)
+    if (report.iterations == 0) {
       p = z;
-    else
+      rz_first = rz;
+    } else {
       aypx(static_cast<Scalar>(rz / rz_before), z, p);
+    }
     const double pAp = apply(product, p, Ap);
     if (!(pAp > 0 && rz > 0)) {  // p lies in the null space: nothing more to gain
       report.curvature = pAp / std::sqrt(dot(p, p) * dot(Ap, Ap));

@@ -1,38 +1,52 @@
 #include "meshing/algebra/linear_solver.h"
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
 
 namespace testbed::meshing {
 namespace {
 
 using Eigen::Matrix3Xd;
 
-// Counts, not seconds, decide, so that a run repeats itself. On springs applied one by one a factor of n
-// nodes costs as much as some 0.4 n block Jacobi iterations, a solve with it 0.01 n. An iteration with
-// multigrid costs as much as 5 with block Jacobi where nodes exceed the caches, 8 where not.
-constexpr int kLargestFactored = 30000;  // nodes; beyond, fill outgrows memory and patience
-constexpr int kSmallest = 500;           // nodes from which on single precision is faster
-constexpr int kManyLarge = 100;
+// Costs in iterations with block Jacobi, measured from 1000 nodes to 60,000. On fewer than kSmallest a factor
+// of n nodes costs 0.4 n of them, a solve with it 0.01 n.
+constexpr int kSmallest = 500;       // nodes from which on single precision and multigrid are faster
+constexpr double kMultigrid = 300;   // to make one
+constexpr double kCycle = 6;         // an iteration with it
+constexpr double kCyclesADigit = 4;  // iterations with it, a good one
 constexpr double kFactor = 0.4, kFactorSolve = 0.01;
-constexpr int kWornOut = 12;  // iterations at which a factor is made anew
-constexpr int kMaxIterations = 5000, kMaxMultigrid = 1000;
+constexpr int kWornOut = 12;            // iterations more than at first, at which a factor is made anew
+constexpr int kStandsStill = 100;       // iterations with multigrid, after which a factor is tried
+constexpr double kLargestFactor = 2e8;  // entries, 1.6 GB
+constexpr int kMaxIterations = 5000;
+constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
+
+double digits(double tolerance) {
+  return std::max(1., -std::log10(tolerance));
+}
 
 void set_inverse_diagonal(const LinearSystem& A, std::vector<Eigen::Matrix3d>& inverse) {
   A.diagonal(inverse);
   for (Eigen::Matrix3d& block : inverse) block = block.inverse().eval();
 }
 
-/// Multigrid on a system in either precision; its own is single.
+/// A preconditioner of an earlier system that knows single precision alone, on one at hand.
 struct OfSystem {
-  Multigrid& multigrid;
+  const std::function<void(const PaddedField& r, PaddedField& z)> apply;
   const LinearSystem& A;
 
-  double operator()(const PaddedField& r, PaddedField& z) const { return multigrid.apply(A, r, z); }
+  double operator()(const PaddedField& r, PaddedField& z) const {
+    apply(r, z);
+    A.rounded_filter(z);  // constraints may have come since
+    return dot(r, z);
+  }
   void operator()(const Matrix3Xd& r, Matrix3Xd& z) const {
     const double size = r.norm();
     PaddedField rounded_r, rounded_z;
     pad(r, size > 0 ? 1 / size : 1, rounded_r);
-    multigrid.apply(A, rounded_r, rounded_z);
+    (*this)(rounded_r, rounded_z);
     z = Matrix3Xd::Zero(3, r.cols());
     add_unpadded(rounded_z, size, z);
   }
@@ -49,6 +63,7 @@ void LinearSolver::BlockJacobi::operator()(const Matrix3Xd& r, Matrix3Xd& z) con
 template <class Precondition>
 SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
                                  Matrix3Xd& x, double tolerance, int max_iterations) {
+  constexpr double kNoBound = std::numeric_limits<double>::infinity();
   constexpr double kDeepest = 1e-5, kBelow = 0.9, kLost = 0.5, kRounding = 1e-5;
   SolveReport report;
   const double b_norm = b.norm();
@@ -60,14 +75,21 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
     report.residual = b_norm > 0 ? r.norm() / b_norm : r.norm();
     report.is_converged = report.residual <= tolerance;
   };
-  measure();
+  if (x.isZero(0)) {
+    r = b;
+    report.residual = b_norm > 0 ? 1 : 0;
+    report.is_converged = report.residual <= tolerance;
+  } else {
+    measure();
+  }
   while (!report.is_converged && report.iterations < max_iterations) {
     const double before = report.residual, size = r.norm();
     pad(r, 1 / size, rounded);
     correction.setZero(4, rounded.cols());
-    const SolveReport inner = conjugate_gradients(A.rounded_product, precondition, rounded, 1, correction,
-                                                  std::max(kDeepest, kBelow * tolerance / before),
-                                                  max_iterations - report.iterations);
+    const SolveReport inner =
+        conjugate_gradients(A.rounded_product, precondition, rounded, 1, correction,
+                            std::max(kDeepest, kBelow * tolerance / before),
+                            max_iterations - report.iterations, is_hard_ ? tolerance / before : kNoBound);
     report.iterations += inner.iterations;
     add_unpadded(correction, size, x);
     measure();
@@ -90,7 +112,8 @@ SolveReport LinearSolver::iterate(const LinearSystem& A, const Precondition& pre
   if (is_single_enough_ && b.cols() >= kSmallest) {
     const SolveReport single = refine(A, precondition, b, x, tolerance, max_iterations);
     n += single.iterations;
-    is_spent = !single.is_converged && single.iterations >= max_iterations && b.cols() <= kLargestFactored;
+    is_spent =
+        !is_hard_ && !single.is_converged && single.iterations >= max_iterations && b.cols() <= kFewEnough;
     if (is_single_enough_ && !is_spent) return single;
   }
   const SolveReport report = conjugate_gradients(A.product, precondition, b, x, tolerance, max_iterations);
@@ -111,8 +134,31 @@ SolveReport LinearSolver::solve_on(const LinearSystem& A, const Matrix3Xd& b, Ma
   return std::visit([&](auto& with) { return solve_with(with, A, b, x, tolerance, n); }, preconditioner_);
 }
 
+LinearSolver LinearSolver::of_stiffness(bool is_floppy) {
+  LinearSolver solver;
+  solver.is_hard_ = true;
+  solver.is_floppy_ = is_floppy;
+  solver.is_single_enough_ = !is_floppy;
+  return solver;
+}
+
+void LinearSolver::forget() {
+  preconditioner_ = BlockJacobi{};
+}
+
 SolveReport LinearSolver::solve_with(BlockJacobi& jacobi, const LinearSystem& A, const Matrix3Xd& b,
                                      Matrix3Xd& x, double tolerance, int& n) {
+  const bool is_small = b.cols() < kSmallest;
+  if (is_hard_) {
+    if (is_small || is_floppy_)
+      preconditioner_ = Factor{};
+    else
+      preconditioner_ = RigidGroups{};
+    choice_ = is_floppy_ ? "Cholesky factor: motions may cost no energy"
+              : is_small ? "Cholesky factor: the nodes are few"
+                         : "multigrid: a stiffness alone is hard";
+    return solve_on(A, b, x, tolerance, n);
+  }
   set_inverse_diagonal(A, jacobi.inverse);
   if (krylov_ == Krylov::BiCgStab) {
     choice_ = "bi-conjugate gradients, block Jacobi: asked for";
@@ -121,39 +167,55 @@ SolveReport LinearSolver::solve_with(BlockJacobi& jacobi, const LinearSystem& A,
     return report;
   }
   jacobi.rounded = pad(jacobi.inverse);
-  const bool is_large = b.cols() > kLargestFactored;
-  const int many = is_large ? kManyLarge : patience_;
-  const SolveReport first = iterate(A, jacobi, b, x, tolerance, many, n);
-  if (first.is_converged || first.iterations < many) return first;
-
-  const std::string why = ": block Jacobi took more than " + std::to_string(many) + " iterations";
-  if (is_large) {
-    choice_ = "multigrid" + why + ", and " + std::to_string(b.cols()) + " nodes are too many to factorise";
-    preconditioner_ = RigidGroups{};
-  } else if (auto factor = std::make_unique<BlockCholesky>(A.matrix()); factor->is_ok()) {
+  const SolveReport first = iterate(A, jacobi, b, x, tolerance, patience_, n);
+  if (!is_small) waste_ += std::max(0., first.iterations - kCycle * kCyclesADigit * digits(tolerance));
+  const bool is_hard = !first.is_converged && first.iterations >= patience_;
+  if (!is_hard && waste_ < patience_) return first;
+  waste_ = 0;
+  const std::string why = ": block Jacobi took more than " + std::to_string(patience_) + " iterations";
+  if (is_small) {
     choice_ = "Cholesky factor of an earlier matrix" + why;
-    preconditioner_ = std::move(factor);
+    preconditioner_ = Factor{};
   } else {
-    const SolveReport rest = conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
-    n += rest.iterations;
-    return rest;
+    choice_ = "multigrid of an earlier matrix" + why + (is_hard ? "" : " too many in sum");
+    preconditioner_ = RigidGroups{};
   }
-  return solve_on(A, b, x, tolerance, n);
+  return is_hard ? solve_on(A, b, x, tolerance, n) : first;
 }
 
 SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
                                      double tolerance, int& n) {
-  const auto precondition = [&](const Matrix3Xd& r, Matrix3Xd& z) {
-    factor->solve(r, z);
+  const bool is_new = !factor.cholesky;
+  if (is_new) {
+    factor.cholesky = std::make_unique<BlockCholesky>(A.matrix());
+    if (!factor.cholesky->is_ok()) {
+      BlockJacobi jacobi;
+      set_inverse_diagonal(A, jacobi.inverse);
+      const SolveReport rest = conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
+      n += rest.iterations;
+      factor.cholesky.reset();
+      return rest;
+    }
+    if (b.cols() >= kSmallest && !is_floppy_) factor.rounded = factor.cholesky->rounded();
+  }
+  const auto exactly = [&](const Matrix3Xd& r, Matrix3Xd& z) {
+    factor.cholesky->solve(r, z);
     A.filter(z);  // constraints may have come since
   };
-  const SolveReport report = conjugate_gradients(A.product, precondition, b, x, tolerance, kMaxIterations);
-  n += report.iterations;
-  if (report.iterations > kWornOut) {
+  SolveReport report;
+  if (b.cols() < kSmallest || is_floppy_) {
+    report = conjugate_gradients(A.product, exactly, b, x, tolerance, kMaxIterations);
+    n += report.iterations;
+  } else {
+    const auto apply = [&](const PaddedField& r, PaddedField& z) { factor.rounded.solve(r, z); };
+    report = iterate(A, OfSystem{apply, A}, b, x, tolerance, kMaxIterations, n);
+  }
+  Service& service = factor.service;
+  if (is_new) service = {report.iterations / digits(tolerance)};
+  if (report.iterations > kWornOut + service.first_rate * digits(tolerance)) {
     const int cost = static_cast<int>((kFactor + kFactorSolve * report.iterations) * b.cols());
-    const bool is_worth_it = cost <= patience_;
-    if (is_worth_it) factor->update(A.matrix());
-    if (!is_worth_it || !factor->is_ok()) {
+    factor.cholesky.reset();
+    if (!is_hard_ && cost > patience_) {
       preconditioner_ = BlockJacobi{};
       choice_ = "block Jacobi: a Cholesky factor wears out too soon";
     }
@@ -162,17 +224,41 @@ SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, cons
   return report;
 }
 
+/// Leaves the next system to a new multigrid or, as systems may have become easy, to block Jacobi, as long as
+/// that costs no more.
+void LinearSolver::wear_out(RigidGroups& groups) {
+  if (is_hard_) {
+    groups.multigrid.reset();
+    return;
+  }
+  preconditioner_ = BlockJacobi{};
+  patience_ = kMultigrid;
+  choice_ = "block Jacobi: multigrid of an earlier matrix has worn out";
+}
+
 SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A, const Matrix3Xd& b,
                                      Matrix3Xd& x, double tolerance, int& n) {
-  std::vector<Eigen::Matrix3d> inverse;
-  set_inverse_diagonal(A, inverse);
   const bool is_new = !groups.multigrid;
-  if (is_new) groups.multigrid = std::make_unique<Multigrid>(A, inverse);
-  groups.multigrid->set_smoother(inverse);
-  const SolveReport report = iterate(A, OfSystem{*groups.multigrid, A}, b, x, tolerance, kMaxMultigrid, n);
-  if (is_new) groups.first_iterations = report.iterations;
-  constexpr int kMore = 15;  // iterations that cost as much as making it anew
-  if (!report.is_converged || report.iterations > groups.first_iterations + kMore) groups.multigrid.reset();
+  if (is_new) groups.multigrid = std::make_unique<Multigrid>(A.matrix(), *A.positions, A.filter);
+  const OfSystem precondition{[&](const PaddedField& r, PaddedField& z) { groups.multigrid->apply(r, z); },
+                              A};
+  SolveReport report = iterate(A, precondition, b, x, tolerance, kStandsStill, n);
+  if (!report.is_converged && report.iterations >= kStandsStill) {
+    if (!is_new) {
+      wear_out(groups);
+      return solve_on(A, b, x, tolerance, n);
+    }
+    if (n_factor_entries(A.matrix()) <= kLargestFactor) {
+      choice_ = "Cholesky factor: multigrid took more than " + std::to_string(kStandsStill) + " iterations";
+      preconditioner_ = Factor{};
+      return solve_on(A, b, x, tolerance, n);
+    }
+    report = iterate(A, precondition, b, x, tolerance, kMaxIterations, n);
+  }
+  Service& service = groups.service;
+  if (is_new) service = {report.iterations / digits(tolerance)};
+  service.excess += std::max(0., report.iterations - service.first_rate * digits(tolerance));
+  if (kCycle * service.excess > kMultigrid) wear_out(groups);
   return report;
 }
 

@@ -8,22 +8,31 @@
 
 #include "meshing/algebra/cholesky.h"
 #include "meshing/algebra/conjugate_gradients.h"
+#include "meshing/algebra/linear_system.h"
 #include "meshing/algebra/multigrid.h"
 #include "meshing/base/choices.h"
 
 namespace testbed::meshing {
 
-/// Conjugate gradients, preconditioned by the inverse diagonal blocks until these need too many iterations,
-/// then by a Cholesky factor or, where its fill is not affordable, multigrid, which are kept from system to
-/// system while they serve, the factor only while it costs less than it saves; from 500 nodes on in single
-/// precision, refined by residuals in double, unless that has once been too little [Wilkinson 1963]. Or, to
-/// compare, bi-conjugate gradients with the inverse diagonal blocks.
+/// Conjugate gradients, preconditioned by the inverse diagonal blocks until these have cost more than they
+/// should, then by multigrid or, on few nodes, a Cholesky factor. Both are kept from system to system while
+/// they serve. Where multigrid stands still a factor takes its place if its fill is affordable. Costs are
+/// counts of iterations, so that a run repeats itself. From 500 nodes on in single precision, refined by
+/// residuals in double, unless that has once been too little [Wilkinson 1963]. Or, to compare, bi-conjugate
+/// gradients with the inverse diagonal blocks.
 class LinearSolver {
  public:
   explicit LinearSolver(Krylov krylov = Krylov::Cg) : krylov_(krylov) {}
 
+  /// One for stiffness matrices alone, which need multigrid or a factor from the first system on.
+  /// @param is_floppy  motions may cost no energy: a factor in double precision
+  static LinearSolver of_stiffness(bool is_floppy);
+
   /// @param x  the first guess, then the solution
   SolveReport solve(const LinearSystem& A, const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance);
+
+  /// The next solve makes its preconditioner anew.
+  void forget();
 
   /// The preconditioner in use and why.
   const std::string& choice() const { return choice_; }
@@ -39,10 +48,19 @@ class LinearSolver {
     void operator()(const Matrix3Xd& r, Matrix3Xd& z) const;
     double operator()(const PaddedField& r, PaddedField& z) const { return multiply(rounded, r, z); }
   };
-  using Factor = std::unique_ptr<BlockCholesky>;  ///< of an earlier system
+  /// How a preconditioner of an earlier system served.
+  struct Service {
+    double first_rate = 0;  ///< iterations a digit when it was new
+    double excess = 0;      ///< iterations since that a new one would have spared
+  };
+  struct Factor {
+    std::unique_ptr<BlockCholesky> cholesky;  ///< of an earlier system; empty: to be made anew
+    RoundedFactor rounded;
+    Service service;
+  };
   struct RigidGroups {
     std::unique_ptr<Multigrid> multigrid;  ///< of an earlier system; empty: to be made anew
-    int first_iterations = 0;              ///< with it when it was made
+    Service service;
   };
 
   // Each solves a system and decides what preconditions the next one; they add up iterations in n.
@@ -52,6 +70,7 @@ class LinearSolver {
                          double tolerance, int& n);
   SolveReport solve_with(RigidGroups& groups, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
                          double tolerance, int& n);
+  void wear_out(RigidGroups& groups);
   SolveReport solve_on(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance, int& n);
   template <class Precondition>
   SolveReport refine(const LinearSystem& A, const Precondition& precondition, const Matrix3Xd& b,
@@ -62,7 +81,10 @@ class LinearSolver {
 
   Krylov krylov_;
   std::variant<BlockJacobi, Factor, RigidGroups> preconditioner_;
-  int patience_ = 500;            ///< iterations with block Jacobi beyond which a factor is tried
+  bool is_hard_ = false;          ///< block Jacobi is not tried
+  bool is_floppy_ = false;        ///< multigrid is not tried
+  double waste_ = 0;              ///< iterations with block Jacobi that multigrid would have spared
+  int patience_ = 500;            ///< what it may waste before another is tried
   bool is_single_enough_ = true;  ///< single precision led to the tolerance so far
   std::string choice_ = "block Jacobi: no system was hard so far";
 };

@@ -33,9 +33,11 @@ void LoadPath::predict(const LoadedBody& body, double load_factor, Matrix3Xd& x)
 
 bool LoadPath::follow(const LoadedBody& body, double load_factor, Matrix3Xd& x) {
   constexpr double kShortest = 1. / 64;  // of the way
+  constexpr int kMaxCuts = 3;            // in a row
   constexpr size_t kPoints = 3;
   const double shortest = kShortest * std::abs(load_factor - last_.back().load_factor);
   Matrix3Xd start = x;
+  int n_cuts = 0;
   while (true) {
     const double from = last_.back().load_factor, way = load_factor - from;
     const bool is_last = std::abs(way) <= stride_;
@@ -49,10 +51,11 @@ bool LoadPath::follow(const LoadedBody& body, double load_factor, Matrix3Xd& x) 
       if (is_last) return true;
       start = x;
       stride_ *= 2;
+      n_cuts = 0;
     } else {
       stride_ = std::min(stride_, std::abs(way)) / 2;
       x = start;
-      if (stride_ < shortest || way == 0) {
+      if (++n_cuts > kMaxCuts || stride_ < shortest || way == 0) {
         stride_ = std::numeric_limits<double>::infinity();
         return false;
       }

@@ -1,8 +1,9 @@
 #include "meshing/algebra/multigrid.h"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/base/random.h"
@@ -12,14 +13,39 @@ namespace {
 
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
-using Eigen::Vector3f;
 
-constexpr int kCoarsest = 20;  // bodies whose matrix is inverted
+template <int m, int n>
+using Blocks = std::vector<Eigen::Matrix<double, m, n>>;
+
+/// Compressed rows of blocks in double precision, of which a level is made.
+template <int D>
+struct Equations {
+  const std::vector<int>&row_start, &column, &diagonal;
+  const Blocks<D, D>& block;
+
+  int n_rows() const { return static_cast<int>(row_start.size()) - 1; }
+};
+
+/// The same that owns its rows.
+struct BodyEquations {
+  std::vector<int> row_start{0}, column, diagonal;
+  Blocks<6, 6> block;
+
+  Equations<6> view() const { return {row_start, column, diagonal, block}; }
+};
+
+/// How rows follow the bodies of groups; blocks are transposed.
+template <int D>
+struct Prolongation {
+  std::vector<int> row_start{0}, column;
+  Blocks<6, D> block;
+  Matrix3Xd centre;  ///< of each body (m)
+};
 
 /// Inverse on the directions in which A, scaled to a unit diagonal, is not zero: a group of one node or of
 /// nodes on a line has rotations without effect.
 Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& A) {
-  constexpr double kZero = 1e-12;
+  constexpr double kZero = 1e-10;
   const Eigen::ArrayXd d = A.diagonal();
   const Eigen::VectorXd scale = (d > 0).select(d.abs().rsqrt(), 0);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * A * scale.asDiagonal());
@@ -29,194 +55,290 @@ Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& A) {
   return V * inverse.asDiagonal() * V.transpose();
 }
 
-/// Motion of a member at an offset d from its group's centre: of D = 3 the translation, of 6 the rotation,
-/// too.
+Blocks<3, 3> inverse_diagonal(const Equations<3>& A) {
+  Blocks<3, 3> inverse(A.n_rows());
+  for (int i = 0; i < A.n_rows(); ++i) inverse[i] = A.block[A.diagonal[i]].inverse();
+  return inverse;
+}
+
+Blocks<6, 6> inverse_diagonal(const Equations<6>& A) {
+  Blocks<6, 6> inverse(A.n_rows());
+  for (int i = 0; i < A.n_rows(); ++i) inverse[i] = pseudo_inverse(A.block[A.diagonal[i]]);
+  return inverse;
+}
+
+template <class Block>
+std::vector<float> rounded(const std::vector<Block>& blocks) {
+  constexpr int kEntries = Block::SizeAtCompileTime;
+  std::vector<float> result(kEntries * blocks.size() + 2);
+  for (size_t k = 0; k < blocks.size(); ++k)
+    Eigen::Matrix<float, Block::RowsAtCompileTime, Block::ColsAtCompileTime>::Map(&result[kEntries * k]) =
+        blocks[k].template cast<float>();
+  return result;
+}
+
 template <int D>
-Eigen::Matrix<double, D, 6> prolongation(const Vector3d& d) {
+BlockRows<D> rounded(const Equations<D>& A, const Blocks<D, D>& inverse) {
+  return {A.row_start, A.column, A.diagonal, rounded(A.block), rounded(inverse)};
+}
+
+/// The largest eigenvalue of A with its diagonal blocks scaled to ones, by power iteration.
+template <int D>
+double largest_eigenvalue(const BlockRows<D>& A) {
+  constexpr int kIterations = 8;  // enough for the two digits that damping needs
+  Random random(1);
+  FieldOf<D> q = FieldOf<D>::Zero(D == 3 ? 4 : 8, D == 3 ? padded(A.n_rows()) : A.n_rows()), Aq;
+  for (Eigen::Index i = 0; i < A.n_rows(); ++i)
+    for (int c = 0; c < D; ++c) q(c, i) = static_cast<float>(random.uniform() - 0.5);
+  multiply_inverse(A, FieldOf<D>(q), q);
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    q /= static_cast<float>(std::sqrt(q.template cast<double>().squaredNorm()));
+    multiply(A, q, Aq);
+    multiply_inverse(A, Aq, q);
+  }
+  return std::sqrt(q.template cast<double>().squaredNorm());
+}
+
+/// Group of each row: a row with all its neighbours where none is in a group yet; what is left joins the
+/// neighbour that it is tied to most. Rows that are held are in none.
+template <int D>
+std::vector<int> group(const Equations<D>& A, const std::vector<bool>& is_held, int& n_groups) {
+  constexpr double kWeak = D == 3 ? 0.02 : 0;
+  std::vector<double> size(A.n_rows());
+  for (int i = 0; i < A.n_rows(); ++i) size[i] = A.block[A.diagonal[i]].norm();
+  std::vector<double> tie(A.column.size(), -1);  // of neighbours
+  for (int i = 0; i < A.n_rows(); ++i)
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) {
+      const int j = A.column[k];
+      const double t = A.block[k].norm() / std::sqrt(size[i] * size[j]);
+      if (!is_held[i] && !is_held[j] && (t > kWeak || i == j)) tie[k] = t;
+    }
+  std::vector<int> group(A.n_rows(), -1);
+  n_groups = 0;
+  for (int i = 0; i < A.n_rows(); ++i) {
+    if (is_held[i]) continue;
+    bool is_free = true;
+    for (int k = A.row_start[i]; k < A.row_start[i + 1] && is_free; ++k)
+      is_free = tie[k] < 0 || group[A.column[k]] < 0;
+    if (!is_free) continue;
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
+      if (tie[k] >= 0) group[A.column[k]] = n_groups;
+    ++n_groups;
+  }
+  std::vector<int> joined = group;
+  for (int i = 0; i < A.n_rows(); ++i) {
+    if (is_held[i] || group[i] >= 0) continue;
+    double strongest = -1;
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
+      if (tie[k] > strongest && group[A.column[k]] >= 0) {
+        strongest = tie[k];
+        joined[i] = group[A.column[k]];
+      }
+  }
+  return joined;
+}
+
+/// Motion of a row at an offset d from its body's centre: of D = 3 the translation, of 6 the rotation, too.
+template <int D>
+Eigen::Matrix<double, D, 6> follow(const Vector3d& d) {
   Eigen::Matrix<double, 6, 6> P = Eigen::Matrix<double, 6, 6>::Identity();
   P.topRows<3>() = rigid_motions_at(d);
   return P.topRows<D>();
 }
 
-/// The largest eigenvalue of A with its diagonal blocks scaled to ones, by power iteration.
-double largest_eigenvalue(const LinearSystem& A, const std::vector<Eigen::Matrix3d>& inverse) {
-  constexpr int kIterations = 8;  // enough for the two digits that damping needs
-  meshing::Random random(1);
-  Matrix3Xd q(3, inverse.size()), Aq;
-  for (double& c : q.reshaped()) c = random.uniform() - 0.5;
-  A.filter(q);
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    q.normalize();
-    A.sparse_product(q, Aq);
-    for (Eigen::Index i = 0; i < q.cols(); ++i) q.col(i).noalias() = inverse[i] * Aq.col(i);
+/// P = (1 - omega D^-1 A) T; T moves each row as its group's rigid body.
+/// @param free  of each row the projection onto what is not constrained; empty: all of it
+template <int D>
+Prolongation<D> prolongation(const Equations<D>& A, const Blocks<D, D>& inverse, double omega,
+                             const Matrix3Xd& X, const std::vector<Eigen::Matrix3d>& free) {
+  const int n = A.n_rows();
+  std::vector<bool> is_held(n, false);
+  for (size_t i = 0; i < free.size(); ++i) is_held[i] = free[i].isZero(0);
+  int n_groups;
+  const std::vector<int> groups = group(A, is_held, n_groups);
+  Prolongation<D> P;
+  P.centre = Matrix3Xd::Zero(3, n_groups);
+  Eigen::VectorXd size = Eigen::VectorXd::Zero(n_groups);
+  for (int i = 0; i < n; ++i)
+    if (groups[i] >= 0) {
+      P.centre.col(groups[i]) += X.col(i);
+      ++size(groups[i]);
+    }
+  P.centre *= size.cwiseInverse().asDiagonal();
+  Blocks<6, D> T(n, Eigen::Matrix<double, 6, D>::Zero());
+  for (int i = 0; i < n; ++i) {
+    if (groups[i] < 0) continue;
+    T[i] = follow<D>(X.col(i) - P.centre.col(groups[i])).transpose();
+    if constexpr (D == 3)
+      if (!free.empty()) T[i] *= free[i];
   }
-  return q.norm();
+  std::vector<int> at(n_groups, -1);  // position of a group in the row at hand
+  for (int i = 0; i < n; ++i) {
+    const int first = P.row_start.back();
+    const auto add_to = [&](int g) -> Eigen::Matrix<double, 6, D>& {
+      if (at[g] < first) {
+        at[g] = static_cast<int>(P.column.size());
+        P.column.push_back(g);
+        P.block.push_back(Eigen::Matrix<double, 6, D>::Zero());
+      }
+      return P.block[at[g]];
+    };
+    for (int k = A.row_start[i]; k < A.row_start[i + 1] && groups[i] >= 0; ++k)
+      if (const int j = A.column[k]; groups[j] >= 0)
+        add_to(groups[j]).noalias() += T[j] * A.block[k].transpose();
+    for (int k = first; k < static_cast<int>(P.column.size()); ++k)
+      P.block[k] = (-omega * P.block[k] * inverse[i].transpose()).eval();
+    if (groups[i] >= 0) add_to(groups[i]) += T[i];
+    P.row_start.push_back(static_cast<int>(P.column.size()));
+  }
+  return P;
 }
 
-/// Adds a force f at an offset d from the centre of a group to the force and torque on it.
-void add_wrench(const Vector3f& f, const Vector3f& d, BodyField& wrench, int group) {
-  wrench.col(group).head<3>() += f;
-  wrench.col(group).segment<3>(3) += d.cross(f);
+/// P^T A P.
+template <int D>
+BodyEquations galerkin(const Equations<D>& A, const Prolongation<D>& P) {
+  const int n = A.n_rows(), n_bodies = static_cast<int>(P.centre.cols());
+  std::vector<int> start(n_bodies + 1, 0), row(P.column.size());  // rows that follow each body
+  for (const int g : P.column) ++start[g + 1];
+  for (int g = 0; g < n_bodies; ++g) start[g + 1] += start[g];
+  std::vector<int> next(start.begin(), start.end() - 1);
+  for (int i = 0; i < n; ++i)
+    for (int k = P.row_start[i]; k < P.row_start[i + 1]; ++k) row[next[P.column[k]]++] = i;
+
+  BodyEquations coarse;
+  std::vector<int> seen(n_bodies, -1), is_near(n, -1);
+  for (int g = 0; g < n_bodies; ++g) {
+    const size_t first = coarse.column.size();
+    for (int m = start[g]; m < start[g + 1]; ++m)
+      for (int k = A.row_start[row[m]]; k < A.row_start[row[m] + 1]; ++k) {
+        const int j = A.column[k];
+        if (is_near[j] == g) continue;
+        is_near[j] = g;
+        for (int p = P.row_start[j]; p < P.row_start[j + 1]; ++p)
+          if (seen[P.column[p]] != g) {
+            seen[P.column[p]] = g;
+            coarse.column.push_back(P.column[p]);
+          }
+      }
+    std::sort(coarse.column.begin() + static_cast<std::ptrdiff_t>(first), coarse.column.end());
+    coarse.row_start.push_back(static_cast<int>(coarse.column.size()));
+  }
+  const auto find = [&](int g, int h) {
+    const auto begin = coarse.column.begin() + coarse.row_start[g],
+               end = coarse.column.begin() + coarse.row_start[g + 1];
+    return static_cast<int>(std::lower_bound(begin, end, h) - coarse.column.begin());
+  };
+  for (int g = 0; g < n_bodies; ++g) coarse.diagonal.push_back(find(g, g));
+  coarse.block.assign(coarse.column.size(), Eigen::Matrix<double, 6, 6>::Zero());
+
+  std::vector<int> at(n_bodies, -1), bodies;
+  Blocks<6, D> W;  // of each body the row's part of (A P)^T
+  for (int i = 0; i < n; ++i) {
+    if (P.row_start[i] == P.row_start[i + 1]) continue;
+    bodies.clear();
+    W.clear();
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) {
+      const int j = A.column[k];
+      for (int p = P.row_start[j]; p < P.row_start[j + 1]; ++p) {
+        int& position = at[P.column[p]];
+        if (position < 0) {
+          position = static_cast<int>(bodies.size());
+          bodies.push_back(P.column[p]);
+          W.push_back(Eigen::Matrix<double, 6, D>::Zero());
+        }
+        W[position].noalias() += P.block[p] * A.block[k].transpose();
+      }
+    }
+    for (const int h : bodies) at[h] = -1;
+    for (int p = P.row_start[i]; p < P.row_start[i + 1]; ++p)
+      for (size_t m = 0; m < bodies.size(); ++m)
+        if (const int g = P.column[p]; bodies[m] >= g)
+          coarse.block[find(g, bodies[m])].noalias() += P.block[p] * W[m].transpose();
+  }
+  next.assign(coarse.row_start.begin(), coarse.row_start.end() - 1);  // in each row; they fill in order
+  for (int g = 0; g < n_bodies; ++g)
+    for (int k = coarse.diagonal[g] + 1; k < coarse.row_start[g + 1]; ++k)
+      coarse.block[next[coarse.column[k]]++] = coarse.block[k].transpose();
+  return coarse;
 }
 
-/// How a point at an offset d from the centre of a group moves with it.
-Vector3f translation(const BodyField& motion, int group, const Vector3f& d) {
-  const Vector3f t = motion.col(group).head<3>(), w = motion.col(group).segment<3>(3);
-  return t + w.cross(d);
-}
+constexpr double kDamping = 4. / 3;  // over the largest eigenvalue [Vanek, Mandel & Brezina 1996]
 
-void append(const Eigen::Matrix<double, 6, 6>& block, std::vector<float>& blocks) {
-  const Eigen::Matrix<float, 6, 6> rounded = block.cast<float>();
-  blocks.insert(blocks.end(), rounded.data(), rounded.data() + rounded.size());
+/// The rounded equations of a level and their prolongation, which is returned in double precision, too.
+template <class Level, int D>
+Prolongation<D> fill(const Equations<D>& A, const Matrix3Xd& X, const std::vector<Eigen::Matrix3d>& free,
+                     Level& level) {
+  const Blocks<D, D> inverse = inverse_diagonal(A);
+  level.A = rounded(A, inverse);
+  Prolongation<D> P = prolongation(A, inverse, kDamping / largest_eigenvalue(level.A), X, free);
+  level.P = {P.row_start, P.column, rounded(P.block)};
+  return P;
 }
 
 }  // namespace
 
-/// A node with all its neighbours where none is in a group yet; what is left joins a neighbour's.
-Multigrid::Groups Multigrid::group(const std::vector<int>& row_start, const std::vector<int>& column,
-                                   const Matrix3Xd& X) {
-  const int n = static_cast<int>(row_start.size()) - 1;
-  Groups groups;
-  groups.of.assign(n, -1);
-  int n_groups = 0;
-  for (int i = 0; i < n; ++i) {
-    const auto begin = column.begin() + row_start[i], end = column.begin() + row_start[i + 1];
-    if (std::any_of(begin, end, [&](int j) { return groups.of[j] >= 0; })) continue;
-    for (auto j = begin; j != end; ++j) groups.of[*j] = n_groups;
-    ++n_groups;
+Multigrid::Multigrid(const BlockMatrix& A, const Matrix3Xd& X,
+                     const std::function<void(Matrix3Xd&)>& constrain) {
+  constexpr Eigen::Index kCoarsest = 20;  // bodies whose matrix is inverted
+  std::vector<Eigen::Matrix3d> free(A.rows());
+  for (int c = 0; c < 3; ++c) {
+    Matrix3Xd direction = Matrix3Xd::Zero(3, A.rows());
+    direction.row(c).setOnes();
+    constrain(direction);
+    for (int i = 0; i < A.rows(); ++i) free[i].col(c) = direction.col(i);
   }
-  std::vector<int> joined = groups.of;
-  for (int i = 0; i < n; ++i)
-    for (int k = row_start[i]; k < row_start[i + 1] && joined[i] < 0; ++k) joined[i] = groups.of[column[k]];
-  groups.of = joined;
-  groups.centre = Matrix3Xd::Zero(3, n_groups);
-  Eigen::VectorXd size = Eigen::VectorXd::Zero(n_groups);
-  for (int i = 0; i < n; ++i) {
-    groups.centre.col(groups.of[i]) += X.col(i);
-    ++size(groups.of[i]);
+  BodyEquations coarse;
+  Matrix3Xd centre;
+  {
+    const Equations<3> nodes{A.row_start, A.column, A.diagonal, A.block};
+    const Prolongation<3> P = fill(nodes, X, free, nodes_);
+    coarse = galerkin(nodes, P);
+    centre = P.centre;
   }
-  groups.centre *= size.cwiseInverse().asDiagonal();
-  groups.offset.resize(3, n);
-  for (int i = 0; i < n; ++i) groups.offset.col(i) = X.col(i) - groups.centre.col(groups.of[i]);
-  pad(groups.offset, 1, groups.rounded);
-  return groups;
-}
-
-template <class Block>
-Multigrid::Level Multigrid::level_of(const std::vector<int>& row_start, const std::vector<int>& column,
-                                     const std::vector<Block>& block, const Groups& groups) {
-  constexpr int D = Block::RowsAtCompileTime;
-  const int n = static_cast<int>(groups.of.size()), n_groups = static_cast<int>(groups.centre.cols());
-  std::vector<std::vector<int>> members(n_groups);
-  for (int i = 0; i < n; ++i) members[groups.of[i]].push_back(i);
-  Level level;
-  BodyMatrix& A = level.A;
-  std::vector<int> at(n_groups, -1);  // position of a column in the row at hand
-  A.row_start.push_back(0);
-  for (int g = 0; g < n_groups; ++g) {
-    const size_t first = A.column.size();
-    for (const int i : members[g])
-      for (int k = row_start[i]; k < row_start[i + 1]; ++k)
-        if (int& position = at[groups.of[column[k]]]; position < static_cast<int>(first)) {
-          position = static_cast<int>(A.column.size());
-          A.column.push_back(groups.of[column[k]]);
-        }
-    std::sort(A.column.begin() + first, A.column.end());
-    for (size_t k = first; k < A.column.size(); ++k) at[A.column[k]] = static_cast<int>(k);
-    level.block.resize(A.column.size(), Matrix6d::Zero());
-    for (const int i : members[g]) {
-      const auto P = prolongation<D>(groups.offset.col(i));
-      for (int k = row_start[i]; k < row_start[i + 1]; ++k)
-        level.block[at[groups.of[column[k]]]].noalias() +=
-            P.transpose() * (block[k] * prolongation<D>(groups.offset.col(column[k])));
-    }
-    A.diagonal.push_back(at[g]);
-    A.row_start.push_back(static_cast<int>(A.column.size()));
-    append(pseudo_inverse(level.block[at[g]]), A.inverse);
+  while (true) {
+    Bodies& level = bodies_.emplace_back();
+    const Eigen::Index n = centre.cols();
+    level.b.setZero(8, n);
+    level.x.setZero(8, n);
+    if (n <= kCoarsest) break;
+    const Prolongation<6> P = fill(coarse.view(), centre, {}, level);
+    if (P.centre.cols() == n) break;
+    coarse = galerkin(coarse.view(), P);
+    centre = P.centre;
   }
-  for (const Matrix6d& block : level.block) append(block, A.block);
-  for (std::vector<float>* blocks : {&A.block, &A.inverse}) blocks->resize(blocks->size() + 2);
-  level.b.resize(8, n_groups);
-  return level;
-}
-
-Multigrid::Multigrid(const LinearSystem& system, const std::vector<Eigen::Matrix3d>& inverse)
-    : largest_(largest_eigenvalue(system, inverse)) {
-  const BlockMatrix& A = system.matrix();
-  groups_ = group(A.row_start, A.column, *system.positions);
-  levels_.push_back(level_of(A.row_start, A.column, A.block, groups_));
-  Matrix3Xd centre = groups_.centre;
-  while (levels_.back().b.cols() > kCoarsest) {
-    Level& fine = levels_.back();
-    fine.groups = group(fine.A.row_start, fine.A.column, centre);
-    centre = fine.groups.centre;
-    if (centre.cols() == fine.b.cols()) break;
-    Level coarse = level_of(fine.A.row_start, fine.A.column, fine.block, fine.groups);
-    fine.block = {};
-    levels_.push_back(std::move(coarse));
-  }
-  const Level& coarsest = levels_.back();
-  const Eigen::Index n = coarsest.b.cols();
+  const Eigen::Index n = centre.cols();
   Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(6 * n, 6 * n);
   for (Eigen::Index i = 0; i < n; ++i)
-    for (int k = coarsest.A.row_start[i]; k < coarsest.A.row_start[i + 1]; ++k)
-      dense.block<6, 6>(6 * i, 6 * coarsest.A.column[k]) = coarsest.block[k];
-  coarsest_inverse_ = pseudo_inverse(dense);
+    for (int k = coarse.row_start[i]; k < coarse.row_start[i + 1]; ++k)
+      dense.block<6, 6>(6 * i, 6 * coarse.column[k]) = coarse.block[k];
+  coarsest_inverse_ = pseudo_inverse(dense).cast<float>();
 }
 
-/// x of level l from its b: a W-cycle, with one sweep of block Gauss-Seidel down and one, backwards, up.
+/// x of level l from its b.
 void Multigrid::cycle(size_t l) {
-  Level& level = levels_[l];
-  if (l + 1 == levels_.size()) {
-    level.x.resize(8, level.b.cols());
-    const Eigen::VectorXd b = level.b.topRows<6>().cast<double>().reshaped();
-    level.x.topRows<6>().reshaped() = (coarsest_inverse_ * b).cast<float>();
+  Bodies& level = bodies_[l];
+  if (l + 1 == bodies_.size()) {
+    const Eigen::VectorXf b = level.b.topRows<6>().reshaped();
+    level.x.topRows<6>().reshaped() = coarsest_inverse_ * b;
     return;
   }
-  const auto n = level.b.cols();
-  Level& coarse = levels_[l + 1];
-  const Groups& groups = level.groups;
+  Bodies& coarse = bodies_[l + 1];
   sweep_down(level.A, level.b, level.x);
-  const int n_visits = l + 2 < levels_.size() ? 2 : 1;
-  for (int visit = 0; visit < n_visits; ++visit) {
-    residual(level.A, level.b, level.x, level.rest);
-    coarse.b.setZero();
-    for (Eigen::Index i = 0; i < n; ++i) {
-      add_wrench(level.rest.col(i).head<3>(), groups.rounded.col(i).head<3>(), coarse.b, groups.of[i]);
-      coarse.b.col(groups.of[i]).segment<3>(3) += level.rest.col(i).segment<3>(3);
-    }
-    cycle(l + 1);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      level.x.col(i).head<3>() += translation(coarse.x, groups.of[i], groups.rounded.col(i).head<3>());
-      level.x.col(i).segment<3>(3) += coarse.x.col(groups.of[i]).segment<3>(3);
-    }
-  }
+  rest_of_sweep(level.A, level.x, level.rest);
+  gather(level.P, level.rest, coarse.b);
+  cycle(l + 1);
+  add_motion(level.P, coarse.x, level.x);
   sweep_up(level.A, level.b, level.x);
 }
 
-void Multigrid::set_smoother(const std::vector<Eigen::Matrix3d>& inverse) {
-  constexpr float kDamping =
-      1.2f;  // over the largest eigenvalue: the upper half of the spectrum fades fastest
-  smoother_ = pad(inverse);
-  smoother_.diagonal *= kDamping / static_cast<float>(largest_);
-  smoother_.off_diagonal *= kDamping / static_cast<float>(largest_);
-}
-
-double Multigrid::apply(const LinearSystem& A, const PaddedField& r, PaddedField& z) {
-  constexpr float kOvershoot = 1.5f;  // groups that move as rigid bodies are too stiff [Braess 1995]
-  const auto n = static_cast<Eigen::Index>(groups_.of.size());
-  multiply(smoother_, r, z);
-  A.rounded_sparse_product(z, Az_);
-  Level& coarse = levels_.front();
-  coarse.b.setZero();
-  for (Eigen::Index i = 0; i < n; ++i)
-    add_wrench((r.col(i) - Az_.col(i)).head<3>(), groups_.rounded.col(i).head<3>(), coarse.b, groups_.of[i]);
+double Multigrid::apply(const PaddedField& r, PaddedField& z) {
+  sweep_down(nodes_.A, r, z);
+  rest_of_sweep(nodes_.A, z, nodes_.rest);
+  gather(nodes_.P, nodes_.rest, bodies_.front().b);
   cycle(0);
-  for (Eigen::Index i = 0; i < n; ++i)
-    z.col(i).head<3>() += kOvershoot * translation(coarse.x, groups_.of[i], groups_.rounded.col(i).head<3>());
-  A.rounded_filter(z);
-  A.rounded_sparse_product(z, Az_);
-  return correct(smoother_, r, Az_, z);
+  add_motion(nodes_.P, bodies_.front().x, z);
+  sweep_up(nodes_.A, r, z);
+  return dot(r, z);
 }
 
 }  // namespace testbed::meshing

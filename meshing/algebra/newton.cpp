@@ -1,6 +1,7 @@
 #include "meshing/algebra/newton.h"
 
 #include <cmath>
+#include <optional>
 
 namespace testbed::meshing {
 
@@ -9,6 +10,7 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
   constexpr int kMaxHalvings = 40;
   NewtonReport report;
   Eigen::Matrix3Xd r, dx;
+  std::optional<double> reached;  // the value where the last step ended
   const auto stop = [&](Status status, const std::string& reason) {
     report.status = status;
     report.reason = reason;
@@ -25,7 +27,7 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
     const bool is_exact = f.direction(r, dx);
     ++report.iterations;
 
-    const double value = f.value(), slope = -r.cwiseProduct(dx).sum();
+    const double value = reached ? *reached : f.value(), slope = -r.cwiseProduct(dx).sum();
     const bool is_flat = -slope < kRounding * (std::abs(value) + options.scale);
     const auto value_after = [&](double step) {
       f.move(dx, step);
@@ -50,6 +52,7 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
       }
       f.move(dx, step);
     }
+    reached = moved;
     const bool is_last = dx.colwise().norm().maxCoeff() < options.step_tolerance;
     if (!is_accepted) f.move(dx.setZero(), 0);
     if (is_last) return report;

@@ -13,7 +13,6 @@ namespace testbed::meshing {
 namespace {
 
 using Four = Float4;         // a node
-using Eight = Float8;        // two
 using Lanes = Float16;       // four nodes
 constexpr int kNodes = 256;  // whose part of a sum is added in single precision
 constexpr Eigen::Index kChunk = kNodes / 4;
@@ -108,49 +107,6 @@ TESTBED_EVERY_WIDTH void multiply_by(const float* factor, const Four* p, Four* y
   for (Eigen::Index i = 0; i < n; ++i) y[i] = factor[i] * p[i];
 }
 
-constexpr std::ptrdiff_t kBody = 8, kBlock = 36;
-
-/// B x of a 6 x 6 block; the last two lanes do not count.
-[[gnu::always_inline]] inline void add_block_product(const float* B, const float* x, Eight& sum) {
-  for (int c = 0; c < 6; ++c) sum += *reinterpret_cast<const Eight*>(B + 6 * c) * x[c];
-}
-
-struct BodyRows {
-  const int* column;
-  const float *block, *inverse, *b;
-
-  /// b_i less the blocks from begin to end times x.
-  [[gnu::always_inline]] void rest(int i, int begin, int end, const float* x, Eight& r) const {
-    Eight sum{};
-    for (int k = begin; k < end; ++k) add_block_product(block + kBlock * k, x + kBody * column[k], sum);
-    r = *reinterpret_cast<const Eight*>(b + kBody * i) - sum;
-  }
-  /// The same, and x_i += its inverse times it.
-  [[gnu::always_inline]] void solve(int i, int begin, int end, float* x) const {
-    Eight r;
-    rest(i, begin, end, x, r);
-    Eight& x_i = *reinterpret_cast<Eight*>(x + kBody * i);
-    add_block_product(inverse + kBlock * i, reinterpret_cast<const float*>(&r), x_i);
-  }
-};
-
-TESTBED_EVERY_WIDTH void sweep_down_by(const BodyRows& A, int n, const int* start, const int* diagonal,
-                                       float* x) {
-  for (int i = 0; i < n; ++i) A.solve(i, start[i], diagonal[i], x);
-}
-
-TESTBED_EVERY_WIDTH void sweep_up_by(const BodyRows& A, int n, const int* start, float* x) {
-  for (int i = n - 1; i >= 0; --i) A.solve(i, start[i], start[i + 1], x);
-}
-
-TESTBED_EVERY_WIDTH void residual_by(const BodyRows& A, int n, const int* start, const float* x, float* r) {
-  for (int i = 0; i < n; ++i) A.rest(i, start[i], start[i + 1], x, *reinterpret_cast<Eight*>(r + kBody * i));
-}
-
-BodyRows rows_of(const BodyMatrix& A, const BodyField& b) {
-  return {A.column.data(), A.block.data(), A.inverse.data(), b.data()};
-}
-
 TESTBED_EVERY_WIDTH void aypx_by(float beta, const Lanes* z, Lanes* p, Eigen::Index n) {
   for (Eigen::Index k = 0; k < n; ++k) p[k] = z[k] + beta * p[k];
 }
@@ -218,20 +174,6 @@ double add_product(const std::vector<int>& row_start, const std::vector<int>& co
     return multiply_blocks(static_cast<int>(begin), static_cast<int>(end), row_start.data(), column.data(),
                            blocks.data(), p.data(), y.data());
   });
-}
-
-void sweep_down(const BodyMatrix& A, const BodyField& b, BodyField& x) {
-  x.setZero(8, b.cols());
-  sweep_down_by(rows_of(A, b), static_cast<int>(b.cols()), A.row_start.data(), A.diagonal.data(), x.data());
-}
-
-void sweep_up(const BodyMatrix& A, const BodyField& b, BodyField& x) {
-  sweep_up_by(rows_of(A, b), static_cast<int>(b.cols()), A.row_start.data(), x.data());
-}
-
-void residual(const BodyMatrix& A, const BodyField& b, const BodyField& x, BodyField& r) {
-  r.resize(8, b.cols());
-  residual_by(rows_of(A, b), static_cast<int>(b.cols()), A.row_start.data(), x.data(), r.data());
 }
 
 }  // namespace testbed::meshing

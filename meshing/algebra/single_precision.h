@@ -56,23 +56,4 @@ void add_scaled(float alpha, const PaddedField& u, PaddedField& y);
 double add_product(const std::vector<int>& row_start, const std::vector<int>& column,
                    const std::vector<float>& blocks, const PaddedField& p, PaddedField& y);
 
-/// Motions of rigid bodies, or forces and torques on them, padded to eight rows that do not count.
-using BodyField = Eigen::Matrix<float, 8, Eigen::Dynamic>;
-
-/// Compressed rows of 6 x 6 blocks, 36 floats each by columns and two more at the end.
-struct BodyMatrix {
-  std::vector<int> row_start, column, diagonal;
-  std::vector<float> block, inverse;  ///< inverse: of the diagonal blocks
-};
-
-/// x = (L + D)^-1 b, L and D the part of A below its diagonal and on it: a sweep of block Gauss-Seidel from
-/// zero.
-void sweep_down(const BodyMatrix& A, const BodyField& b, BodyField& x);
-
-/// x += (D + U)^-1 (b - A x): a sweep backwards.
-void sweep_up(const BodyMatrix& A, const BodyField& b, BodyField& x);
-
-/// r = b - A x.
-void residual(const BodyMatrix& A, const BodyField& b, const BodyField& x, BodyField& r);
-
 }  // namespace testbed::meshing

@@ -208,6 +208,48 @@ TEST(QuasiStatic, StartsWhereTheLastEquilibriaPointAndEndsWhereOneStepDoes) {
   EXPECT_LE(iterations.back(), 1);
 }
 
+/// A beam of 540 nodes that bends by half its length under its own weight, held at one end.
+struct SoftBeam {
+  MassSpringModel model;
+  Forces forces;
+
+  explicit SoftBeam(const char* calibration) : model(box_of(calibration, 5, 0.1)) {
+    model = softened(calibration);
+    forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
+    for (int i = 0; i < model.network.X.cols(); ++i)
+      if (model.network.X(0, i) < 0.1)
+        forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  }
+  MassSpringModel softened(const char* calibration) const {
+    SpringNetwork network;
+    network.X = model.network.X;
+    network.F = model.network.F;
+    network.T = model.network.T;
+    network.n_surface = model.network.n_surface;
+    return calibrate(network, {2e5, 0.25, 1000, 0}, find_calibration(calibration));
+  }
+};
+
+TEST(QuasiStatic, OneStepAndManyEndAtTheSameLargeBendInFewIterations) {
+  for (const char* calibration : {"edge_coupled", "node_averaged"}) {
+    const SoftBeam beam(calibration);
+    ASSERT_GE(beam.model.network.X.cols(), 396);
+    QuasiStaticSolver in_steps(beam.model, beam.forces), at_once(beam.model, beam.forces);
+    State state = initial_state(beam.model), whole = state;
+    int n_newton = 0;
+    for (const double load_factor : {0.25, 0.5, 0.75, 1.}) {
+      const StepReport report = in_steps.solve(load_factor, state);
+      ASSERT_EQ(report.status, Status::Ok) << report.reason;
+      n_newton += report.newton_iterations;
+    }
+    EXPECT_LE(n_newton, 24) << calibration;
+    ASSERT_EQ(at_once.solve(1, whole).status, Status::Ok);
+    const double bend = (whole.x - beam.model.network.X).colwise().norm().maxCoeff();
+    EXPECT_GT(bend, 0.3);
+    EXPECT_LT((state.x - whole.x).colwise().norm().maxCoeff(), kTolerance * bend);
+  }
+}
+
 TEST(QuasiStatic, RefusesLoadsThatWouldDriveAFreeBodyAndNamesThem) {
   const MassSpringModel model = tied_node(3);
   Forces forces = no_load(model);
