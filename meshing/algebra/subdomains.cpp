@@ -12,6 +12,7 @@ void bisect(const Eigen::Matrix3Xd& X, int* begin, int* end, int leaf, int n_lea
     for (const int* i = begin; i != end; ++i) result[*i] = leaf;
     return;
   }
+  if (begin == end) return;
   Eigen::Vector3d low = X.col(*begin), high = low;
   for (const int* i = begin; i != end; ++i) {
     low = low.cwiseMin(X.col(*i));
@@ -28,10 +29,10 @@ void bisect(const Eigen::Matrix3Xd& X, int* begin, int* end, int leaf, int n_lea
 
 }  // namespace
 
-std::vector<int> leaves_of(const Eigen::Matrix3Xd& X) {
+std::vector<int> leaves_of(const Eigen::Matrix3Xd& X, int n_leaves) {
   std::vector<int> nodes(X.cols()), result(X.cols());
   std::iota(nodes.begin(), nodes.end(), 0);
-  bisect(X, nodes.data(), nodes.data() + nodes.size(), 0, 8, result);
+  bisect(X, nodes.data(), nodes.data() + nodes.size(), 0, n_leaves, result);
   return result;
 }
 

@@ -18,8 +18,8 @@ inline constexpr int kSubdomains = 15;
 /// Bodies of fewer nodes do not repay a second thread.
 inline constexpr int kLeastSubdivided = 5000;
 
-/// The leaf that each node lies in; X 3 x n (m).
-std::vector<int> leaves_of(const Eigen::Matrix3Xd& X);
+/// The leaf that each node lies in, or of more leaves, a power of two, the finer one; X 3 x n (m).
+std::vector<int> leaves_of(const Eigen::Matrix3Xd& X, int n_leaves = 8);
 
 /// The smallest subdomain that holds the leaves a to b, a <= b.
 int subdomain_of(int a, int b);
@@ -28,6 +28,15 @@ int subdomain_of(int a, int b);
 template <class Visit>
 void for_each_subdomain(const Visit& visit) {
   for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
+#pragma omp parallel for schedule(static)
+    for (int subdomain = first; subdomain < first + size; ++subdomain) visit(subdomain);
+  }
+}
+
+/// The same, larger ones first.
+template <class Visit>
+void for_each_subdomain_backwards(const Visit& visit) {
+  for (int first = 14, size = 1; size <= 8; size *= 2, first -= size) {
 #pragma omp parallel for schedule(static)
     for (int subdomain = first; subdomain < first + size; ++subdomain) visit(subdomain);
   }

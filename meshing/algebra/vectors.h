@@ -15,6 +15,7 @@
 
 namespace testbed::meshing {
 typedef double Double4 __attribute__((vector_size(32), aligned(8)));
+typedef double Double8 __attribute__((vector_size(64), aligned(8)));
 typedef float Float4 __attribute__((vector_size(16), aligned(4)));
 typedef float Float8 __attribute__((vector_size(32), aligned(4)));
 typedef float Float16 __attribute__((vector_size(64), aligned(4)));
@@ -51,6 +52,9 @@ struct PlainVector {
   friend PlainVector operator*(PlainVector u, PlainVector w) {
     return each([&](int i) { return u[i] * w[i]; });
   }
+  friend PlainVector operator/(PlainVector u, PlainVector w) {
+    return each([&](int i) { return u[i] / w[i]; });
+  }
   friend PlainVector operator+(PlainVector u, Scalar s) {
     return each([&](int i) { return u[i] + s; });
   }
@@ -68,6 +72,7 @@ PlainVector<Scalar, sizeof...(places)> shuffled(PlainVector<Scalar, n> u, PlainV
 }
 
 using Double4 = PlainVector<double, 4>;
+using Double8 = PlainVector<double, 8>;
 using Float4 = PlainVector<float, 4>;
 using Float8 = PlainVector<float, 8>;
 using Float16 = PlainVector<float, 16>;
