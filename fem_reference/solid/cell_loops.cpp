@@ -170,8 +170,9 @@ void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& a
   symmetrise(on.pattern(), blocks);
 }
 
-template void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at, double load_factor,
-                                                 bool with_pressure, double* blocks) const;
+template void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at,
+                                                 double load_factor, bool with_pressure,
+                                                 double* blocks) const;
 
 TwoLevelSolver::Stiffness ElasticSolid::Implementation::stiffness_at(const Matrix3Xd& at, double load_factor,
                                                                      bool with_pressure) const {

@@ -323,8 +323,8 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
     return is_balanced(x, residual);
   };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
-    is_definite = solve_direction(x, load_factor, r,
-                                  std::clamp(kForcing * r.norm() / first, kDeepest, kForcing), dx);
+    is_definite =
+        solve_direction(x, load_factor, r, std::clamp(kForcing * r.norm() / first, kDeepest, kForcing), dx);
     return is_definite;
   };
   objective.move = [&](const Matrix3Xd& dx, double step) { x = start + step * dx; };
