@@ -31,7 +31,7 @@ BELOW = {
     "massspring/choices": ["massspring/calibrations", "massspring/time", "meshing"],
     "fem_reference/base": ["meshing/base"],
     "fem_reference/elements": ["fem_reference/base", "meshing"],
-    "fem_reference/solvers": ["fem_reference/base", "fem_reference/elements"],
+    "fem_reference/solvers": ["fem_reference/base", "fem_reference/elements", "meshing/algebra"],
     "fem_reference/solid": ["fem_reference", "meshing"],
 }  # fmt: skip
 

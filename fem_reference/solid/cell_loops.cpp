@@ -1,4 +1,5 @@
 // The loops over cells: loads, forces, stiffness, mass and energy.
+#include <deal.II/base/quadrature_lib.h>
 #include <deal.II/fe/fe_values.h>
 
 #include <Eigen/Cholesky>
@@ -7,7 +8,6 @@
 #include <cmath>
 #include <map>
 
-#include "fem_reference/elements/laws.h"
 #include "fem_reference/solid/implementation.h"
 
 namespace testbed::fem {
@@ -16,35 +16,76 @@ namespace {
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 
-constexpr int kMaxNodes = 10;  // of a tetrahedron
-
 Vector3d eigen(const dealii::Point<3>& p) {
   return {p[0], p[1], p[2]};
 }
-Vector3d eigen(const dealii::Tensor<1, 3>& p) {
-  return {p[0], p[1], p[2]};
+
+/// Largest |principal strain|, or at finite strain |principal stretch - 1|; that of another point where this
+/// one's is smaller, which the norm of its strain often tells without its eigenvalues.
+double largest_strain(ElasticLaw law, const Eigen::Matrix3d& F, double of_others) {
+  using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>;
+  if (law == ElasticLaw::SmallStrain) {
+    const Eigen::Matrix3d strain = (F + F.transpose()) / 2 - Eigen::Matrix3d::Identity();
+    if (strain.norm() <= of_others) return of_others;
+    return std::max(of_others, Solver(strain, Eigen::EigenvaluesOnly).eigenvalues().cwiseAbs().maxCoeff());
+  }
+  const Eigen::Matrix3d C = F.transpose() * F;
+  const double bound = (C - Eigen::Matrix3d::Identity()).norm();  // of eigenvalues of C less 1
+  if (bound < 1 && 1 - std::sqrt(1 - bound) <= of_others) return of_others;
+  return std::max(
+      of_others,
+      (Solver(C, Eigen::EigenvaluesOnly).eigenvalues().array().max(0).sqrt() - 1).abs().maxCoeff());
 }
 
-/// Largest |principal strain|, or at finite strain |principal stretch - 1|.
-double largest_strain(ElasticLaw law, const Eigen::Matrix3d& F) {
-  using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>;
-  if (law == ElasticLaw::SmallStrain)
-    return (Solver((F + F.transpose()) / 2, Eigen::EigenvaluesOnly).eigenvalues().array() - 1)
-        .abs()
-        .maxCoeff();
-  return (Solver(F.transpose() * F, Eigen::EigenvaluesOnly).eigenvalues().array().max(0).sqrt() - 1)
-      .abs()
-      .maxCoeff();
+/// This process' cells.
+std::vector<int> own_cells(const Space& space) {
+  std::vector<int> own;
+  for (const auto& cell : space.cells()) own.push_back(static_cast<int>(cell->active_cell_index()));
+  return own;
 }
 
 }  // namespace
 
-dealii::Quadrature<3> ElasticSolid::Implementation::quadrature(int p) const {
+ElasticSolid::Implementation::Implementation(const TetMesh& tetrahedra, int p)
+    : mesh(tetrahedra),
+      degree(p),
+      nodes(mesh, degree),
+      space(triangulate(mesh, triangulation), degree, nodes),
+      tets(nodes.X, nodes.cells, own_cells(space)),
+      corners(degree == 2 && processes().n == 1
+                  ? std::make_optional<TetBatches>(mesh.X, mesh.T, own_cells(space))
+                  : std::nullopt),
+      solver(nodes.X, nodes.edges, tets, corners ? &*corners : nullptr),
+      u(Matrix3Xd::Zero(3, nodes.X.cols())) {}
+
+/// Exact for the stiffness of degree p at small strain and no eigenstrain that varies.
+TetRule ElasticSolid::Implementation::rule(int p) const {
   const int order = p + (loads.shrinkage ? 1 : 0);
-  if (order != 2) return dealii::QGaussSimplex<3>(static_cast<unsigned>(order));
-  // The symmetric rule of degree 2; deal.II's own has six points, with results that depend on node numbers.
-  const double b = (5 - std::sqrt(5)) / 20, a = 1 - 3 * b;
-  return dealii::Quadrature<3>({{a, b, b}, {b, a, b}, {b, b, a}, {b, b, b}}, std::vector<double>(4, 1. / 24));
+  TetRule rule;
+  if (order == 2) {
+    // The symmetric rule of degree 2; deal.II's own has six points, with results that depend on node numbers.
+    const double b = (5 - std::sqrt(5)) / 20;
+    rule.points = Eigen::Matrix4d::Constant(b);
+    rule.points.diagonal().setConstant(1 - 3 * b);
+    rule.weights = Eigen::Vector4d::Constant(0.25);
+    return rule;
+  }
+  const dealii::QGaussSimplex<3> points(static_cast<unsigned>(order));
+  rule.points.resize(4, points.size());
+  rule.weights.resize(points.size());
+  for (unsigned q = 0; q < points.size(); ++q) {
+    const Vector3d x = eigen(points.point(q));
+    rule.points.col(q) << 1 - x.sum(), x;
+    rule.weights(q) = 6 * points.weight(q);
+  }
+  return rule;
+}
+
+void ElasticSolid::Implementation::shrink(double load_factor) {
+  if (!loads.shrinkage || load_factor == shrunk_at) return;
+  shrunk_at = load_factor;
+  for (TetBatches* on : {&tets, corners ? &*corners : nullptr})
+    if (on) on->set_shrinkage([&](const Vector3d& x) { return loads.shrinkage(x, load_factor); });
 }
 
 void ElasticSolid::Implementation::find_load() {
@@ -89,67 +130,65 @@ void ElasticSolid::Implementation::find_load() {
   sum_over_processes(load);
 }
 
-template <class Use>
-void ElasticSolid::Implementation::for_each_element(const Space& on, const Matrix3Xd& at, double load_factor,
-                                                    const Tangent& tangent, Use use) const {
-  const auto points = quadrature(static_cast<int>(on.element.degree));
-  dealii::FEValues<3> values(
-      mapping, on.scalar_element, points,
-      dealii::update_gradients | dealii::update_JxW_values | dealii::update_quadrature_points);
-  const LameConstants lame(material);
-  const int n = static_cast<int>(on.scalar_element.n_dofs_per_cell());
-  Eigen::Matrix<double, 3 * kMaxNodes, 3 * kMaxNodes> K;
-  Eigen::Matrix<double, 3, kMaxNodes> f, g, u_cell;
-  for (const auto& cell : on.cells()) {
-    values.reinit(static_cast<dealii::Triangulation<3>::active_cell_iterator>(cell));
-    const std::vector<int> ranks = on.ranks(cell);
-    for (int a = 0; a < n; ++a) u_cell.col(a) = at.col(on.flat_of[3 * ranks[a]] / 3);
-    K.setZero();
-    f.setZero();
-    double energy = 0;
-    for (unsigned q = 0; q < points.size(); ++q) {
-      const double w = values.JxW(q);
-      for (int a = 0; a < n; ++a) g.col(a) = eigen(values.shape_grad(a, q));
-      const Eigen::Matrix3d F = Eigen::Matrix3d::Identity() + u_cell.leftCols(n) * g.leftCols(n).transpose();
-      const double s = loads.shrinkage ? loads.shrinkage(eigen(values.quadrature_point(q)), load_factor) : 0;
-      const ElasticResponse r = respond(law, lame, F, s, tangent.of_body);
-      energy += w * r.energy;
-      f.leftCols(n).noalias() -= w * r.P * g.leftCols(n);
-      for (int b = 0; tangent.of_body && b < n; ++b) {
-        // Stress by a unit displacement of node b, a column for each component.
-        const Eigen::Matrix<double, 9, 3> by_b =
-            w * (r.C.leftCols<3>() * g(0, b) + r.C.middleCols<3>(3) * g(1, b) + r.C.rightCols<3>() * g(2, b));
-        for (int a = 0; a <= b; ++a)
-          K.block<3, 3>(3 * a, 3 * b) +=
-              g(0, a) * by_b.topRows<3>() + g(1, a) * by_b.middleRows<3>(3) + g(2, a) * by_b.bottomRows<3>();
-      }
-    }
-    use(ranks, K, f, energy);
-  }
-  for_each_follower(on.element.degree == 1 ? 3 : 6, at, load_factor,
+void ElasticSolid::Implementation::find_residual(const Matrix3Xd& at, double load_factor, Matrix3Xd& r) {
+  shrink(load_factor);
+  tets.forces(at, r);
+  sum_over_processes(r.reshaped());
+  size = std::max(size, load_factor * load.norm() + r.norm());
+  r = load_factor * load.reshaped(3, r.cols()) - r;
+  for_each_follower(nodes.faces.rows(), at, load_factor,
                     [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
-                      std::vector<int> ranks;
-                      for (int node : face) ranks.push_back(static_cast<int>(on.dof_of[3 * node] / 3));
-                      use(ranks, ((tangent.of_pressure ? p : 0) * v.hessian).eval(), (-p * v.gradient).eval(),
-                          0);
+                      for (int a = 0; a < face.size(); ++a) r.col(face(a)) -= p * v.gradient.col(a);
                     });
+  for (Eigen::Index k = 0; k < r.size(); ++k)
+    if (is_held[k]) r.data()[k] = 0;
 }
 
-/// Tangent at `at`, whose columns are the nodes. Returns the
-/// out-of-balance forces load - dW/du, less those of prescribed values.
-Eigen::VectorXd ElasticSolid::Implementation::assemble_tangent(const Space& on, SystemMatrix& into,
-                                                               const Matrix3Xd& at, double load_factor,
-                                                               const Tangent& tangent) const {
-  into.reset(on);
-  Eigen::VectorXd force = Eigen::VectorXd::Zero(into.prescribed.size());
-  for_each_element(on, at, load_factor, tangent,
-                   [&](const std::vector<int>& ranks, const auto& K, const auto& f, double) {
-                     into.add_cell(ranks, K, f, force);
-                   });
-  sum_over_processes(force);
-  for (int i = 0; i < force.size(); ++i)
-    force(i) = into.is_held[i] ? 0 : force(i) + load_factor * load(on.flat_of[i]);
-  return force;
+double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_factor) {
+  shrink(load_factor);
+  double energy = tets.energy(at) - load_factor * load.dot(at.reshaped());
+  for_each_follower(nodes.faces.rows(), at, load_factor,
+                    [&](double p, const auto&, const EnclosedVolume& v) { energy += p * v.volume; });
+  return energy;
+}
+
+template <class Real>
+void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at, double load_factor,
+                                        bool with_pressure, Real* blocks) const {
+  on.add_tangent(at, blocks);
+  if (with_pressure)
+    for_each_follower(
+        &on == &tets ? nodes.faces.rows() : 3, at, load_factor,
+        [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
+          for (int a = 0; a < face.size(); ++a)
+            for (int b = a; b < face.size(); ++b) {
+              const int place = on.pattern().find(on.rank()[face(a)], on.rank()[face(b)]);
+              Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place)) +=
+                  (p * v.hessian.block<3, 3>(3 * a, 3 * b)).cast<Real>();
+            }
+        });
+  symmetrise(on.pattern(), blocks);
+}
+
+template void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at,
+                                                 double load_factor, bool with_pressure,
+                                                 double* blocks) const;
+
+TwoLevelSolver::Stiffness ElasticSolid::Implementation::stiffness_at(const Matrix3Xd& at, double load_factor,
+                                                                     bool with_pressure) const {
+  TwoLevelSolver::Stiffness A;
+  A.blocks.assign(9 * tets.pattern().column.size() + 3, 0);
+  fill(tets, at, load_factor, with_pressure, A.blocks.data());
+  const auto fill_held = [=](const TetBatches& on, const std::vector<char>& is_held_row) {
+    return [=, &on, &is_held_row](meshing::BlockMatrix& B) {
+      double* blocks = B.block.data()->data();
+      fill(on, at, load_factor, with_pressure, blocks);
+      meshing::hold(B, is_held_row, blocks);
+    };
+  };
+  A.fill_fine = fill_held(tets, held_rows);
+  if (corners) A.fill_corners = fill_held(*corners, held_corner_rows);
+  return A;
 }
 
 /// Makes u orthogonal to the free rigid motions in L2 over the volume, whatever the mesh.
@@ -157,7 +196,7 @@ void ElasticSolid::Implementation::remove_rigid_motion(Matrix3Xd& displacement) 
   const auto m = rigid.cols();
   if (m == 0) return;
   Eigen::MatrixXd fields(rigid.rows(), m + 1);  // motions and displacement, over 3 i + c
-  for (int k = 0; k < fields.rows(); ++k) fields.row(k) << rigid.row(space.dof_of[k]), displacement.data()[k];
+  fields << rigid, displacement.reshaped();
   const dealii::QWitherdenVincentSimplex<3> points(2);  // exact for a product of degrees 2 and 1
   dealii::FEValues<3> values(mapping, space.element, points,
                              dealii::update_values | dealii::update_JxW_values);
@@ -179,63 +218,48 @@ void ElasticSolid::Implementation::remove_rigid_motion(Matrix3Xd& displacement) 
   displacement.reshaped() -= fields.leftCols(m) * products.leftCols(m).ldlt().solve(products.col(m));
 }
 
-void ElasticSolid::Implementation::measure(const Matrix3Xd& at, double load_factor, ElasticReport& report,
-                                           bool with_strain) const {
-  const auto points = quadrature(degree);
-  dealii::FEValues<3> values(
-      mapping, space.scalar_element, points,
-      dealii::update_gradients | dealii::update_JxW_values | dealii::update_quadrature_points);
-  const LameConstants lame(material);
-  const unsigned n = space.element.n_dofs_per_cell();
-  std::vector<unsigned> dofs(n);
-  report.elastic_energy = report.max_strain = 0;
-  for (const auto& cell : space.cells()) {
-    values.reinit(static_cast<dealii::Triangulation<3>::active_cell_iterator>(cell));
-    cell->get_dof_indices(dofs);
-    for (unsigned q = 0; q < points.size(); ++q) {
-      Eigen::Matrix3d F = Eigen::Matrix3d::Identity();
-      for (unsigned i = 0; i < n; ++i) {
-        const auto [c, a] = space.element.system_to_component_index(i);
-        F.row(c) += at.data()[space.flat_of[dofs[i]]] * eigen(values.shape_grad(a, q)).transpose();
-      }
-      const double s = loads.shrinkage ? loads.shrinkage(eigen(values.quadrature_point(q)), load_factor) : 0;
-      report.elastic_energy += values.JxW(q) * respond(law, lame, F, s, false).energy;
-      if (with_strain) report.max_strain = std::max(report.max_strain, largest_strain(law, F));
-    }
-  }
-  sum_over_processes(Eigen::Map<Eigen::VectorXd>(&report.elastic_energy, 1));
-  report.max_strain = largest_over_processes(report.max_strain);
+double ElasticSolid::Implementation::max_strain(const Matrix3Xd& at) const {
+  double largest = 0;
+  tets.for_each_gradient(at, [&](const Eigen::Matrix3d& F) { largest = largest_strain(law, F, largest); });
+  return largest_over_processes(largest);
 }
 
 Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,
                                       bool with_tangent) const {
-  const Space& space = self_->space;
+  Implementation& s = *self_;
   Linearisation result;
-  SystemMatrix K(space);
-  if (with_tangent) K.reset(space);
-  Eigen::VectorXd force = Eigen::VectorXd::Zero(n_dofs());
-  self_->for_each_element(
-      space, displacement, load_factor, {with_tangent, with_tangent},
-      [&](const std::vector<int>& ranks, const auto& cell_K, const auto& f, double energy) {
-        result.energy += energy;
-        if (with_tangent)
-          K.add_cell(ranks, cell_K, f, force);
-        else
-          for (size_t a = 0; a < ranks.size(); ++a) force.segment<3>(3 * ranks[a]) += f.col(a);
-      });
-  result.force.resize(n_dofs());
-  for (int i = 0; i < n_dofs(); ++i) result.force(space.flat_of[i]) = -force(i);
+  s.shrink(load_factor);
+  result.energy = s.tets.energy(displacement);
+  Matrix3Xd force;
+  s.tets.forces(displacement, force);
+  s.for_each_follower(s.nodes.faces.rows(), displacement, load_factor,
+                      [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
+                        for (int a = 0; a < face.size(); ++a) force.col(face(a)) += p * v.gradient.col(a);
+                      });
+  result.force = force.reshaped();
   if (!with_tangent) return result;
-  std::vector<Eigen::Triplet<double>> entries;  // at 3 node + component
-  entries.reserve(2 * K.lower.nonZeros());
-  for (int i = 0; i < K.lower.rows(); ++i)
-    for (SystemMatrix::Rows::InnerIterator entry(K.lower, i); entry; ++entry) {
-      const int row = space.flat_of[i], column = space.flat_of[entry.col()];
-      entries.emplace_back(row, column, entry.value());
-      if (row != column) entries.emplace_back(column, row, entry.value());
-    }
+  meshing::BlockMatrix K = s.tets.pattern();
+  K.block.assign(K.column.size(), Eigen::Matrix3d::Zero());
+  s.fill(s.tets, displacement, load_factor, true, K.block.data()->data());
+  std::vector<int> node(K.rows());
+  for (int i = 0; i < K.rows(); ++i) node[s.tets.rank()[i]] = i;
+  // Columns of the symmetric matrix are its rows; those of a node are compressed in the nodes' order.
   result.tangent.resize(n_dofs(), n_dofs());
-  result.tangent.setFromTriplets(entries.begin(), entries.end());
+  result.tangent.reserve(static_cast<Eigen::Index>(9 * K.block.size()));
+  std::vector<std::pair<int, int>> neighbours;  // node, block
+  for (int i = 0; i < K.rows(); ++i) {
+    const int row = s.tets.rank()[i];
+    neighbours.clear();
+    for (int k = K.row_start[row]; k < K.row_start[row + 1]; ++k)
+      neighbours.emplace_back(node[K.column[k]], k);
+    std::sort(neighbours.begin(), neighbours.end());
+    for (int c = 0; c < 3; ++c) {
+      result.tangent.startVec(3 * i + c);
+      for (const auto& [j, k] : neighbours)
+        for (int d = 0; d < 3; ++d) result.tangent.insertBack(3 * j + d, 3 * i + c) = K.block[k](c, d);
+    }
+  }
+  result.tangent.finalize();
   return result;
 }
 
@@ -262,11 +286,11 @@ Eigen::SparseMatrix<double> ElasticSolid::mass(MassMatrix kind) const {
     // Row sums would be negative at the vertices of quadratic elements.
     if (kind == MassMatrix::Lumped)
       m = (m.sum() / m.trace() * m.diagonal()).asDiagonal().toDenseMatrix().eval();
-    const std::vector<int> ranks = space.ranks(cell);
+    const auto nodes_of = self_->nodes.cells.col(static_cast<int>(cell->active_cell_index()));
     for (int a = 0; a < n; ++a)
       for (int b = 0; b < n; ++b)
         for (int c = 0; m(a, b) != 0 && c < 3; ++c)
-          entries.emplace_back(space.flat_of[3 * ranks[a] + c], space.flat_of[3 * ranks[b] + c], m(a, b));
+          entries.emplace_back(3 * nodes_of(a) + c, 3 * nodes_of(b) + c, m(a, b));
   }
   Eigen::SparseMatrix<double> M(n_dofs(), n_dofs());
   M.setFromTriplets(entries.begin(), entries.end());

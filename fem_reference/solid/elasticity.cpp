@@ -6,6 +6,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 
@@ -68,17 +69,16 @@ void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
   constexpr double kZero = 1e-10;  // squared sine of the angle at which supports hold a motion
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(moved);
   const int m = static_cast<int>((eigen.eigenvalues().array() < kZero).count());
-  const Eigen::MatrixXd by_node = R * eigen.eigenvectors().leftCols(m);
-  rigid.resize(by_node.rows(), m);
-  for (int k = 0; k < by_node.rows(); ++k) rigid.row(space.dof_of[k]) = by_node.row(k);
+  rigid = R * eigen.eigenvectors().leftCols(m);
   if (m > 0)
     rigid = Eigen::HouseholderQR<Eigen::MatrixXd>(rigid).householderQ() *
             Eigen::MatrixXd::Identity(rigid.rows(), m);
 }
 
 void ElasticSolid::Implementation::check_balance() const {
-  Eigen::VectorXd f(load.size());
-  for (int k = 0; k < load.size(); ++k) f(space.dof_of[k]) = fine.is_held[space.dof_of[k]] ? 0 : load(k);
+  Eigen::VectorXd f = load;
+  for (int k = 0; k < load.size(); ++k)
+    if (is_held[k]) f(k) = 0;
   constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
   if ((rigid.transpose() * f).norm() <= kBalanced * f.norm()) return;
   const Vector3d centre = nodes.X.rowwise().mean();
@@ -92,10 +92,8 @@ void ElasticSolid::Implementation::check_balance() const {
   what << "the supports leave " << rigid.cols() << " rigid motions free (";
   bool is_first = true;
   for (int k = 0; k < 6; ++k) {
-    Eigen::VectorXd motion(load.size());
-    for (int j = 0; j < load.size(); ++j) motion(space.dof_of[j]) = motions(j, k);
     constexpr double kPart = 1e-6;
-    if ((rigid.transpose() * motion).norm() < kPart * motion.norm()) continue;
+    if ((rigid.transpose() * motions.col(k)).norm() < kPart * motions.col(k).norm()) continue;
     what << (is_first ? "" : ", ") << kMotions[k];
     is_first = false;
   }
@@ -110,6 +108,11 @@ double ElasticSolid::Implementation::held_displacement(int k, double load_factor
   return loads.motion ? loads.motion(k, load_factor) : load_factor * held[k].displacement;
 }
 
+void ElasticSolid::Implementation::prescribe(double load_factor, Matrix3Xd& at) const {
+  for (size_t k = 0; k < held.size(); ++k)
+    at(held[k].component, held[k].node) = held_displacement(static_cast<int>(k), load_factor);
+}
+
 void ElasticSolid::assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
                             const std::vector<HeldComponent>& held) {
   Implementation& s = *self_;
@@ -119,15 +122,25 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.held = held;
   s.u.setZero();
   s.factor = 0;
-  s.find_rigid_motions(s.u);
-  std::fill(s.fine.is_held.begin(), s.fine.is_held.end(), false);
-  if (s.coarse) std::fill(s.coarse->is_held.begin(), s.coarse->is_held.end(), false);
-  for (const HeldComponent& h : held) {
-    s.fine.is_held[s.space.dof_of[3 * h.node + h.component]] = true;
-    if (s.coarse && h.node < s.nodes.n_vertices)
-      s.coarse->is_held[s.coarse_space->dof_of[3 * h.node + h.component]] = true;
+  s.path.emplace(s.u);
+  s.constant.reset();
+  s.stiffness_norm = 0;
+  s.shrunk_at = -1;
+  s.is_held.assign(n_dofs(), false);
+  for (const HeldComponent& h : held) s.is_held[3 * h.node + h.component] = true;
+  const auto rows_of = [&](const TetBatches& on) {
+    std::vector<char> rows(3 * on.rank().size());
+    for (size_t k = 0; k < rows.size(); ++k) rows[3 * on.rank()[k / 3] + k % 3] = s.is_held[k];
+    return rows;
+  };
+  s.held_rows = rows_of(s.tets);
+  s.tets.set_law(law, LameConstants(material), s.rule(s.degree));
+  if (s.corners) {
+    s.held_corner_rows = rows_of(*s.corners);
+    s.corners->set_law(law, LameConstants(material), s.rule(1));
   }
-  s.solver->forget();
+  s.solver.hold(s.is_held);
+  s.find_rigid_motions(s.u);
   s.find_load();
 }
 
@@ -136,142 +149,217 @@ void ElasticSolid::set_tolerance(double tolerance) {
 }
 
 void ElasticSolid::relieve_inertia() {
-  Eigen::MatrixXd motions(n_dofs(), n_free_rigid_motions());
-  for (int k = 0; k < n_dofs(); ++k) motions.row(k) = self_->rigid.row(self_->space.dof_of[k]);
+  const Eigen::MatrixXd& motions = self_->rigid;
   const Eigen::MatrixXd momenta = mass() * motions;
   self_->load -= momenta * (motions.transpose() * momenta).ldlt().solve(motions.transpose() * self_->load);
 }
 
 double ElasticSolid::max_strain(const Matrix3Xd& displacement) const {
-  ElasticReport report;
-  self_->measure(displacement, self_->factor, report);
-  return report.max_strain;
+  return self_->max_strain(displacement);
 }
 
-double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_factor) const {
-  ElasticReport report;
-  measure(at, load_factor, report, false);
-  double energy = report.elastic_energy - load_factor * load.dot(at.reshaped());
-  for_each_follower(nodes.faces.rows(), at, load_factor,
-                    [&](double p, const auto&, const EnclosedVolume& v) { energy += p * v.volume; });
-  return energy;
+void ElasticSolid::Implementation::hold(TwoLevelSolver::Stiffness& A) const {
+  meshing::hold(tets.pattern(), held_rows, A.blocks.data());
 }
 
-/// Newton's method from the last equilibrium, or the one linear solve.
-ElasticReport ElasticSolid::Implementation::find_equilibrium(double load_factor, StageTimer* timer) {
-  const bool is_linear = law == ElasticLaw::SmallStrain;
-  constexpr double kNewtonTolerance = 1e-9;
-  // A step need not be more exact than Newton's method is there [Eisenstat & Walker 1996].
-  constexpr double kForcing = 0.01;
-  constexpr double kRounding = 1e-12, kShortestStep = 1e-4;
-  constexpr int kMaxNewton = 30;
+bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double residual) {
+  constexpr double kLinear = 1e-13, kNewton = 1e-10;
+  const bool is_small = law == ElasticLaw::SmallStrain;
+  report.tolerance = tolerance.value_or(is_small ? kLinear : kNewton);
+  report.residual = size > 0 ? residual / size : 0;
+  // Forces at nodes are sums of stresses on the faces of elements, of strains of the size of 1 or of
+  // differences of displacements. Rounding of these is what no solver makes less [Rigal & Gaches 1967].
+  const LameConstants lame(material);
+  const auto n = static_cast<double>(at.cols());
+  const double h = std::cbrt(volume(mesh.X, mesh.F) / n);
+  const double rounding =
+      std::max(1e-15 * (lame.lambda + 2 * lame.mu) * h * (at.norm() + (is_small ? 0 : h * std::sqrt(n))),
+               std::numeric_limits<double>::epsilon() * stiffness_norm * at.norm());
+  report.is_converged = residual <= std::max(report.tolerance * size, rounding);
+  return report.is_converged;
+}
+
+/// Iterative refinement: the residual in double precision by the elements, corrections in single.
+void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* timer) {
+  constexpr int kMaxRefinements = 30;
+  constexpr double kDeepest = 1e-5, kLost = 0.5;
   const auto stage = [&](const char* name) {
     if (timer) timer->start(name);
   };
-  ElasticReport report;
-  report.tolerance = is_linear ? tolerance : kNewtonTolerance;
-  Matrix3Xd at = is_linear ? Matrix3Xd::Zero(3, u.cols()) : u;
-  Matrix3Xd du(3, u.cols());
-  double first = 0;
-  bool is_moved = false;
-  // Of all forces at nodes, which are sums of stresses on the faces of elements. Measured: a third of it.
-  const LameConstants lame(material);
-  const auto n_nodes = static_cast<double>(u.cols());
-  const double rounding = 1e-15 * (lame.lambda + 2 * lame.mu) * std::sqrt(n_nodes) *
-                          std::pow(volume(mesh.X, mesh.F) / n_nodes, 2. / 3);
-  for (size_t k = 0; k < held.size(); ++k) {
-    const int i = 3 * held[k].node + held[k].component;
-    const double move = held_displacement(static_cast<int>(k), load_factor) - at.data()[i];
-    fine.prescribed(space.dof_of[i]) = move;
-    is_moved = is_moved || move != 0;
-  }
-  for (int iteration = 0; iteration <= kMaxNewton; ++iteration) {
+  Matrix3Xd at = Matrix3Xd::Zero(3, u.cols()), r;
+  prescribe(load_factor, at);
+  double before = std::numeric_limits<double>::infinity();
+  for (int refinement = 0; refinement < kMaxRefinements; ++refinement) {
     stage("assemble");
-    // The first step brings prescribed displacements; later ones leave them.
-    if (iteration > 0) fine.prescribed.setZero();
-    const Eigen::VectorXd residual = assemble_tangent(space, fine, at, load_factor);
-    if (iteration == 0) first = residual.norm();
-    // A step that moves nothing starts from what rounding has left, which no iteration makes less.
-    const double size = is_linear ? first : std::max(first, rounding / kNewtonTolerance);
-    report.residual = size > 0 ? residual.norm() / size : 0;
-    report.is_converged = report.residual <= kNewtonTolerance && (iteration > 0 || !is_moved);
-    if (report.is_converged) break;
-    if (!is_linear) find_rigid_motions(at);
-    if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor);
-    stage("solve");
-    const auto solve = [&] {
-      if (processes().n > 1) return solve_distributed(nodes, space, fine, rigid, residual, tolerance);
-      return solver->solve(fine, coarse ? *coarse : fine, rigid, residual,
-                           is_linear ? tolerance : std::clamp(kForcing * report.residual, 1e-6, kForcing));
-    };
-    LinearReport linear = solve();
-    if (loads.follower_pressure && !(linear.is_converged && linear.x.dot(residual) > 0)) {
-      // The stress that makes the tangent definite is still to come. The body's part alone also descends.
-      assemble_tangent(space, fine, at, load_factor, {true, false});
-      if (coarse) assemble_tangent(*coarse_space, *coarse, at, load_factor, {true, false});
-      linear = solve();
+    find_residual(at, load_factor, r);
+    const double residual = r.norm();
+    if (is_balanced(at, residual)) break;
+    const double wanted = 0.5 * report.tolerance * size / residual;
+    LinearReport linear;
+    if (processes().n > 1) {
+      meshing::BlockMatrix part = tets.pattern();
+      part.block.assign(part.column.size(), Eigen::Matrix3d::Zero());
+      fill(tets, at, load_factor, false, part.block.data()->data());
+      meshing::hold(part, held_rows, part.block.data()->data());
+      stage("solve");
+      linear = solve_distributed(nodes, space, part, tets.rank(), rigid, r, wanted, at);
+    } else {
+      if (!constant) {
+        constant = stiffness_at(Matrix3Xd::Zero(3, u.cols()), 0, false);
+        hold(*constant);
+        stiffness_norm = Eigen::Map<const Eigen::VectorXf>(constant->blocks.data(),
+                                                           static_cast<Eigen::Index>(constant->blocks.size()))
+                             .cast<double>()
+                             .norm();
+      }
+      stage("solve");
+      if (residual > kLost * before) {  // single precision is not enough
+        iterate_in_double(r, wanted, at);
+        find_residual(at, load_factor, r);
+        is_balanced(at, r.norm());
+        break;
+      }
+      linear = solver.solve(*constant, rigid, r, std::max(kDeepest, wanted), at);
     }
-    if (!linear.is_definite && is_linear)
+    if (!linear.is_definite)
       throw std::runtime_error(
           "the stiffness matrix is not positive definite, expected supports and sound tetrahedra");
     report.solver = linear.solver;
     report.linear_iterations += linear.iterations;
-    if (!linear.is_definite) return report;
-    for (int k = 0; k < du.size(); ++k) {
-      const unsigned i = space.dof_of[k];
-      du.data()[k] = fine.is_held[i] ? fine.prescribed(i) : linear.x(i);
-    }
-    if (is_linear) {
-      at = du;
-      report.residual = linear.residual;
-      report.is_converged = linear.is_converged;
-      break;
-    }
-    ++report.newton_iterations;
-    if (!linear.is_converged) return report;
-    // A shorter step would miss prescribed displacements, and a full one may have to climb for them.
-    const bool is_free_to_shorten = iteration > 0 || !is_moved;
-    const double before = is_free_to_shorten ? potential(at, load_factor) : 0;
-    // Energies are sums over the body of terms of the size of E, near which a small strain's are lost.
-    const double noise = kRounding * std::abs(before) + 1e-15 * material.E * volume(mesh.X, mesh.F);
-    const auto is_accepted = [&](double part) {
-      const double after = potential(at + part * du, load_factor);
-      return std::isfinite(after) && (!is_free_to_shorten || after <= before + noise);
-    };
-    double part = 1;
-    while (!is_accepted(part)) {
-      part /= 2;
-      if (!is_free_to_shorten || part < kShortestStep) return report;
-    }
-    at += part * du;
+    before = residual;
   }
-  if (!report.is_converged) return report;
-  if (is_linear) remove_rigid_motion(at);  // a small rotation would strain a body that has moved far
+  if (!report.is_converged) return;
+  remove_rigid_motion(at);  // a small rotation would strain a body that has moved far
   u = at;
   factor = load_factor;
-  measure(u, load_factor, report);
-  return report;
+}
+
+/// Adds to x the solution of K x = r by conjugate gradients in double precision, whose products are forces.
+void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double relative, Matrix3Xd& x) {
+  constexpr int kMaxIterations = 2000;
+  for (TetBatches* on : {&tets, corners ? &*corners : nullptr})
+    if (on) on->set_shrinkage({});
+  shrunk_at = -1;
+  const auto restrict_to_free = [&](Matrix3Xd& y) {
+    for (Eigen::Index k = 0; k < y.size(); ++k)
+      if (is_held[k]) y.data()[k] = 0;
+    y.reshaped() -= rigid * (rigid.transpose() * y.reshaped()).eval();
+  };
+  Matrix3Xd rest = r, solution = Matrix3Xd::Zero(3, r.cols());
+  restrict_to_free(rest);
+  const meshing::SolveReport done = meshing::conjugate_gradients(
+      [&](const Matrix3Xd& p, Matrix3Xd& y) {
+        tets.forces(p, y);
+        restrict_to_free(y);
+      },
+      [&](const Matrix3Xd& q, Matrix3Xd& z) { solver.precondition(*constant, rigid, q, z); }, rest, r.norm(),
+      solution, relative, kMaxIterations);
+  report.solver += ", double precision";
+  report.linear_iterations += done.iterations;
+  x += solution;
+}
+
+/// Newton's direction, or one that descends as well. Returns whether it is Newton's.
+bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double load_factor,
+                                                   const Matrix3Xd& r, double relative, Matrix3Xd& dx) {
+  find_rigid_motions(at);
+  const auto solve = [&](bool with_pressure) {
+    TwoLevelSolver::Stiffness A = stiffness_at(at, load_factor, with_pressure);
+    hold(A);
+    dx = Matrix3Xd::Zero(3, r.cols());
+    const LinearReport linear = solver.solve(A, rigid, r, relative, dx);
+    report.solver = linear.solver;
+    report.linear_iterations += linear.iterations;
+    return linear.is_definite;
+  };
+  if (solve(true)) return true;
+  // The stress that makes the tangent definite is still to come. The body's part alone also descends.
+  if (loads.follower_pressure) solve(false);
+  return false;
+}
+
+/// Where supports move from the last equilibrium, x follows them by the tangent there.
+bool ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd& x) {
+  constexpr double kRough = 1e-3;
+  Matrix3Xd moved = x - u, r;
+  if (moved.isZero(0)) return true;
+  for (Eigen::Index k = 0; k < moved.size(); ++k)
+    if (!is_held[k] && moved.data()[k] != 0) return true;  // predicted from earlier equilibria
+  find_rigid_motions(u);
+  find_residual(u, load_factor, r);
+  TwoLevelSolver::Stiffness A = stiffness_at(u, load_factor, true);
+  solver.add_product(A, -1, moved, r);
+  for (Eigen::Index k = 0; k < r.size(); ++k)
+    if (is_held[k]) r.data()[k] = 0;
+  hold(A);
+  const LinearReport linear = solver.solve(A, rigid, r, kRough, x);
+  report.solver = linear.solver;
+  report.linear_iterations += linear.iterations;
+  ++report.newton_iterations;
+  return std::isfinite(potential(x, load_factor));
+}
+
+bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, StageTimer* timer) {
+  constexpr double kForcing = 0.01, kDeepest = 2e-6;  // [Eisenstat & Walker 1996]
+  constexpr int kMaxNewton = 30;
+  const auto stage = [&](const char* name) {
+    if (timer) timer->start(name);
+  };
+  stage("solve");
+  size = 0;
+  if (!follow_supports(load_factor, x)) return false;
+  Matrix3Xd start = x;
+  double first = 0, residual = 0;
+  meshing::Objective objective;
+  objective.value = [&] { return potential(x, load_factor); };
+  objective.negative_gradient = [&](Matrix3Xd& r) { find_residual(x, load_factor, r); };
+  bool is_definite = true;
+  objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport& newton) {
+    // Downhill of a saddle lies another path: shorter load steps keep to this one.
+    if (!is_definite && !loads.follower_pressure) newton.status = meshing::Status::NotConverged;
+    if (newton.status != meshing::Status::Ok) return true;
+    residual = r.norm();
+    first = std::max(first, residual);
+    return is_balanced(x, residual);
+  };
+  objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
+    is_definite =
+        solve_direction(x, load_factor, r, std::clamp(kForcing * r.norm() / first, kDeepest, kForcing), dx);
+    return is_definite;
+  };
+  objective.move = [&](const Matrix3Xd& dx, double step) { x = start + step * dx; };
+  objective.accept = [&] { start = x; };
+  const meshing::NewtonReport newton =
+      meshing::minimise(objective, {kMaxNewton, material.E * volume(mesh.X, mesh.F)});
+  report.newton_iterations += newton.iterations;
+  report.is_converged = newton.status == meshing::Status::Ok && is_balanced(x, residual);
+  if (!report.is_converged) return false;
+  u = x;
+  factor = load_factor;
+  return true;
 }
 
 ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   Implementation& s = *self_;
   s.find_rigid_motions(Matrix3Xd::Zero(3, s.u.cols()));
   s.check_balance();
-  if (s.law == ElasticLaw::SmallStrain) return s.find_equilibrium(load_factor, timer);
-  constexpr double kSmallestPart = 1.0 / 64;
-  const double all = load_factor - s.factor;
-  double part = 1;  // of the way there
-  ElasticReport total;
-  do {
-    const double next = s.factor + part * all;
-    const bool is_last = std::abs(load_factor - s.factor) <= std::abs(part * all) * (1 + 1e-12);
-    ElasticReport report = s.find_equilibrium(is_last ? load_factor : next, timer);
-    report.newton_iterations += total.newton_iterations;
-    report.linear_iterations += total.linear_iterations;
-    total = report;
-    part = report.is_converged ? std::min(1.0, 2 * part) : part / 2;
-  } while (s.factor != load_factor && part >= kSmallestPart);
-  return total;
+  s.report = {};
+  s.size = 0;
+  if (s.law == ElasticLaw::SmallStrain) {
+    s.solve_linear(load_factor, timer);
+  } else {
+    Matrix3Xd x = s.u;
+    s.path->follow({[&](double next, Matrix3Xd& at) { s.prescribe(next, at); },
+                    [&](double next, const Matrix3Xd& at) { return s.potential(at, next); },
+                    [&](double next, Matrix3Xd& at) { return s.balance(next, at, timer); }},
+                   load_factor, x);
+  }
+  if (!s.report.is_converged) return s.report;
+  s.shrink(load_factor);
+  s.report.elastic_energy = s.tets.energy(s.u);
+  sum_over_processes(Eigen::Map<Eigen::VectorXd>(&s.report.elastic_energy, 1));
+  s.report.max_strain = s.max_strain(s.u);
+  return s.report;
 }
 
 }  // namespace testbed::fem

@@ -39,7 +39,7 @@ struct ElasticReport {
   std::string solver;
   int newton_iterations = 0;
   int linear_iterations = 0;  ///< of all linear solves
-  double residual = 0;        ///< relative to that at the start of the load step
+  double residual = 0;        ///< over load plus elastic forces, the largest met
   double tolerance = 0;       ///< of the residual
   bool is_converged = false;
   double elastic_energy = 0;  ///< J
@@ -75,16 +75,16 @@ class ElasticSolid {
   /// Adds to the load the inertia of the free rigid motions that it drives:
   /// what deforms a body that moves freely, seen from the body.
   void relieve_inertia();
-  /// Residual, relative to the load, at which the linear solve of small strain stops; 1e-13 unless set.
+  /// Residual, as in ElasticReport, at which solves stop: 1e-13 of small strain, 1e-10 of others unless set.
   void set_tolerance(double tolerance);
   /// Number of rigid motions that the held components leave free; they are kept out of the solution.
   int n_free_rigid_motions() const;
 
   /// Equilibrium at a load factor, from the one found before (at first: from rest). Small strain:
-  /// one linear solve. Finite strain: Newton with line search on the potential energy,
-  /// in up to 64 parts; where that fails, displacement stays at the last equilibrium.
-  /// Linear systems by conjugate gradients; degree 2 preconditioned by two levels, SOR sweeps
-  /// and a correction of degree 1 by sparse Cholesky, degree 1 by sparse Cholesky alone.
+  /// one linear solve. Finite strain: Newton with line search on the potential energy, in
+  /// adaptive parts; where that fails, displacement stays at the last equilibrium. Linear
+  /// systems by conjugate gradients in single precision [solvers/two_level.h]; residuals
+  /// are in double precision.
   /// @param timer  told the stages "assemble" and "solve"
   /// @throws std::runtime_error when rigid motions are left free
   /// and the loads drive them: names the motions, force and torque.

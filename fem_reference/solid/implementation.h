@@ -1,30 +1,23 @@
 // What the elastic solid is made of. Internal to the library: it brings deal.II's headers.
 #pragma once
 
-#include <deal.II/base/quadrature_lib.h>
-
 #include <optional>
 #include <vector>
 
 #include "fem_reference/elements/enclosed_volume.h"
+#include "fem_reference/elements/space.h"
+#include "fem_reference/elements/tet_batches.h"
 #include "fem_reference/solid/elasticity.h"
 #include "fem_reference/solvers/two_level.h"
+#include "meshing/algebra/load_path.h"
+#include "meshing/algebra/newton.h"
 
 namespace testbed::fem {
 
 struct ElasticSolid::Implementation {
-  Implementation(const TetMesh& tets, int p)
-      : mesh(tets),
-        degree(p),
-        nodes(mesh, degree),
-        space(triangulate(mesh, triangulation), degree, nodes),
-        u(Eigen::Matrix3Xd::Zero(3, nodes.X.cols())) {
-    if (degree == 2 && processes().n == 1) {
-      coarse_space.emplace(triangulation, 1, nodes);
-      coarse.emplace(*coarse_space);
-    }
-    solver.emplace(nodes, space, coarse_space ? &*coarse_space : nullptr);
-  }
+  using Matrix3Xd = Eigen::Matrix3Xd;
+
+  Implementation(const TetMesh& tets, int p);
 
   TetMesh mesh;
   int degree;
@@ -32,56 +25,69 @@ struct ElasticSolid::Implementation {
   dealii::Triangulation<3> triangulation;
   dealii::MappingFE<3> mapping{dealii::FE_SimplexP<3>(1)};
   Space space;
-  std::optional<Space> coarse_space;  // of degree 1
-  std::optional<TwoLevelSolver> solver;
-  SystemMatrix fine{space};
-  std::optional<SystemMatrix> coarse;  // of degree 1
+  TetBatches tets;
+  std::optional<TetBatches> corners;  // of degree 1, on degree 2
+  TwoLevelSolver solver;
 
   Material material;
   ElasticLaw law = ElasticLaw::SmallStrain;
-  double tolerance = 1e-13;
+  std::optional<double> tolerance;
   ElasticLoads loads;
   std::vector<HeldComponent> held;
-  Eigen::VectorXd load;  // N at full load, of component c of node i at 3 i + c
-  Eigen::MatrixXd
-      rigid;  // free rigid motions of the body as deformed, over the degrees of freedom, orthonormal
+  std::vector<char> is_held;                      // 3 node + component
+  std::vector<char> held_rows, held_corner_rows;  // of the matrices
+  Eigen::VectorXd load;                           // N at full load, of component c of node i at 3 i + c
+  Eigen::MatrixXd rigid;  // free rigid motions of the body as deformed, 3 node + component, orthonormal
 
-  Eigen::Matrix3Xd u;
+  Matrix3Xd u;
   double factor = 0;  // load factor of u
+  std::optional<meshing::LoadPath> path;
+  std::optional<TwoLevelSolver::Stiffness> constant;  // the stiffness of small strain, once it is needed
+  double stiffness_norm = 0;                          // of `constant` (N/m)
+  double shrunk_at = -1;                              // load factor of the shrinkage in use
+  double size = 0;                                    // largest load plus elastic forces met in a solve (N)
+  ElasticReport report;                               // of the solve at hand
 
-  ElasticReport find_equilibrium(double load_factor, StageTimer* timer);
-  void find_rigid_motions(const Eigen::Matrix3Xd& at);
+  void find_rigid_motions(const Matrix3Xd& at);
   void check_balance() const;
   double held_displacement(int k, double load_factor) const;
+  void prescribe(double load_factor, Matrix3Xd& at) const;
   void find_load();
-  /// Parts of the tangent that are wanted.
-  struct Tangent {
-    bool of_body, of_pressure;
-  };
-  /// Calls use(ranks, tangent, forces against the displacement, elastic energy) for every cell, then for
-  /// every boundary triangle under a follower pressure; arguments as of SystemMatrix::add_cell.
-  template <class Use>
-  void for_each_element(const Space& on, const Eigen::Matrix3Xd& at, double load_factor,
-                        const Tangent& tangent, Use use) const;
-  Eigen::VectorXd assemble_tangent(const Space& on, SystemMatrix& into, const Eigen::Matrix3Xd& at,
-                                   double load_factor, const Tangent& tangent = {true, true}) const;
+  void shrink(double load_factor);
+
+  /// Forces out of balance on what is free.
+  void find_residual(const Matrix3Xd& at, double load_factor, Matrix3Xd& r);
+  double potential(const Matrix3Xd& at, double load_factor);
+  /// Whether forces of this size out of balance are none.
+  bool is_balanced(const Matrix3Xd& at, double residual);
   /// Calls use(follower pressure at a load factor, nodes, their EnclosedVolume at `at`) for every boundary
   /// triangle of 3 or 6 nodes that has one.
   template <class Use>
-  void for_each_follower(Eigen::Index n_nodes, const Eigen::Matrix3Xd& at, double load_factor,
-                         Use use) const {
+  void for_each_follower(Eigen::Index n_nodes, const Matrix3Xd& at, double load_factor, Use use) const {
     for (int f = 0; loads.follower_pressure && f < nodes.faces.cols(); ++f) {
       const double p = load_factor * loads.follower_pressure(f);
       const Eigen::VectorXi face = nodes.faces.col(f).head(n_nodes);
       if (p != 0) use(p, face, enclosed_volume(nodes.X(Eigen::all, face) + at(Eigen::all, face)));
     }
   }
-  void remove_rigid_motion(Eigen::Matrix3Xd& displacement) const;
-  void measure(const Eigen::Matrix3Xd& at, double load_factor, ElasticReport& report,
-               bool with_strain = true) const;
-  double potential(const Eigen::Matrix3Xd& at, double load_factor) const;
-  /// Exact for the stiffness of degree p at small strain and no eigenstrain that varies.
-  dealii::Quadrature<3> quadrature(int p) const;
+  /// The tangent, nothing held; blocks are zero.
+  template <class Real>
+  void fill(const TetBatches& on, const Matrix3Xd& at, double load_factor, bool with_pressure,
+            Real* blocks) const;
+  /// The same with its factories, nothing held in its own blocks.
+  TwoLevelSolver::Stiffness stiffness_at(const Matrix3Xd& at, double load_factor, bool with_pressure) const;
+  void hold(TwoLevelSolver::Stiffness& A) const;
+
+  void solve_linear(double load_factor, StageTimer* timer);
+  void iterate_in_double(const Matrix3Xd& r, double tolerance, Matrix3Xd& x);
+  bool solve_direction(const Matrix3Xd& at, double load_factor, const Matrix3Xd& r, double tolerance,
+                       Matrix3Xd& dx);
+  bool follow_supports(double load_factor, Matrix3Xd& x);
+  bool balance(double load_factor, Matrix3Xd& x, StageTimer* timer);
+
+  void remove_rigid_motion(Matrix3Xd& displacement) const;
+  double max_strain(const Matrix3Xd& at) const;
+  TetRule rule(int p) const;
 };
 
 }  // namespace testbed::fem

@@ -19,15 +19,23 @@ Epetra_MpiComm alone() {
   return Epetra_MpiComm(MPI_COMM_SELF);
 }
 
-Epetra_CrsMatrix copy_of(const Eigen::SparseMatrix<double, Eigen::RowMajor>& lower, const Epetra_Map& map) {
-  const Eigen::SparseMatrix<double, Eigen::RowMajor> A = lower.selfadjointView<Eigen::Lower>();
-  Eigen::VectorXi n_entries(A.rows());
-  for (int i = 0; i < A.rows(); ++i) n_entries(i) = A.outerIndexPtr()[i + 1] - A.outerIndexPtr()[i];
+Epetra_CrsMatrix copy_of(const meshing::BlockMatrix& A, const Epetra_Map& map) {
+  std::vector<int> n_entries, columns;
+  std::vector<double> values;
+  for (int i = 0; i < A.rows(); ++i)
+    n_entries.insert(n_entries.end(), 3, 3 * (A.row_start[i + 1] - A.row_start[i]));
   Epetra_CrsMatrix copy(Copy, map, map, n_entries.data(), true);
-  for (int i = 0; i < A.rows(); ++i) {
-    const int start = A.outerIndexPtr()[i];
-    copy.InsertGlobalValues(i, n_entries(i), A.valuePtr() + start, A.innerIndexPtr() + start);
-  }
+  for (int i = 0; i < A.rows(); ++i)
+    for (int c = 0; c < 3; ++c) {
+      columns.clear();
+      values.clear();
+      for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
+        for (int d = 0; d < 3; ++d) {
+          columns.push_back(3 * A.column[k] + d);
+          values.push_back(A.block[k](c, d));
+        }
+      copy.InsertGlobalValues(3 * i + c, static_cast<int>(values.size()), values.data(), columns.data());
+    }
   copy.FillComplete();
   copy.OptimizeStorage();
   return copy;
@@ -61,16 +69,15 @@ struct AlgebraicMultigrid::Hierarchy {
   Epetra_CrsMatrix matrix;
   std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> cycle;
 
-  Hierarchy(const Eigen::SparseMatrix<double, Eigen::RowMajor>& lower, Eigen::MatrixXd motions)
+  Hierarchy(const meshing::BlockMatrix& A, Eigen::MatrixXd motions)
       : near_null(std::move(motions)),
-        map(static_cast<int>(lower.rows()), 0, alone()),
-        matrix(copy_of(lower, map)),
+        map(3 * A.rows(), 0, alone()),
+        matrix(copy_of(A, map)),
         cycle(make_multigrid(matrix, near_null)) {}
 };
 
-AlgebraicMultigrid::AlgebraicMultigrid(const Eigen::SparseMatrix<double, Eigen::RowMajor>& lower,
-                                       Eigen::MatrixXd near_null)
-    : hierarchy_(std::make_unique<Hierarchy>(lower, std::move(near_null))) {}
+AlgebraicMultigrid::AlgebraicMultigrid(const meshing::BlockMatrix& A, Eigen::MatrixXd near_null)
+    : hierarchy_(std::make_unique<Hierarchy>(A, std::move(near_null))) {}
 AlgebraicMultigrid::~AlgebraicMultigrid() = default;
 
 Eigen::VectorXd AlgebraicMultigrid::apply(const Eigen::VectorXd& r) const {

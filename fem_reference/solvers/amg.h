@@ -2,8 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/SparseCore>
 #include <memory>
+
+#include "meshing/algebra/block_matrix.h"
 
 class Epetra_RowMatrix;
 namespace ML_Epetra {
@@ -21,9 +22,8 @@ std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> make_multigrid(const Epetra
 /// of conjugate gradients [Vanek, Mandel & Brezina 1996].
 class AlgebraicMultigrid {
  public:
-  /// @param lower  the matrix's lower half, diagonal included, columns ascending; three unknowns to a node
   /// @param near_null  vectors that the matrix takes (nearly) to zero: rigid motions
-  AlgebraicMultigrid(const Eigen::SparseMatrix<double, Eigen::RowMajor>& lower, Eigen::MatrixXd near_null);
+  AlgebraicMultigrid(const meshing::BlockMatrix& A, Eigen::MatrixXd near_null);
   ~AlgebraicMultigrid();
 
   Eigen::VectorXd apply(const Eigen::VectorXd& r) const;

@@ -1,182 +1,275 @@
 #include "fem_reference/solvers/two_level.h"
 
-#include <Eigen/CholmodSupport>
-#include <optional>
-#include <vector>
+#include <algorithm>
 
+#include "fem_reference/base/memory.h"
 #include "fem_reference/base/rigid.h"
-#include "fem_reference/solvers/amg.h"
-#include "fem_reference/solvers/conjugate_gradients.h"
 
 namespace testbed::fem {
 namespace {
 
-using Eigen::VectorXd;
-using Rows = SystemMatrix::Rows;
+using Eigen::Matrix3Xd;
+using meshing::BlockMatrix;
+using meshing::PaddedField;
 
-constexpr int kLargestCholesky = 30000;  // unknowns of degree 1; multigrid is faster beyond
-constexpr int kLargestDirect = 100000;   // unknowns of degree 2 whose factor takes seconds and a gigabyte
-constexpr int kPatience = 120;  // iterations worth a direct factor: four times those on good tetrahedra
+constexpr int kLargestCholesky = 10000;  // nodes of degree 1; multigrid is faster beyond
+constexpr int kPatience = 120;           // iterations, four times those on good tetrahedra
 constexpr int kMaxIterations = 2000;
-constexpr int kRefinements = 10;  // with a factor of the whole matrix: more gain nothing beyond rounding
-/// Of the diagonal, where rigid motions are free; the larger ones where a body out of balance would turn.
-constexpr double kShifts[] = {1e-8, 1e-4, 1e-2};
+constexpr int kTurns = 20;
+constexpr double kNear = 1e-3;  // tolerance of the steps that end at an equilibrium
+constexpr double kRounding = 1e-5;
+/// Of the diagonal, where rigid motions are free; the larger ones where a body out of balance would turn or
+/// buckle.
+constexpr double kShifts[] = {1e-8, 1e-4, 1e-2, 1};
 
-Rows shifted(Rows lower, double shift) {
-  for (int i = 0; i < lower.rows(); ++i) lower.valuePtr()[lower.outerIndexPtr()[i + 1] - 1] *= 1 + shift;
-  return lower;
+void scale_diagonal(BlockMatrix& A, double factor) {
+  for (const int k : A.diagonal) A.block[k].diagonal() *= factor;
 }
 
-/// Sparse Cholesky, its symbolic part kept.
-class Cholesky {
- public:
-  bool factorise(const Rows& lower, bool is_singular) {
-    if (!is_singular) return factorise(lower);
-    for (double shift : kShifts)
-      if (factorise(shifted(lower, shift))) return true;
-    return false;
-  }
-  VectorXd solve(const VectorXd& b) const { return factor_.solve(b); }
-
- private:
-  bool factorise(const Rows& lower) {
-    const Eigen::SparseMatrix<double> upper = lower.transpose();
-    if (!is_analysed_) {
-      factor_.cholmod().print = 0;
-      factor_.analyzePattern(upper);
-      is_analysed_ = true;
-    }
-    factor_.factorize(upper);
-    return factor_.info() == Eigen::Success;
-  }
-
-  Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>, Eigen::Upper> factor_;
-  bool is_analysed_ = false;
-};
+/// Factorises the matrix that fill(A) makes, as it is or, where it is singular, a little stiffer.
+bool factorise(BlockMatrix A, const std::function<void(BlockMatrix& A)>& fill, bool is_singular,
+               std::optional<meshing::BlockCholesky>& factor) {
+  A.block.assign(A.column.size(), Eigen::Matrix3d::Zero());
+  fill(A);
+  double scale = 1;
+  const auto try_once = [&](double wanted) {
+    scale_diagonal(A, wanted / scale);
+    scale = wanted;
+    if (factor)
+      factor->update(A);
+    else
+      factor.emplace(A);
+    return factor->is_ok();
+  };
+  if (!is_singular && try_once(1)) return true;
+  return std::any_of(std::begin(kShifts), std::end(kShifts),
+                     [&](double shift) { return try_once(1 + shift); });
+}
 
 }  // namespace
 
-struct TwoLevelSolver::Levels {
-  const Nodes& nodes;
-  const Space& fine_space;
-  const Space* coarse_space;
-  Cholesky cholesky;  // of degree 1
-  std::unique_ptr<AlgebraicMultigrid> multigrid;
-  std::optional<Cholesky> direct;  // of degree 2
-  bool is_ready = false;
-  int n_iterations = 0;  // of the first solve with the present factor
+/// The operators of a solve.
+struct TwoLevelSolver::Pass {
+  const TwoLevelSolver& solver;
+  const Stiffness& A;
+  std::vector<PaddedField> rigid;
+  std::optional<meshing::GaussSeidel> sweeps;
 
-  bool factorise(const SystemMatrix& fine, const SystemMatrix& degree_1, bool is_singular) {
-    is_ready = false;
-    if (direct) return is_ready = direct->factorise(fine.lower, is_singular);
-    if (degree_1.lower.rows() <= kLargestCholesky)
-      return is_ready = cholesky.factorise(degree_1.lower, is_singular);
-    const Space& space = coarse_space ? *coarse_space : fine_space;
-    const Eigen::MatrixXd by_node = rigid_motions(nodes.X.leftCols(nodes.n_vertices));
-    Eigen::MatrixXd motions(by_node.rows(), 6);
-    for (int k = 0; k < motions.rows(); ++k) motions.row(space.dof_of[k]) = by_node.row(k);
-    multigrid.reset();
-    multigrid = std::make_unique<AlgebraicMultigrid>(
-        is_singular ? shifted(degree_1.lower, kShifts[0]) : degree_1.lower, std::move(motions));
-    return is_ready = true;
+  Pass(const TwoLevelSolver& solver_, const Stiffness& A_, const Eigen::MatrixXd& motions)
+      : solver(solver_), A(A_), rigid(motions.cols()) {
+    for (Eigen::Index k = 0; k < motions.cols(); ++k)
+      solver.pad(motions.col(k).reshaped(3, solver.X_.cols()), 1, rigid[k]);
+    if (solver.corners_ && !solver.is_whole_)
+      sweeps.emplace(solver.fine_.pattern(), A.blocks, solver.fine_.first_row());
   }
 
-  VectorXd solve_degree_1(const VectorXd& r) const {
-    return multigrid ? multigrid->apply(r) : cholesky.solve(r);
+  void remove_rigid(PaddedField& u) const {
+    for (const PaddedField& motion : rigid)
+      meshing::add_scaled(-static_cast<float>(dot(motion, u)), motion, u);
   }
-
-  VectorXd apply(const SystemMatrix& fine, const VectorXd& r) const {
-    if (direct) return direct->solve(r);
-    return coarse_space ? cycle(fine, r) : solve_degree_1(r);
+  void multiply(const PaddedField& p, PaddedField& y) const {
+    y.setZero(4, p.cols());
+    meshing::add_product(solver.fine_.pattern(), A.blocks, p, y);
+    remove_rigid(y);
   }
-
-  /// z = (D + L)^-1 r; z += P A_1^-1 P^T (r - A z);
-  /// z += (D + L)^-T (r - A z): symmetric and positive definite.
-  VectorXd cycle(const SystemMatrix& fine, const VectorXd& r) const {
-    const std::vector<unsigned>&dof = fine_space.dof_of, &coarse_dof = coarse_space->dof_of;
-    const Rows& A = fine.lower;
-    const int n = 3 * nodes.n_vertices;
-    VectorXd z = A.triangularView<Eigen::Lower>().solve(r);
-    VectorXd d = -(A.transpose() * z);  // r - A z = -L^T z
-    for (int i = 0; i < z.size(); ++i) d(i) += A.valuePtr()[A.outerIndexPtr()[i + 1] - 1] * z(i);
-    VectorXd c(n);
-    for (int k = 0; k < n; ++k) c(coarse_dof[k]) = d(dof[k]);
-    for (int e = 0; e < nodes.edges.cols(); ++e)
-      for (int k = 0; k < 3; ++k) {
-        const double half = d(dof[n + 3 * e + k]) / 2;
-        c(coarse_dof[3 * nodes.edges(0, e) + k]) += half;
-        c(coarse_dof[3 * nodes.edges(1, e) + k]) += half;
-      }
-    for (int k = 0; k < n; ++k)
-      if (fine.is_held[dof[k]]) c(coarse_dof[k]) = 0;
-    c = solve_degree_1(c);
-    for (int k = 0; k < n; ++k)
-      if (!fine.is_held[dof[k]]) z(dof[k]) += c(coarse_dof[k]);
-    for (int e = 0; e < nodes.edges.cols(); ++e)
-      for (int k = 0; k < 3; ++k)
-        if (const unsigned i = dof[n + 3 * e + k]; !fine.is_held[i])
-          z(i) += (c(coarse_dof[3 * nodes.edges(0, e) + k]) + c(coarse_dof[3 * nodes.edges(1, e) + k])) / 2;
-    d = r;
-    d.noalias() -= A.selfadjointView<Eigen::Lower>() * z;
-    A.transpose().triangularView<Eigen::Upper>().solveInPlace(d);
-    return z + d;
-  }
-
-  LinearReport iterate(const SystemMatrix& fine, const Eigen::MatrixXd& rigid, const VectorXd& b,
-                       double tolerance, int max_iterations) const {
-    return conjugate_gradients(
-        [&](const VectorXd& p, VectorXd& Kp) {
-          Kp.noalias() = fine.lower.selfadjointView<Eigen::Lower>() * p;
-        },
-        [&](const VectorXd& r) { return apply(fine, r); }, fine.lower.norm(), rigid, b, tolerance,
-        max_iterations);
-  }
-
-  std::string name() const {
-    const std::string degree_1 = multigrid ? "algebraic multigrid" : "Cholesky";
-    if (direct || !coarse_space) return "CG, " + (direct ? "Cholesky" : degree_1);
-    return "CG, two levels (Gauss-Seidel, " + degree_1 + " on degree 1)";
+  /// One level: a factor or a cycle. Two: z = (D + L)^-1 r; z += P A_1^-1 P^T (r - A z);
+  /// z += (D + L^T)^-1 (r - A z), which is symmetric and positive definite.
+  void precondition(const PaddedField& r, PaddedField& z) const {
+    if (sweeps) {
+      PaddedField d;
+      sweeps->sweep_down(r, z);
+      sweeps->residual_of_sweep(z, d);
+      solver.correct_corners(d, z);
+      sweeps->sweep_up(r, z);
+    } else {
+      solver.solve_degree_1(r, z);
+    }
+    remove_rigid(z);
   }
 };
 
-TwoLevelSolver::TwoLevelSolver(const Nodes& nodes, const Space& fine_space, const Space* coarse_space)
-    : levels_(new Levels{nodes, fine_space, coarse_space, {}, {}, {}}) {}
-TwoLevelSolver::~TwoLevelSolver() = default;
-
-void TwoLevelSolver::forget() {
-  levels_->is_ready = false;
+TwoLevelSolver::TwoLevelSolver(const Matrix3Xd& X, const Eigen::Matrix2Xi& edges, const TetBatches& fine,
+                               const TetBatches* corners)
+    : X_(X), fine_(fine), corners_(corners) {
+  if (!corners) return;
+  const Eigen::Index n_corners = X.cols() - edges.cols();
+  ends_.resize(2, X.cols());
+  for (Eigen::Index i = 0; i < X.cols(); ++i)
+    for (int end = 0; end < 2; ++end)
+      ends_(end, fine.rank()[i]) =
+          corners->rank()[i < n_corners ? static_cast<int>(i) : edges(end, i - n_corners)];
 }
 
-LinearReport TwoLevelSolver::solve(const SystemMatrix& fine, const SystemMatrix& degree_1,
-                                   const Eigen::MatrixXd& rigid, const VectorXd& b, double tolerance) {
-  Levels& s = *levels_;
-  const VectorXd right = without(rigid, b);
-  LinearReport report;
-  const auto iterate = [&](int max_iterations) {
-    const int before = report.iterations;
-    report = s.iterate(fine, rigid, right, tolerance, max_iterations);
-    report.solver = s.name();
-    const int n = report.iterations;
-    report.iterations += before;
-    return n;
+void TwoLevelSolver::hold(const std::vector<char>& is_held) {
+  const auto mask = [&](const TetBatches& tets, PaddedField& free) {
+    const auto n = static_cast<Eigen::Index>(tets.rank().size());
+    free.setZero(4, meshing::padded(n));
+    for (Eigen::Index i = 0; i < n; ++i)
+      for (int c = 0; c < 3; ++c) free(c, tets.rank()[i]) = is_held[3 * i + c] ? 0.f : 1.f;
   };
-  if (s.is_ready) {  // a factor of another matrix, as long as it serves
-    const int n = iterate(2 * s.n_iterations + 10);
-    if (report.is_converged) {
-      s.is_ready = n <= s.n_iterations + s.n_iterations / 2 + 5;
-      return report;
-    }
+  mask(fine_, free_);
+  if (corners_) mask(*corners_, free_corners_);
+  is_ready_ = false;
+}
+
+void TwoLevelSolver::pad(const Matrix3Xd& u, double factor, PaddedField& result) const {
+  result.setZero(4, meshing::padded(u.cols()));
+  for (Eigen::Index i = 0; i < u.cols(); ++i)
+    result.col(fine_.rank()[i]).head<3>() = (factor * u.col(i)).cast<float>();
+}
+
+void TwoLevelSolver::add_unpadded(const PaddedField& w, double factor, Matrix3Xd& u) const {
+  for (Eigen::Index i = 0; i < u.cols(); ++i)
+    u.col(i) += factor * w.col(fine_.rank()[i]).head<3>().cast<double>();
+}
+
+void TwoLevelSolver::correct_corners(const PaddedField& d, PaddedField& z) const {
+  PaddedField force = PaddedField::Zero(4, free_corners_.cols()), move;
+  for (Eigen::Index i = 0; i < ends_.cols(); ++i) {
+    const Eigen::Vector4f half = 0.5f * d.col(i);
+    force.col(ends_(0, i)) += half;
+    force.col(ends_(1, i)) += half;
+  }
+  force = force.cwiseProduct(free_corners_);
+  solve_degree_1(force, move);
+  for (Eigen::Index i = 0; i < ends_.cols(); ++i)
+    z.col(i) += free_.col(i).cwiseProduct(0.5f * (move.col(ends_(0, i)) + move.col(ends_(1, i))));
+}
+
+void TwoLevelSolver::solve_degree_1(const PaddedField& r, PaddedField& z) const {
+  if (!multigrid_) {
+    factor_->solve(r, z);
+    return;
+  }
+  const auto n = static_cast<Eigen::Index>((corners_ ? *corners_ : fine_).rank().size());
+  z.setZero(4, r.cols());
+  z.topLeftCorner(3, n) =
+      multigrid_->apply(r.topLeftCorner(3, n).cast<double>().reshaped()).reshaped(3, n).cast<float>();
+}
+
+bool TwoLevelSolver::factorise_whole(const Stiffness& A, bool is_singular) {
+  cholesky_.reset();
+  factor_.reset();
+  multigrid_.reset();
+  is_whole_ = true;
+  return factorise(A, is_singular);
+}
+
+bool TwoLevelSolver::factorise(const Stiffness& A, bool is_singular) {
+  const bool is_of_corners = corners_ && !is_whole_;
+  const TetBatches& tets = is_of_corners ? *corners_ : fine_;
+  const auto& fill = is_of_corners ? A.fill_corners : A.fill_fine;
+  const auto n = static_cast<int>(tets.rank().size());
+  if (is_whole_ || n <= kLargestCholesky) {
+    if (!fem::factorise(tets.pattern(), fill, is_singular, cholesky_)) return false;
+    factor_ = cholesky_->rounded();
+    return true;
+  }
+  BlockMatrix matrix = tets.pattern();
+  matrix.block.assign(matrix.column.size(), Eigen::Matrix3d::Zero());
+  fill(matrix);
+  if (is_singular) scale_diagonal(matrix, 1 + kShifts[0]);
+  const Eigen::MatrixXd by_node = rigid_motions(X_.leftCols(n));
+  Eigen::MatrixXd motions(by_node.rows(), 6);
+  for (int i = 0; i < n; ++i) motions.middleRows<3>(3 * tets.rank()[i]) = by_node.middleRows<3>(3 * i);
+  multigrid_.reset();
+  multigrid_ = std::make_unique<AlgebraicMultigrid>(matrix, std::move(motions));
+  return true;
+}
+
+std::string TwoLevelSolver::name() const {
+  const std::string degree_1 = multigrid_ ? "algebraic multigrid" : "Cholesky";
+  if (is_whole_) return "CG, Cholesky of all, as iterations stood still";
+  return corners_ ? "CG, two levels (Gauss-Seidel, " + degree_1 + " on degree 1)" : "CG, " + degree_1;
+}
+
+LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& rigid, const Matrix3Xd& r,
+                                   double tolerance, Matrix3Xd& x) {
+  LinearReport report;
+  const double size = r.norm();
+  if (size == 0) {
+    report.is_converged = true;
+    return report;
   }
   const bool is_singular = rigid.cols() > 0;
-  report.is_definite = s.factorise(fine, degree_1, is_singular);
-  if (!report.is_definite) return report;
-  const bool has_choice = s.coarse_space && !s.direct && fine.lower.rows() <= kLargestDirect;
-  s.n_iterations = iterate(has_choice ? kPatience : kMaxIterations);
-  if (report.is_converged || !has_choice) return report;
-  s.direct.emplace();
-  report.is_definite = s.factorise(fine, degree_1, is_singular);
-  if (report.is_definite) s.n_iterations = iterate(kRefinements);
-  return report;
+  PaddedField rest, solution;
+  pad(r, 1 / size, rest);
+  solution.setZero(4, rest.cols());
+  bool is_stopped = false;  // by a direction of no stiffness
+  const auto iterate = [&](int max_iterations) {
+    const Pass pass(*this, A, rigid);
+    pass.remove_rigid(rest);
+    const int before = report.iterations;
+    int n = 0;
+    PaddedField p, Ap;  // the last direction
+    for (int turn = 0; turn < kTurns; ++turn) {
+      static_cast<meshing::SolveReport&>(report) = conjugate_gradients(
+          [&](const PaddedField& q, PaddedField& y) {
+            pass.multiply(q, y);
+            p = q;
+            Ap = y;
+          },
+          [&](const PaddedField& q, PaddedField& z) { pass.precondition(q, z); }, rest, 1, solution,
+          tolerance, max_iterations - n);
+      n += report.iterations;
+      is_stopped = report.curvature < 0;
+      if (!is_stopped || tolerance > kNear) break;
+      // An equilibrium that would buckle is one as well: near it, along the soft motion too.
+      advance(static_cast<float>(dot(rest, p) / dot(p, Ap)), p, Ap, solution, rest);
+    }
+    report.is_definite = report.curvature >= -kRounding || tolerance <= kNear;
+    if (!report.is_definite && solution.isZero(0)) pass.precondition(rest, solution);  // leads downhill
+    report.iterations = before + n;
+    return n;
+  };
+  const auto end = [&] {
+    report.solver = name();
+    add_unpadded(solution, size, x);
+    return report;
+  };
+  if (is_ready_) {  // a factor of another matrix, as long as it serves
+    const int n = iterate(2 * n_iterations_ + 10);
+    is_ready_ = n <= n_iterations_ + n_iterations_ / 2 + 5;
+    if (report.is_converged || is_stopped) return end();
+  }
+  const auto find_factor = [&](bool is_whole) {
+    is_ready_ = is_whole ? factorise_whole(A, is_singular) : factorise(A, is_singular);
+    return is_ready_;
+  };
+  if (!find_factor(false)) {
+    report.is_definite = false;
+    return end();
+  }
+  const auto n_tets = fine_.n_tetrahedra();
+  const bool may_factorise = !is_whole_ && (corners_ || multigrid_) &&
+                             memory_needed(n_tets, corners_ ? 2 : 1, Memory::Factor) < memory_available();
+  n_iterations_ = iterate(may_factorise ? kPatience : kMaxIterations);
+  if (report.is_converged || is_stopped || !may_factorise) return end();
+  if (!find_factor(true)) {
+    report.is_definite = false;
+    return end();
+  }
+  n_iterations_ = iterate(kMaxIterations);
+  return end();
+}
+
+void TwoLevelSolver::add_product(const Stiffness& A, double factor, const Matrix3Xd& x, Matrix3Xd& y) const {
+  PaddedField p, Ap;
+  pad(x, 1, p);
+  Ap.setZero(4, p.cols());
+  meshing::add_product(fine_.pattern(), A.blocks, p, Ap);
+  add_unpadded(Ap, factor, y);
+}
+
+void TwoLevelSolver::precondition(const Stiffness& A, const Eigen::MatrixXd& rigid, const Matrix3Xd& r,
+                                  Matrix3Xd& z) const {
+  PaddedField rest, solution;
+  const double size = r.norm();
+  const Pass pass(*this, A, rigid);
+  pad(r, size > 0 ? 1 / size : 1, rest);
+  pass.precondition(rest, solution);
+  z = Matrix3Xd::Zero(3, r.cols());
+  add_unpadded(solution, size, z);
 }
 
 }  // namespace testbed::fem

@@ -1,45 +1,76 @@
-// Conjugate gradients for a stiffness matrix. Internal to the library: it brings deal.II's headers.
+// Conjugate gradients for the stiffness of a body, in single precision.
 #pragma once
 
-#include <Eigen/Core>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
-#include "fem_reference/elements/space.h"
+#include "fem_reference/elements/tet_batches.h"
+#include "fem_reference/solvers/amg.h"
+#include "meshing/algebra/cholesky.h"
+#include "meshing/algebra/conjugate_gradients.h"
+#include "meshing/algebra/gauss_seidel.h"
 
 namespace testbed::fem {
 
-struct LinearReport {
-  Eigen::VectorXd x;
+struct LinearReport : meshing::SolveReport {
   std::string solver;
-  int iterations = 0;
-  double residual = 0;  ///< relative to the right-hand side
-  bool is_converged = false;
-  bool is_definite = true;  ///< false where a Cholesky factor does not exist
+  bool is_definite = true;  ///< false where a factor does not exist or a direction of no stiffness was met
 };
 
-/// Conjugate gradients, preconditioned on degree 1 by a sparse Cholesky factor, of large systems by algebraic
+/// Conjugate gradients, preconditioned on degree 1 by a Cholesky factor, of large systems by algebraic
 /// multigrid with rigid motions as near-null space; on degree 2 by two levels, Gauss-Seidel sweeps and a
-/// correction of degree 1 by the same. Where that is slow (slivers), by a Cholesky factor of the whole
-/// matrix. Factors are kept from one solve to the next while they serve.
+/// correction of the corners by the same. Where these stand still, by a Cholesky factor of the whole matrix,
+/// if memory allows. Factors are kept from one solve to the next while they serve.
 class TwoLevelSolver {
  public:
-  /// @param coarse_space  null: the fine space is of degree 1 and has no other
-  TwoLevelSolver(const Nodes& nodes, const Space& fine_space, const Space* coarse_space);
-  ~TwoLevelSolver();
+  /// A stiffness, and how to make it in double precision: to be factorised. Held unknowns are filled in.
+  struct Stiffness {
+    std::vector<float> blocks;  ///< of the fine pattern, and three numbers at the end
+    std::function<void(meshing::BlockMatrix&A)> fill_fine, fill_corners;
+  };
 
-  /// Drops what was made of the matrices before.
-  void forget();
+  /// @param X        3 x n nodes, the corners of tetrahedra first (m)
+  /// @param edges    whose middles are the nodes behind the corners
+  /// @param fine, corners  the body's tetrahedra, and those of degree 1 on the same corners, null on degree 1
+  TwoLevelSolver(const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& edges, const TetBatches& fine,
+                 const TetBatches* corners);
 
-  /// Solves fine x = b.
-  /// @param degree_1  the matrix of degree 1: `fine` itself on degree 1
-  /// @param rigid  free rigid motions over the degrees of freedom, orthonormal columns; kept out of x
-  LinearReport solve(const SystemMatrix& fine, const SystemMatrix& degree_1, const Eigen::MatrixXd& rigid,
-                     const Eigen::VectorXd& b, double tolerance);
+  /// Takes over what is held (3 node + component), and drops what was made of other matrices.
+  void hold(const std::vector<char>& is_held);
+
+  /// Adds to x the solution of A x = r, both 3 x n over nodes; those of `rigid` (3 node + component,
+  /// orthonormal) are kept out of it.
+  LinearReport solve(const Stiffness& A, const Eigen::MatrixXd& rigid, const Eigen::Matrix3Xd& r,
+                     double tolerance, Eigen::Matrix3Xd& x);
+  /// y += factor A x, fields over nodes.
+  void add_product(const Stiffness& A, double factor, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const;
+  /// z = the last preconditioner times r.
+  void precondition(const Stiffness& A, const Eigen::MatrixXd& rigid, const Eigen::Matrix3Xd& r,
+                    Eigen::Matrix3Xd& z) const;
 
  private:
-  struct Levels;
-  std::unique_ptr<Levels> levels_;
+  using PaddedField = meshing::PaddedField;
+  struct Pass;
+
+  bool factorise(const Stiffness& A, bool is_singular);
+  bool factorise_whole(const Stiffness& A, bool is_singular);
+  void correct_corners(const PaddedField& d, PaddedField& z) const;
+  void solve_degree_1(const PaddedField& r, PaddedField& z) const;
+  void pad(const Eigen::Matrix3Xd& u, double factor, PaddedField& result) const;
+  void add_unpadded(const PaddedField& w, double factor, Eigen::Matrix3Xd& u) const;
+  std::string name() const;
+
+  const Eigen::Matrix3Xd& X_;
+  const TetBatches &fine_, *corners_;
+  Eigen::Matrix2Xi ends_;            // ranks among the corners of each row's edge, or twice its corner's
+  PaddedField free_, free_corners_;  // 1, and 0 where held
+  std::optional<meshing::BlockCholesky> cholesky_;
+  std::optional<meshing::RoundedFactor> factor_;  // of cholesky_: of degree 1, or of the whole matrix
+  std::unique_ptr<AlgebraicMultigrid> multigrid_;
+  bool is_ready_ = false, is_whole_ = false;
+  int n_iterations_ = 0;  // of the first solve with the present factor
 };
 
 }  // namespace testbed::fem

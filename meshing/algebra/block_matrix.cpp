@@ -49,6 +49,39 @@ void mirror(BlockMatrix& A) {
       A.block[next[A.column[k]]++] = A.block[k].transpose();
 }
 
+template <class Real>
+void symmetrise(const BlockMatrix& pattern, Real* blocks) {
+  using Block = Eigen::Map<Eigen::Matrix<Real, 3, 3>>;
+  std::vector<int> next(pattern.row_start.begin(), pattern.row_start.end() - 1);
+  for (int i = 0; i < pattern.rows(); ++i)
+    for (int k = pattern.diagonal[i] + 1; k < pattern.row_start[i + 1]; ++k) {
+      Block upper(blocks + 9 * static_cast<std::ptrdiff_t>(k)),
+          lower(blocks + 9 * static_cast<std::ptrdiff_t>(next[pattern.column[k]]++));
+      upper += lower.transpose();
+      lower = upper.transpose();
+    }
+}
+template void symmetrise(const BlockMatrix& pattern, float* blocks);
+template void symmetrise(const BlockMatrix& pattern, double* blocks);
+
+template <class Real>
+void hold(const BlockMatrix& pattern, const std::vector<char>& is_held, Real* blocks) {
+  std::vector<char> has_held(pattern.rows());
+  for (int i = 0; i < pattern.rows(); ++i)
+    has_held[i] = is_held[3 * i] || is_held[3 * i + 1] || is_held[3 * i + 2];
+  for (int i = 0; i < pattern.rows(); ++i)
+    for (int k = pattern.row_start[i]; k < pattern.row_start[i + 1]; ++k) {
+      const int j = pattern.column[k];
+      if (!has_held[i] && !has_held[j]) continue;
+      Real* block = blocks + 9 * static_cast<std::ptrdiff_t>(k);
+      for (int d = 0; d < 3; ++d)
+        for (int c = 0; c < 3; ++c)
+          if ((is_held[3 * i + c] || is_held[3 * j + d]) && (i != j || c != d)) block[3 * d + c] = 0;
+    }
+}
+template void hold(const BlockMatrix& pattern, const std::vector<char>& is_held, float* blocks);
+template void hold(const BlockMatrix& pattern, const std::vector<char>& is_held, double* blocks);
+
 void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) {
   y.resize(3, A.rows());
   for_each_chunk(A.rows(), [&](Eigen::Index begin, Eigen::Index end) {

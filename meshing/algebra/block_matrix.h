@@ -33,6 +33,15 @@ BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs);
 /// Copies the blocks above the diagonal, transposed, to below it.
 void mirror(BlockMatrix& A);
 
+/// Of two entries that belong to the same pair of unknowns makes their sum: a triangle of a matrix, or parts
+/// of it on both sides of the diagonal, becomes the whole. Blocks of the pattern, 9 numbers each by columns.
+template <class Real>
+void symmetrise(const BlockMatrix& pattern, Real* blocks);
+
+/// Empties rows and columns of held unknowns (3 row + component) but for the diagonal.
+template <class Real>
+void hold(const BlockMatrix& pattern, const std::vector<char>& is_held, Real* blocks);
+
 /// y = A x for 3 x n fields of node vectors.
 void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y);
 

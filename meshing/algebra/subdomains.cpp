@@ -15,6 +15,7 @@ void bisect(const Eigen::Matrix3Xd& X, int* begin, int* end, int leaf, int n_lea
     for (const int* i = begin; i != end; ++i) result[*i] = leaf;
     return;
   }
+  if (begin == end) return;
   Eigen::Vector3d low = X.col(*begin), high = low;
   for (const int* i = begin; i != end; ++i) {
     low = low.cwiseMin(X.col(*i));
@@ -49,10 +50,10 @@ std::vector<int> along_body(const Eigen::Matrix3Xd& points) {
   return order;
 }
 
-std::vector<int> leaves_of(const Eigen::Matrix3Xd& X) {
+std::vector<int> leaves_of(const Eigen::Matrix3Xd& X, int n_leaves) {
   std::vector<int> nodes(X.cols()), result(X.cols());
   std::iota(nodes.begin(), nodes.end(), 0);
-  bisect(X, nodes.data(), nodes.data() + nodes.size(), 0, 8, result);
+  bisect(X, nodes.data(), nodes.data() + nodes.size(), 0, n_leaves, result);
   return result;
 }
 

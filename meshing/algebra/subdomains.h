@@ -21,8 +21,8 @@ inline constexpr int kLeastSubdivided = 5000;
 /// An order of points (3 x n) in which near ones follow each other: that of their Morton codes [Morton 1966].
 std::vector<int> along_body(const Eigen::Matrix3Xd& points);
 
-/// The leaf that each node lies in; X 3 x n (m).
-std::vector<int> leaves_of(const Eigen::Matrix3Xd& X);
+/// The leaf that each node lies in, or of more leaves, a power of two, the finer one; X 3 x n (m).
+std::vector<int> leaves_of(const Eigen::Matrix3Xd& X, int n_leaves = 8);
 
 /// The smallest subdomain that holds the leaves a to b, a <= b.
 int subdomain_of(int a, int b);
@@ -31,6 +31,15 @@ int subdomain_of(int a, int b);
 template <class Visit>
 void for_each_subdomain(const Visit& visit) {
   for (int first = 0, size = 8; size > 0; first += size, size /= 2) {
+#pragma omp parallel for schedule(static)
+    for (int subdomain = first; subdomain < first + size; ++subdomain) visit(subdomain);
+  }
+}
+
+/// The same, larger ones first.
+template <class Visit>
+void for_each_subdomain_backwards(const Visit& visit) {
+  for (int first = 14, size = 1; size <= 8; size *= 2, first -= size) {
 #pragma omp parallel for schedule(static)
     for (int subdomain = first; subdomain < first + size; ++subdomain) visit(subdomain);
   }

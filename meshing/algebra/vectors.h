@@ -21,6 +21,9 @@ typedef double Double8 __attribute__((vector_size(64), aligned(8)));
 typedef float Float4 __attribute__((vector_size(16), aligned(4)));
 typedef float Float8 __attribute__((vector_size(32), aligned(4)));
 typedef float Float16 __attribute__((vector_size(64), aligned(4)));
+/// At their own alignment, the only one that templates know.
+typedef double AlignedDouble8 __attribute__((vector_size(64)));
+typedef float AlignedFloat8 __attribute__((vector_size(32)));
 inline constexpr bool kHasVectors = true;
 }  // namespace testbed::meshing
 
@@ -57,6 +60,9 @@ struct PlainVector {
   friend PlainVector operator*(PlainVector u, PlainVector w) {
     return each([&](int i) { return u[i] * w[i]; });
   }
+  friend PlainVector operator/(PlainVector u, PlainVector w) {
+    return each([&](int i) { return u[i] / w[i]; });
+  }
   friend PlainVector operator+(PlainVector u, Scalar s) {
     return each([&](int i) { return u[i] + s; });
   }
@@ -78,6 +84,8 @@ using Double8 = PlainVector<double, 8>;
 using Float4 = PlainVector<float, 4>;
 using Float8 = PlainVector<float, 8>;
 using Float16 = PlainVector<float, 16>;
+using AlignedDouble8 = Double8;
+using AlignedFloat8 = Float8;
 inline constexpr bool kHasVectors = false;
 }  // namespace testbed::meshing
 

