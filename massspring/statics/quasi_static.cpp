@@ -157,7 +157,9 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
 }
 
 const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state) {
-  P_ = shifted(simple_stiffness(model_, state), forces_.constraints);
+  constexpr double kLocks = 0.49;  // Poisson's ratio beyond which simple tetrahedra are a poor guide
+  P_ = shifted(model_.material.nu > kLocks ? stiffness() : simple_stiffness(model_, state),
+               forces_.constraints);
   return P_;
 }
 

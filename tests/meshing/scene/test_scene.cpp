@@ -293,7 +293,7 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
   EXPECT_EQ(
       error_of(ball + "[network]\nk = 3000000000\n"),
       "scene.toml:4: network.k = 3000000000, expected below 2^31: internal nodes wanted; absent: as many "
-      "as fit");
+      "as fit, at most 3 for each of the surface unless phi is given");
   EXPECT_EQ(
       error_of("[surface]\nshape = \"bar\"\nsize = [1, -2, 1]\n"),
       "scene.toml:3: surface.size.1 = -2, expected >= 0: bounding box of a generated shape (m), 0: its own");
