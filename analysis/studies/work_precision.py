@@ -6,8 +6,8 @@ refined: the same polyhedron with the same vertices, so that nothing is interpol
 alone, none of it the surface's distance from a smooth shape. How far that reference itself can be trusted is
 estimated from its own refinements.
 
-Linear solves of elements stop at a residual of 1e-4 of the load, which changes displacements by less than a millionth; static
-springs at 1e-8 of the forces. Both take one thread.
+Static solves of both programs stop at a residual of 1e-4 of load plus internal forces, which changes displacements by less
+than a millionth. Both take one thread.
 
 Runs are timed one at a time, interleaved: every method once, then every method again. Seconds leave out the writing of
 files, and what the springs' program spends on diagnosing itself.

@@ -328,9 +328,8 @@ def test_reference_stops_at_its_tolerance(tmp_path):
     assert exact.record["residual"] <= 1e-12 == exact.record["tolerance"]
     assert 1e-6 < loose.record["residual"] <= 1e-3 == loose.record["tolerance"]
     assert loose.record["linear_iterations"] < exact.record["linear_iterations"]
-    # Measured 2e-8: conjugate gradients have the smooth part of the motion first.
     difference = np.abs(loose.last.u - exact.last.u).max() / np.abs(exact.last.u).max()
-    assert 0 < difference < 1e-5
+    assert 0 < difference < 1e-3  # as the residual
 
 
 CUBE = """
