@@ -189,6 +189,7 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
   Matrix3Xd at = Matrix3Xd::Zero(3, u.cols()), r;
   prescribe(load_factor, at);
   double before = std::numeric_limits<double>::infinity();
+  bool is_in_double = false;
   for (int refinement = 0; refinement < kMaxRefinements; ++refinement) {
     stage("assemble");
     find_residual(at, load_factor, r);
@@ -213,11 +214,14 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
                              .norm();
       }
       stage("solve");
-      if (residual > kLost * before) {  // single precision is not enough
+      if (residual > kLost * before) {
+        if (is_in_double) break;
+        is_in_double = true;  // single precision is not enough
+      }
+      before = residual;
+      if (is_in_double) {
         iterate_in_double(r, wanted, at);
-        find_residual(at, load_factor, r);
-        is_balanced(at, r.norm());
-        break;
+        continue;
       }
       linear = solver.solve(*constant, rigid, r, std::max(kDeepest, wanted), at);
     }
@@ -226,7 +230,6 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
           "the stiffness matrix is not positive definite, expected supports and sound tetrahedra");
     report.solver = linear.solver;
     report.linear_iterations += linear.iterations;
-    before = residual;
   }
   if (!report.is_converged) return;
   remove_rigid_motion(at);  // a small rotation would strain a body that has moved far
@@ -254,7 +257,8 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
       },
       [&](const Matrix3Xd& q, Matrix3Xd& z) { solver.precondition(*constant, rigid, q, z); }, rest, r.norm(),
       solution, relative, kMaxIterations);
-  report.solver += ", double precision";
+  const std::string in_double = ", double precision";
+  if (report.solver.find(in_double) == std::string::npos) report.solver += in_double;
   report.linear_iterations += done.iterations;
   x += solution;
 }

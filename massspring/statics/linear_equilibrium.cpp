@@ -10,7 +10,7 @@ namespace testbed::massspring {
 using Eigen::Matrix3Xd;
 
 StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
-  constexpr int kMaxSolves = 3;  // the second takes what rounding left to the first
+  constexpr int kMaxSolves = 5;  // later ones take what rounding left to the first
   // Displacements are kept on their own: beside the positions of a stiff body they would lose their digits.
   if (linear_factor_ > 0)
     u_ *= load_factor / linear_factor_;
@@ -28,13 +28,15 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   f = Matrix3Xd::Zero(3, u_.cols());
   add_shrinkage_forces(model_, state, f);
   constexpr double kRounding = std::numeric_limits<double>::epsilon();
-  double scale = std::max(f.norm(), kRounding * largest_stiffness_ * u_.norm() / tolerance_);
+  double scale = f.norm();
   const auto measure = [&] {
     f.setZero();
     add_linear_forces(model_, state, u_, f);
     r = f + load_factor * forces_.load;
     project(r);
-    scale = std::max({scale, load_factor * forces_.load.norm() + f.norm(), r.norm()});
+    // No solver does better than the rounding of its products [Rigal & Gaches 1967].
+    const double rounding = kRounding * largest_stiffness_ * u_.norm() / tolerance_;
+    scale = std::max({scale, load_factor * forces_.load.norm() + f.norm(), r.norm(), rounding});
     report.residual = scale > 0 ? r.norm() / scale : 0;
   };
   const State rest = initial_state(model_);
