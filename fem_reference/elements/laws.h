@@ -35,8 +35,8 @@ struct LawAt {
   V c;               ///< 1 - s
   Real lambda, mu;
 
-  [[gnu::always_inline]] LawAt(const V (*gradient)[3], const V& s, Real lambda_, Real mu_)
-      : lambda(lambda_), mu(mu_) {
+  [[gnu::always_inline]] LawAt(const V (*gradient)[3], const V& s, Real lambda, Real mu)
+      : lambda(lambda), mu(mu) {
     c = Real(-1) * s + Real(1);
     const V elastic = kIsSmall ? V{} + Real(1) : (V{} + Real(1)) / c;
     for (int i = 0; i < 3; ++i)

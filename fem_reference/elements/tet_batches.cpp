@@ -74,7 +74,7 @@ struct Batch {
   alignas(64) Real geometry[kGeometry];
   alignas(64) Real u[kMaxNodes][3][kLanes];
 
-  [[gnu::always_inline]] Batch(const View& view_, int b, const double* displacement) : view(view_) {
+  [[gnu::always_inline]] Batch(const View& view, int b, const double* displacement) : view(view) {
     node = view.node + static_cast<std::ptrdiff_t>(b) * view.n * kLanes;
     shrinkage =
         view.shrinkage ? view.shrinkage + static_cast<std::ptrdiff_t>(b) * view.n_points * kLanes : nullptr;

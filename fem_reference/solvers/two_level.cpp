@@ -55,8 +55,8 @@ struct TwoLevelSolver::Pass {
   std::vector<PaddedField> rigid;
   std::optional<meshing::GaussSeidel> sweeps;
 
-  Pass(const TwoLevelSolver& solver_, const Stiffness& A_, const Eigen::MatrixXd& motions)
-      : solver(solver_), A(A_), rigid(motions.cols()) {
+  Pass(const TwoLevelSolver& solver, const Stiffness& A, const Eigen::MatrixXd& motions)
+      : solver(solver), A(A), rigid(motions.cols()) {
     for (Eigen::Index k = 0; k < motions.cols(); ++k)
       solver.pad(motions.col(k).reshaped(3, solver.X_.cols()), 1, rigid[k]);
     if (solver.corners_ && !solver.is_whole_)

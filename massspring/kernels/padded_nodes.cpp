@@ -1,15 +1,16 @@
 #include "massspring/kernels/padded_nodes.h"
 
 #include <algorithm>
-#include <cstdint>
+#include <memory>
 
 namespace testbed::massspring {
 
 Double4* columns(Eigen::Matrix4Xd& room, Eigen::Index n) {
-  constexpr std::uintptr_t kRegister = 64;  // bytes
+  constexpr std::size_t kRegister = 64;  // bytes
   room.resize(4, n + 2);
-  const auto begin = reinterpret_cast<std::uintptr_t>(room.data());
-  return reinterpret_cast<Double4*>((begin + kRegister - 1) / kRegister * kRegister);
+  void* begin = room.data();
+  std::size_t size = room.size() * sizeof(double);
+  return static_cast<Double4*>(std::align(kRegister, size - kRegister, begin, size));
 }
 
 const Double4* pad(const Eigen::Matrix3Xd& in) {

@@ -10,19 +10,6 @@ namespace {
 template <int W>
 using Vector = typename Lanes<W>::Vector;
 
-[[gnu::always_inline]] inline void split(const Double4* v, double& x, double& y, double& z) {
-  x = v[0][0];
-  y = v[0][1];
-  z = v[0][2];
-}
-[[gnu::always_inline]] inline void join(double x, double y, double z, Double4* v) {
-  v[0] = Double4{x, y, z, 0};
-}
-
-[[gnu::always_inline]] inline double number(double x, int) {
-  return x;
-}
-
 #ifdef TESTBED_HAS_VECTORS
 [[gnu::always_inline]] inline double number(const Double4& x, int i) {
   return x[i];
@@ -72,6 +59,19 @@ using Vector = typename Lanes<W>::Vector;
   pair[1] = TESTBED_SHUFFLED(low, z, 4, 5, 10, 10, 6, 7, 11, 11);
   pair[2] = TESTBED_SHUFFLED(high, z, 0, 1, 12, 12, 2, 3, 13, 13);
   pair[3] = TESTBED_SHUFFLED(high, z, 4, 5, 14, 14, 6, 7, 15, 15);
+}
+#else
+[[gnu::always_inline]] inline void split(const Double4* v, double& x, double& y, double& z) {
+  x = v[0][0];
+  y = v[0][1];
+  z = v[0][2];
+}
+[[gnu::always_inline]] inline void join(double x, double y, double z, Double4* v) {
+  v[0] = Double4{x, y, z, 0};
+}
+
+[[gnu::always_inline]] inline double number(double x, int) {
+  return x;
 }
 #endif
 

@@ -17,7 +17,7 @@ struct Motion {
 
   /// Where the directions come from in which independent springs at x damp: rest, of a linear model.
   const Eigen::Matrix3Xd& damped_at(const Eigen::Matrix3Xd& x) const {
-    return model.linear ? model.network.X : x;
+    return model.linear ? model.network.X : x;  // NOLINT(bugprone-return-const-ref-from-parameter)
   }
 
   /// Adds the damping of independent springs (N).

@@ -158,6 +158,7 @@ struct Followers {
 }  // namespace
 
 // Functions for several widths cannot be templates.
+// NOLINTBEGIN(bugprone-macro-parentheses): names of functions take none
 #define TESTBED_OF_ROWS(D, name)                                                           \
   TESTBED_EVERY_WIDTH static void name##_##D(const Rows<D>& A, const float* u, float* w) { \
     A.name(u, w);                                                                          \
@@ -167,6 +168,7 @@ struct Followers {
     w.setZero(u.rows(), u.cols());                                                         \
     name##_##D(Rows<D>(A), u.data(), w.data());                                            \
   }
+// NOLINTEND(bugprone-macro-parentheses)
 #define TESTBED_OF_SIZE(D)                                                                               \
   TESTBED_OF_ROWS(D, multiply)                                                                           \
   TESTBED_OF_ROWS(D, multiply_inverse)                                                                   \

@@ -149,19 +149,19 @@ TESTBED_INLINE inline double shortest(const Work& work) {
 /// Multiplications and additions in a second, of sums that stay in the widest registers.
 double flop_rate() {
   static const double kRate = [] {
-    constexpr int n_times = 1000000, n_sums = 12;  // enough of them that none waits for the one before
+    constexpr int kTimes = 1000000, kSums = 12;  // enough of them that none waits for the one before
     double result = 0;
     by_width([&](auto width) TESTBED_INLINE {
-      typename Lanes<width>::Vector sum[n_sums], factor{}, term{};
+      typename Lanes<width>::Vector sum[kSums], factor{}, term{};
       factor = factor + 0.5;
       term = term + 1.;
       for (auto& s : sum) s = term;
       const double time = shortest([&]() TESTBED_INLINE {
-        for (int n = 0; n < n_times; ++n)
+        for (int n = 0; n < kTimes; ++n)
           for (auto& s : sum) s = s * factor + term;
       });
       for (auto& s : sum) benchmark::DoNotOptimize(*reinterpret_cast<double*>(&s));
-      result = 2. * width * n_sums * n_times / time;
+      result = 2. * width * kSums * kTimes / time;
     });
     return result;
   }();
@@ -171,10 +171,10 @@ double flop_rate() {
 /// Bytes in a second that a = b + s c moves over so many bytes: those that fit a cache come from there.
 double bandwidth(double bytes) {
   const auto n = static_cast<Eigen::Index>(bytes / 24);
-  const auto n_times = static_cast<int>(1 + 1e8 / bytes);
+  const auto kTimes = static_cast<int>(1 + 1e8 / bytes);
   Eigen::VectorXd a(n), b = Eigen::VectorXd::Random(n), c = Eigen::VectorXd::Random(n);
-  return bytes * n_times / shortest([&] {
-           for (int k = 0; k < n_times; ++k) {
+  return bytes * kTimes / shortest([&] {
+           for (int k = 0; k < kTimes; ++k) {
              a = b + 1.1 * c;
              benchmark::DoNotOptimize(a.data());
            }

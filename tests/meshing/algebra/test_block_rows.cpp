@@ -96,8 +96,8 @@ TYPED_TEST(Rows, ApplyAsTheMatrixAndAsTheInverseOfItsDiagonalBlocks) {
 }
 
 TYPED_TEST(Rows, FollowBodiesAndAreFeltByThem) {
-  constexpr int D = TypeParam::value, n = 4, n_bodies = 2;
-  MatrixXd P = random_points(D * n * 6 * n_bodies / 3, 1, 10).reshaped(D * n, 6 * n_bodies);
+  constexpr int D = TypeParam::value, n = 4, kBodies = 2;
+  MatrixXd P = random_points(D * n * 6 * kBodies / 3, 1, 10).reshaped(D * n, 6 * kBodies);
   P.block<D, 6>(D, 6).setZero();  // row 1 follows the first alone, row 3 neither
   P.bottomRows<D>().setZero();
   BodyRows<D> rows;
@@ -106,12 +106,12 @@ TYPED_TEST(Rows, FollowBodiesAndAreFeltByThem) {
   for (const auto& [i, g] : {std::pair(0, 0), {0, 1}, {1, 0}, {2, 1}, {2, 0}})
     this->append(P.block<D, 6>(D * i, 6 * g).transpose(), rows.block);
   rows.block.resize(rows.block.size() + 2);
-  BodyField wrench(8, n_bodies);
+  BodyField wrench(8, kBodies);
   gather(rows, this->field_of(this->b), wrench);
   this->expect_field(wrench, 6, P.transpose() * this->b);
-  const VectorXd motion = random_points(2 * n_bodies, 1, 11).reshaped();
-  BodyField of_bodies = BodyField::Constant(8, n_bodies, 3);
-  of_bodies.topRows<6>() = motion.reshaped(6, n_bodies).cast<float>();
+  const VectorXd motion = random_points(2 * kBodies, 1, 11).reshaped();
+  BodyField of_bodies = BodyField::Constant(8, kBodies, 3);
+  of_bodies.topRows<6>() = motion.reshaped(6, kBodies).cast<float>();
   FieldOf<D> x = this->field_of(this->b);
   add_motion(rows, of_bodies, x);
   this->expect_field(x, D, this->b + P * motion);

@@ -65,7 +65,8 @@ TEST_F(Subdomains, HoldEverySpringOnceAndOfOneSizeShareNoNode) {
 TEST(AlongBody, NeighboursFollowEachOther) {
   constexpr int n = 8;  // points in a row of a cube, whose halves, quarters and eighths are whole pieces
   Matrix3Xd points(3, n * n * n);
-  for (int i = 0; i < points.cols(); ++i) points.col(i) << i % n, i / n % n, i / (n * n);
+  for (int i = 0; i < points.cols(); ++i)
+    points.col(i) = Eigen::Vector3i(i % n, i / n % n, i / (n * n)).cast<double>();
   std::vector<int> order = along_body(points);
   for (int size = n * n * n; size >= 8; size /= 8) {
     const int side = static_cast<int>(std::lround(std::cbrt(size)));
