@@ -171,10 +171,10 @@ double flop_rate() {
 /// Bytes in a second that a = b + s c moves over so many bytes: those that fit a cache come from there.
 double bandwidth(double bytes) {
   const auto n = static_cast<Eigen::Index>(bytes / 24);
-  const auto kTimes = static_cast<int>(1 + 1e8 / bytes);
+  const auto n_times = static_cast<int>(1 + 1e8 / bytes);
   Eigen::VectorXd a(n), b = Eigen::VectorXd::Random(n), c = Eigen::VectorXd::Random(n);
-  return bytes * kTimes / shortest([&] {
-           for (int k = 0; k < kTimes; ++k) {
+  return bytes * n_times / shortest([&] {
+           for (int k = 0; k < n_times; ++k) {
              a = b + 1.1 * c;
              benchmark::DoNotOptimize(a.data());
            }
