@@ -188,6 +188,9 @@ void fill_batches(TetSprings& springs) {
     }
   }
   if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
+  batches.node.shrink_to_fit();
+  batches.b.shrink_to_fit();
+  springs.node.shrink_to_fit();
 }
 
 PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
@@ -206,14 +209,6 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
     shares[t] = share[t] * barycentric_gradients(X, T.col(t));
   }
   const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
-  const auto resize = [&](Eigen::Index n) {
-    springs.b.conservativeResize(3, n);
-    springs.weight.conservativeResize(n);
-  };
-  const auto n_entries = static_cast<Eigen::Index>(springs.node.size()), n_most = 4 * patches.size();
-  resize(n_entries + n_most);
-  springs.b.rightCols(n_most).setZero();
-  springs.weight.tail(n_most).setZero();
   springs.volume.conservativeResize(n_before + n_new);
   springs.lambda.conservativeResize(n_before + n_new);
   springs.lambda.tail(n_new).setConstant(lambda);
@@ -228,34 +223,40 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
       order.insert(order.end(), own.begin(), own.end());
     }
   }
-  std::vector<int> patch_of(X.cols(), -1), entry_of(X.cols());  // of nodes: the last that they were met in
+  const auto for_each_tet = [&](int p, const auto& visit) {
+    for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
+      visit(in_patch.at[k] / static_cast<int>(patches.rows()));
+  };
+  std::vector<int> patch_of(X.cols(), -1);  // of nodes: the last that they were met in
   for (const int p : order) {
-    const auto tets = [&](const auto& visit) {
-      for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
-        visit(in_patch.at[k] / static_cast<int>(patches.rows()));
-    };
-    const int begin = springs.first.back();
-    tets([&](int t) {
+    for_each_tet(p, [&](int t) {
       for (int i : T.col(t))
         if (std::exchange(patch_of[i], p) != p) springs.node.push_back(i);
     });
-    const int end = static_cast<int>(springs.node.size());
-    std::sort(springs.node.begin() + begin, springs.node.end());
-    for (int e = begin; e < end; ++e) entry_of[springs.node[e]] = e;
+    std::sort(springs.node.begin() + springs.first.back(), springs.node.end());
+    springs.first.push_back(static_cast<int>(springs.node.size()));
+  }
+  const Eigen::Index n_entries = springs.first.back(), n_entries_before = springs.weight.size();
+  springs.b.conservativeResize(3, n_entries);
+  springs.weight.conservativeResize(n_entries);
+  springs.b.rightCols(n_entries - n_entries_before).setZero();
+  springs.weight.tail(n_entries - n_entries_before).setZero();
+  std::vector<int> entry_of(X.cols());  // of nodes in the patch at hand
+  for (int q = 0; q < n_new; ++q) {
+    const int begin = springs.first[n_before + q], n = springs.first[n_before + q + 1] - begin;
+    for (int e = begin; e < begin + n; ++e) entry_of[springs.node[e]] = e;
     double volume = 0;
-    tets([&](int t) {
+    for_each_tet(order[q], [&](int t) {
       volume += share[t];
       for (int k = 0; k < 4; ++k) {
         springs.b.col(entry_of[T(k, t)]) += shares[t].col(k);
         springs.weight[entry_of[T(k, t)]] += share[t] / 4;
       }
     });
-    springs.b.middleCols(begin, end - begin) /= volume;
-    springs.weight.segment(begin, end - begin) /= volume;
-    springs.volume[springs.first.size() - 1] = volume;
-    springs.first.push_back(end);
+    springs.b.middleCols(begin, n) /= volume;
+    springs.weight.segment(begin, n) /= volume;
+    springs.volume[n_before + q] = volume;
   }
-  resize(springs.first.back());
 }
 
 }  // namespace
