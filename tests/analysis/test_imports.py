@@ -20,12 +20,13 @@ ALLOWED = {
     "compare": {"runs", "small_strain"},
     "points": {"machine", "paths", "runs"},
     "experiment": {"paths", "runs"},
+    "remesh": {"paths", "runs", "wording"},
     "comparison": {"compare", "experiment", "methods", "runs"},
     "verdict": {"wording"},
     "report": {"methods", "verdict", "wording"},
     "drawing": {"compare", "methods", "runs", "wording"},
     "exhibits": {"compare", "comparison", "drawing", "methods", "runs", "wording"},
-    "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "report"},
+    "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "remesh", "report"},
     "sweep": {
         "compare",
         "drawing",
@@ -50,7 +51,7 @@ ALLOWED = {
         "sweep",
         "wording",
     },
-    "__main__": {"experiment", "paths", "report", "results", "runs", "studies", "sweep"},
+    "__main__": {"experiment", "paths", "remesh", "report", "results", "runs", "studies", "sweep"},
     "__init__": set(),
 }
 
