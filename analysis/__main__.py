@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import sweep
+from . import grid
 from .experiment import default_folder, run_solvers
 from .paths import SCENES
 from .report import text_of
@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "sweep": sweep.main, "study": study.main}
+_COMMANDS = {"run": run, "sweep": grid.main, "study": study.main}
 
 
 def main() -> int:

@@ -19,14 +19,22 @@ ALLOWED = {
     "small_strain": {"runs"},
     "compare": {"runs", "small_strain"},
     "points": {"machine", "paths", "runs"},
-    "experiment": {"paths", "runs"},
+    "experiment": {
+        "comparison",
+        "paths",
+        "runs",
+        "tables",
+    },  # the first and the last where they are asked for
     "comparison": {"compare", "experiment", "methods", "runs"},
     "verdict": {"wording"},
     "report": {"methods", "verdict", "wording"},
     "drawing": {"compare", "methods", "runs", "wording"},
     "exhibits": {"compare", "comparison", "drawing", "methods", "runs", "wording"},
     "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "report"},
-    "sweep": {
+    "scene": {"paths", "runs"},
+    "tables": {"compare", "comparison", "drawing", "exhibits", "methods", "report", "runs"},
+    "session": {"experiment", "grid", "paths", "runs", "scene"},
+    "grid": {
         "compare",
         "drawing",
         "experiment",
@@ -41,16 +49,16 @@ ALLOWED = {
         "compare",
         "drawing",
         "front",
+        "grid",
         "machine",
         "methods",
         "paths",
         "points",
         "report",
         "runs",
-        "sweep",
         "wording",
     },
-    "__main__": {"experiment", "paths", "report", "results", "runs", "studies", "sweep"},
+    "__main__": {"experiment", "grid", "paths", "report", "results", "runs", "studies"},
     "__init__": set(),
 }
 
