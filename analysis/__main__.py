@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import remesh, sweep
+from . import grid, remesh
 from .experiment import default_folder, run_solvers, surface_file
 from .paths import SCENES
 from .report import text_of
@@ -143,7 +143,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "remesh": remesh.main, "sweep": sweep.main, "study": study.main}
+_COMMANDS = {"run": run, "remesh": remesh.main, "sweep": grid.main, "study": study.main}
 
 
 def main() -> int:

@@ -19,7 +19,12 @@ ALLOWED = {
     "small_strain": {"runs"},
     "compare": {"runs", "small_strain"},
     "points": {"machine", "paths", "runs"},
-    "experiment": {"paths", "runs"},
+    "experiment": {
+        "comparison",
+        "paths",
+        "runs",
+        "tables",
+    },  # the first and the last where they are asked for
     "remesh": {"paths", "runs", "wording"},
     "comparison": {"compare", "experiment", "methods", "runs"},
     "verdict": {"wording"},
@@ -27,7 +32,10 @@ ALLOWED = {
     "drawing": {"compare", "methods", "runs", "wording"},
     "exhibits": {"compare", "comparison", "drawing", "methods", "runs", "wording"},
     "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "remesh", "report"},
-    "sweep": {
+    "scene": {"paths", "runs"},
+    "tables": {"compare", "comparison", "drawing", "exhibits", "methods", "report", "runs"},
+    "session": {"experiment", "grid", "paths", "runs", "scene"},
+    "grid": {
         "compare",
         "drawing",
         "experiment",
@@ -42,16 +50,16 @@ ALLOWED = {
         "compare",
         "drawing",
         "front",
+        "grid",
         "machine",
         "methods",
         "paths",
         "points",
         "report",
         "runs",
-        "sweep",
         "wording",
     },
-    "__main__": {"experiment", "paths", "remesh", "report", "results", "runs", "studies", "sweep"},
+    "__main__": {"experiment", "grid", "paths", "remesh", "report", "results", "runs", "studies"},
     "__init__": set(),
 }
 
