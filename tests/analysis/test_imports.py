@@ -33,6 +33,8 @@ ALLOWED = {
     "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "report"},
     "scene": {"paths", "runs"},
     "tables": {"compare", "comparison", "drawing", "exhibits", "methods", "report", "runs"},
+    "foreign": {"runs"},
+    "pair": {"compare", "drawing", "foreign", "paths", "report", "runs", "wording"},
     "session": {"experiment", "grid", "paths", "runs", "scene"},
     "grid": {
         "compare",
@@ -58,7 +60,7 @@ ALLOWED = {
         "runs",
         "wording",
     },
-    "__main__": {"experiment", "grid", "paths", "report", "results", "runs", "studies"},
+    "__main__": {"experiment", "grid", "pair", "paths", "report", "results", "runs", "studies"},
     "__init__": set(),
 }
 
