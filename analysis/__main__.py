@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from . import grid, remesh
+from . import grid, pair, remesh
 from .experiment import default_folder, run_solvers, surface_file
 from .paths import SCENES
 from .report import text_of
@@ -107,6 +107,16 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         metavar="I/N",
         help="run only the I-th of every N points, on one of N machines",
     )
+    compare = add(
+        "compare", [],
+        "Compares two results on the same surface, whoever computed them: the folder of a run (as fem_reference in out/NAME), "
+        "CalculiX's .frd in ASCII, a VTK file (.vtk .vtu .vtp) with 'displacement' at its points, or FEBio's "
+        '<node_data data="x;y;z;ux;uy;uz" file="...">. Vertices are matched by their positions at rest, the ends are compared.',
+        "example:\n  ./testbed compare job.frd out/bar_sag/fem_reference\n",
+    )  # fmt: skip
+    compare.add_argument("model", type=Path, metavar="A", help="the model")
+    compare.add_argument("reference", type=Path, metavar="B", help="the reference")
+    compare.add_argument("--out", type=Path, metavar="DIR", help="default: out/compare/A-B")
     study.add_arguments(
         add(
             "study",
@@ -143,7 +153,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "remesh": remesh.main, "sweep": grid.main, "study": study.main}
+_COMMANDS = {"run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main}
 
 
 def main() -> int:

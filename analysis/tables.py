@@ -10,7 +10,7 @@ import pyvista as pv
 
 from .compare import deformation, displacement_at, vertex_areas
 from .comparison import Comparison
-from .drawing.pictures import magnification, surface_of
+from .drawing.bodies_aside import bodies_aside
 from .exhibits import plot
 from .methods import REFERENCE, label_of
 from .report import svg_figure
@@ -78,25 +78,12 @@ def plots_of(comparison: Comparison) -> Plots:
 
 
 def scene_of_bodies(comparison: Comparison, name: str | None = None) -> pv.Plotter:
-    """The deformed bodies side by side, the reference first and the model painted with its error, cameras linked."""
+    """The deformed bodies side by side, the reference first and the model painted with the difference, cameras linked."""
     name = name or comparison.experiment.calibration
     nodes = nodes_of(comparison, name)
     X, F = nodes[["x", "y", "z"]].to_numpy(), comparison.runs[name].last.F
-    fields = {name: nodes[["ux", "uy", "uz"]].to_numpy()}
-    if comparison.reference:
-        fields = {REFERENCE: nodes[["ux_reference", "uy_reference", "uz_reference"]].to_numpy()} | fields
-    factor = magnification(X, next(iter(fields.values())))
-    plotter = pv.Plotter(shape=(1, len(fields)))
-    for place, (method, u) in enumerate(fields.items()):
-        plotter.subplot(0, place)
-        body = surface_of(X + factor * u, F)
-        title = label_of(method) if factor == 1 else f"{label_of(method)}, {factor:g} times enlarged"
-        plotter.add_text(title, font_size=10)
-        if method == name and comparison.reference:
-            plotter.add_mesh(
-                body, scalars=100 * nodes["error"].to_numpy(), scalar_bar_args={"title": "error (%)"}
-            )
-        else:
-            plotter.add_mesh(body, color="lightgrey")
-    plotter.link_views()
-    return plotter
+    u = nodes[["ux", "uy", "uz"]].to_numpy()
+    if not comparison.reference:
+        return bodies_aside(X, F, {label_of(name): u}, None)
+    v = nodes[["ux_reference", "uy_reference", "uz_reference"]].to_numpy()
+    return bodies_aside(X, F, {label_of(REFERENCE): v, label_of(name): u}, np.linalg.norm(u - v, axis=1))

@@ -34,6 +34,8 @@ ALLOWED = {
     "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "remesh", "report"},
     "scene": {"paths", "runs"},
     "tables": {"compare", "comparison", "drawing", "exhibits", "methods", "report", "runs"},
+    "foreign": {"runs"},
+    "pair": {"compare", "drawing", "foreign", "paths", "report", "runs", "wording"},
     "session": {"experiment", "grid", "paths", "runs", "scene"},
     "grid": {
         "compare",
@@ -59,7 +61,7 @@ ALLOWED = {
         "runs",
         "wording",
     },
-    "__main__": {"experiment", "grid", "paths", "remesh", "report", "results", "runs", "studies"},
+    "__main__": {"experiment", "grid", "pair", "paths", "remesh", "report", "results", "runs", "studies"},
     "__init__": set(),
 }
 
