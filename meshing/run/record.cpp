@@ -44,7 +44,7 @@ void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Ma
                          const std::vector<Field>& fields) {
   char name[32];
   std::snprintf(name, sizeof name, "frames/frame_%06zu.vtu", frames_.size());
-  std::vector<Field> all{{"displacement", u}};
+  std::vector<Field> all{{"displacement", u}, {"rest_position", X}};
   all.insert(all.end(), fields.begin(), fields.end());
   write_vtu(folder_ / name, X + u, cells_, all, {{"TimeValue", time}, {"n_surface", n_surface_}});
   frames_.emplace_back(time, name);

@@ -28,7 +28,7 @@ struct CellBlock {
   Eigen::MatrixXi nodes;  ///< nodes per cell x n_cells
 };
 
-/// Writes an unstructured grid (.vtu, raw appended, LZ4) to a temporary name and renames it. Point data
+/// Writes an unstructured grid (.vtu, raw appended, zlib) to a temporary name and renames it. Point data
 /// node_id (integers) is added to the given fields.
 /// @throws std::runtime_error when a value is not finite or the file cannot be written.
 void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,

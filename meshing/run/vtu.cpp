@@ -72,7 +72,8 @@ void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points
   writer->SetInputData(grid);
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOff();
-  writer->SetCompressorTypeToLZ4();
+  writer->SetCompressorTypeToZLib();  // which meshio reads, too
+  writer->SetCompressionLevel(1);     // higher ones take longer and save a hundredth
   if (!writer->Write()) throw std::runtime_error(file.string() + ": cannot be made by VTK");
   write_file(file, writer->GetOutputString());
 }

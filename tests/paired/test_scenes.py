@@ -5,6 +5,7 @@ import os
 import subprocess
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 import pyvista as pv
@@ -481,3 +482,19 @@ def test_supports_follow_their_motion(mode, tmp_path):
         if mode == "static":
             error = displacement_error(frames[0].X, frames[0].F, frames[1].u, frames[0].u, is_free=True)
             assert error.l2 < 1e-6
+
+
+def test_frames_are_read_by_meshio_and_hold_the_rest_positions(tmp_path):
+    words = ["--set", "surface.n_vertices=162", "--set", "time.load_steps=2"]
+    for program in ("massspring", "fem_reference"):
+        out = tmp_path / program
+        command = [PROGRAMS / program, SCENES / "ball_pressure.toml", "--quiet", "--out", out, *words]
+        subprocess.run(command, check=True)
+        rest, end = (meshio.read(out / "frames" / f"frame_00000{step}.vtu") for step in (0, 2))
+        assert (end.point_data["rest_position"] == rest.points).all()
+        assert (end.point_data["rest_position"] + end.point_data["displacement"] == end.points).all()
+        # Exact: u = -(1 - 2 nu) p x / E = -0.001 x, but for a rigid motion, which no difference along an edge of x has.
+        triangles = end.cells_dict["triangle"]
+        edges = [mesh.points[triangles[:, 1]] - mesh.points[triangles[:, 0]] for mesh in (rest, end)]
+        lengths, before = (np.linalg.norm(edge, axis=1) for edge in edges[::-1])
+        assert lengths / before == pytest.approx(np.full(len(triangles), 0.999), abs=1e-6)

@@ -49,6 +49,7 @@ TEST_F(RecorderTest, FramesHoldEveryBitOfPositionsAndFields) {
     for (int c = 0; c < 3; ++c) {
       EXPECT_EQ(grid->GetPoint(i)[c], X(c, i) + u(c, i));
       EXPECT_EQ(grid->GetPointData()->GetArray("displacement")->GetComponent(i, c), u(c, i));
+      EXPECT_EQ(grid->GetPointData()->GetArray("rest_position")->GetComponent(i, c), X(c, i));
     }
   const auto* node_id = vtkIdTypeArray::SafeDownCast(grid->GetPointData()->GetArray("node_id"));
   ASSERT_NE(node_id, nullptr) << "node ids are integers";
