@@ -5,14 +5,17 @@ from __future__ import annotations
 import base64
 import html
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .methods import REFERENCE, label_of
 from .verdict import RULES, conclusion, finding, has_figures, title, total, trust_in_reference
 from .wording import percent, percent_signed, significant, unit_of_length
 
+if TYPE_CHECKING:
+    from .exhibits import Row
+
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
 h1 { margin-bottom: 0; } .finding { font-size: 1.25rem; margin-top: .5rem; }
 .conclusion { font-size: 1.1rem; } .table { overflow-x: auto; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
@@ -21,6 +24,8 @@ td { white-space: nowrap; }
 th { cursor: pointer; } th:first-child, td:first-child { text-align: left; }
 img { max-width: 100%; } pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: .85rem; }
 figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: .9rem; }
+.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); gap: .5rem; }
+.row figure { margin: 0; text-align: center; }
 """
 
 
@@ -159,13 +164,19 @@ def svg_figure(svg: str, caption: str) -> str:
 
 
 def image_figure(file: Path, caption: str) -> str:
-    """A PNG or GIF file with its caption, for a page."""
-    return _figure(file.read_bytes(), file.suffix[1:], caption)
+    """A PNG, JPEG or GIF file with its caption, for a page."""
+    return _figure(file.read_bytes(), _KINDS[file.suffix], caption)
+
+
+_KINDS = {".png": "png", ".jpg": "jpeg", ".gif": "gif"}
 
 
 def _figure(data: bytes, kind: str, caption: str) -> str:
-    source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-    return f'<figure><img src="{source}" alt=""><figcaption>{html.escape(caption)}</figcaption></figure>'
+    return f"<figure>{_image(data, kind)}<figcaption>{html.escape(caption)}</figcaption></figure>"
+
+
+def _image(data: bytes, kind: str) -> str:
+    return f'<img src="data:image/{kind};base64,{base64.b64encode(data).decode()}" alt="">'
 
 
 def html_table(head: list[str], rows: list[list[str]]) -> str:
@@ -197,22 +208,38 @@ def page(heading: str, sentence: str, parts: list[str], protocol: dict[str, str]
 """
 
 
+def row_figure(row: Row) -> str:
+    """Bodies side by side, as many as fit, above the scale that they share and the spread of their errors."""
+    panels = [
+        f"<figure>{_image(file.read_bytes(), _KINDS[file.suffix])}<figcaption><b>{html.escape(name)}</b><br>"
+        f"{html.escape(found)}</figcaption></figure>"
+        for name, found, file in row.panels
+    ]
+    return (
+        f'<div class="row">{"".join(panels)}</div>{svg_figure(row.scale, row.caption)}'
+        f"{svg_figure(row.plot, 'How the error is spread over the surface.')}"
+    )
+
+
 def render(
     comparison: dict[str, Any],
+    row: Row | None,
     plots: dict[str, str],
-    pictures: dict[str, Path],
+    films: dict[str, Path],
     protocol: dict[str, str],
 ) -> str:
     """The whole report.
 
-    plots: caption -> SVG; pictures: caption -> PNG file; protocol: as in page.
+    row: None where there is no reference; plots: caption -> SVG; films: caption -> file; protocol: as in page.
     """
     parts = [f'<p class="conclusion">{html.escape(" ".join(conclusion(comparison)))}</p>']
+    if row:
+        parts.append(row_figure(row))
     sentences = [_LAWS[comparison["law"]], *trust_in_reference(comparison)]
     parts.append(f"<p>{html.escape(' '.join(sentences))}</p>")
     parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]
-    parts += [image_figure(file, caption) for caption, file in pictures.items()]
+    parts += [image_figure(file, caption) for caption, file in films.items()]
     parts.append(_EXPLAINED_ALONE if "no_reference" in comparison else _explained(comparison))
     return page(title(comparison), finding(comparison), parts, protocol)
 

@@ -7,7 +7,7 @@ import json
 from typing import Any
 
 from .comparison import Comparison, compare, without_nan
-from .exhibits import draw_pictures, plot
+from .exhibits import draw_films, draw_row, plot
 from .experiment import Experiment
 from .machine import describe
 from .methods import label_of
@@ -32,7 +32,8 @@ def write_results(experiment: Experiment) -> dict[str, Any]:
     """
     comparison = compare(experiment)
     values = comparison.as_json() | {"fingerprint": fingerprint(experiment)}
-    report = render(values, plot(comparison), draw_pictures(comparison), _protocol(comparison))
+    row = draw_row(comparison)
+    report = render(values, row, plot(comparison), draw_films(comparison), _protocol(comparison))
     write_text(experiment.folder / "report.html", report)
     write_text(experiment.folder / "comparison.json", json.dumps(without_nan(values), indent=2) + "\n")
     return values

@@ -24,13 +24,14 @@ from PIL import Image, ImageDraw, ImageFont
 from ..compare import displacement_at, volume_change
 from ..methods import REFERENCE, label_of
 from ..runs import Array, Run, RunError, load_run, method_of, scene_of
-from .pictures import aim, magnification, seen_size, surface_of
+from ..wording import significant
+from .pictures import add_outline, aim, magnification, round_length, seen_size, skin_of, stage
 from .style import style_of
 
-_HEIGHT = 240  # pixels of a panel
-_ASPECT = (0.9, 1.8)  # least and largest width of a panel over its height
+_HEIGHT = 480  # pixels of a panel of a film; half as many of a strip
+_ASPECT = (1.0, 1.6)  # least and largest width of a panel over its height
 _TITLE, _FOOTER = 22, 150  # pixels above the panels and below them
-_COLOURS = 64  # of a film: few keep it small
+_COLOURS = 128  # of a film: few keep it small
 _MAP = "viridis"
 
 
@@ -99,7 +100,7 @@ def _translation(obstacle: dict[str, Any], time: float) -> Array:
 class _Camera:
     """Draws bodies from one fixed view, on one colour scale, so that frames and runs can be compared."""
 
-    def __init__(self, runs: dict[str, Run], times: Array) -> None:
+    def __init__(self, runs: dict[str, Run], times: Array, panel_height: int) -> None:
         self.bodies = _bodies(runs, times)
         scene = scene_of(next(iter(runs.values())))
         self.is_static = scene.get("time", {}).get("mode") == "static"
@@ -119,7 +120,7 @@ class _Camera:
             ]
         )
         width, height = seen_size(self.shown)
-        self.panel = (int(_HEIGHT * np.clip(width / height, *_ASPECT)), _HEIGHT)
+        self.panel = (int(panel_height * np.clip(width / height, *_ASPECT)), panel_height)
         middle = (self.shown.min(axis=0) + self.shown.max(axis=0)) / 2
         size = float(np.linalg.norm(np.ptp(self.shown, axis=0)))
         self.times = times
@@ -128,23 +129,26 @@ class _Camera:
     def shots(self, name: str) -> list[Image.Image]:
         """One picture of a run's body for each time."""
         body = self.bodies[name]
-        plotter = pv.Plotter(off_screen=True, window_size=list(self.panel))
-        plotter.set_background("white")
-        mesh = surface_of(body.points(0, self.factor), body.F)
-        mesh["displacement"] = np.linalg.norm(body.u[0], axis=1)
-        plotter.add_mesh(mesh, cmap=_MAP, clim=(0, self.largest), ambient=0.3, show_scalar_bar=False)
+        plotter = stage(self.panel)
+        skin = skin_of(body.X, body.F)
+        skin.mesh["displacement"] = np.zeros(skin.mesh.n_points)
+        plotter.add_mesh(
+            skin.mesh, scalars="displacement", cmap=_MAP, clim=(0, self.largest), ambient=0.5, diffuse=0.6, show_scalar_bar=False,
+            smooth_shading=True,
+        )  # fmt: skip
+        add_outline(plotter, body.X, body.F)
         actors = [(o, plotter.add_mesh(m, color="lightgrey", opacity=0.5)) for o, m in self.obstacles]
-        aim(plotter.camera, self.shown, self.panel, room=(0.96, 0.96))
-        plotter.enable_anti_aliasing("ssaa")
-        plotter.show(auto_close=False)
+        aim(plotter.camera, self.shown, self.panel)
         pictures = []
         for number, u in enumerate(body.u):
-            mesh.points = body.points(number, self.factor)
-            mesh["displacement"] = np.linalg.norm(u, axis=1)
+            skin.move(body.points(number, self.factor))
+            skin.mesh["displacement"] = np.linalg.norm(u, axis=1)[skin.ids]
             for obstacle, actor in actors:
                 actor.position = _translation(obstacle, self.times[number])
             plotter.render()
-            pictures.append(Image.fromarray(plotter.screenshot(None, return_img=True)))
+            picture = Image.fromarray(plotter.screenshot(None, return_img=True))
+            _write_scale(picture, 2 * plotter.camera.parallel_scale / self.panel[1])
+            pictures.append(picture)
         plotter.close()
         return pictures
 
@@ -183,6 +187,14 @@ def _write(picture: Image.Image, at: tuple[float, float], text: str) -> None:
     ImageDraw.Draw(picture).text(at, text, fill="black", font=ImageFont.load_default(13))
 
 
+def _write_scale(picture: Image.Image, pixel: float) -> None:
+    """A bar of a round length at the lower left. pixel: its size (m)."""
+    length = round_length(0.25 * picture.width * pixel)
+    left, right, bottom = 8, 8 + length / pixel, picture.height - 8
+    ImageDraw.Draw(picture).line([(left, bottom), (right, bottom)], fill="black", width=3)
+    _write(picture, (left, bottom - 19), f"{significant(length)} m")
+
+
 def _mosaic(pages: list[Image.Image]) -> Image.Image:
     """Some of the pages in one, so that a palette serves them all."""
     some = pages[:: max(1, len(pages) // 8)]
@@ -202,7 +214,7 @@ def draw_film(
     RunError where nothing moves.
     """
     times = _shared_times(runs, n_frames) if times is None else times
-    camera = _Camera(runs, times)
+    camera = _Camera(runs, times, _HEIGHT)
     width, height = camera.panel
     shots = {name: camera.shots(name) for name in runs}
     footer, at = camera.footer(runs, len(runs) * width, times)
@@ -227,7 +239,7 @@ def draw_film(
 def draw_strip(file: Path, runs: dict[str, Run], n_frames: int = 5) -> None:
     """Writes a PNG with a row of frames for each run, evenly in time, above their volume curves."""
     times = _shared_times(runs, n_frames)
-    camera = _Camera(runs, times)
+    camera = _Camera(runs, times, _HEIGHT // 2)
     width, height = camera.panel
     row = _TITLE + height
     page = Image.new("RGB", (len(times) * width, len(runs) * row + _FOOTER), "white")
