@@ -11,11 +11,13 @@ from .drawing.bodies import Body, bodies_of, draw_bodies, draw_thumbnail, has_ca
 from .drawing.film import draw_film, draw_strip
 from .drawing.pictures import magnification
 from .drawing.plots import SMALLEST, Panel, plot_curves, plot_errors, plot_errors_over_surface, plot_times
+from .drawing.view import write_view
 from .drawing.warp import draw_playback
 from .methods import REFERENCE, label_of
 from .wording import listed, percent, significant, unit_of_length
 
 THUMBNAIL = "thumbnail.jpg"  #: of the bodies, or of the film's frames, beside the report
+VIEW = "view.html"  #: of the same bodies, to be turned
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class Row:
     scale: str  #: SVG
     plot: str  #: SVG: how the errors are spread over the surface
     caption: str
+    view: str  #: file beside the report
 
 
 def draw_row(comparison: Comparison) -> Row | None:
@@ -54,6 +57,8 @@ def draw_row(comparison: Comparison) -> Row | None:
     files = [experiment.folder / f"body_{name}.png" for name in bodies]
     draw_bodies(files, list(bodies.values()), scale, factor)
     draw_thumbnail(experiment.folder / THUMBNAIL, files)
+    names = {label_of(name): body for name, body in bodies.items()}
+    write_view(experiment.folder / VIEW, f"{experiment.name}, {experiment.surface}", names, scale, factor)
     panels = []
     for name, file in zip(bodies, files, strict=True):
         model = comparison.models.get(name)
@@ -68,7 +73,7 @@ def draw_row(comparison: Comparison) -> Row | None:
     cut = " They are cut open." if is_cut else ""
     caption = f"The bodies{moment}, displacements drawn {drawn}, coloured by error, with the outline of the body at rest.{cut}"
     areas = vertex_areas(X, F)
-    return Row(panels, scale.svg(), plot_errors_over_surface(errors, areas, scale.low), caption)
+    return Row(panels, scale.svg(), plot_errors_over_surface(errors, areas, scale.low), caption, VIEW)
 
 
 def draw_films(comparison: Comparison) -> dict[str, Path]:

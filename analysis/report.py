@@ -217,6 +217,7 @@ def row_figure(row: Row) -> str:
     ]
     return (
         f'<div class="row">{"".join(panels)}</div>{svg_figure(row.scale, row.caption)}'
+        f'<p><a href="{row.view}">Turn the bodies in three dimensions</a> (a file beside this report).</p>'
         f"{svg_figure(row.plot, 'How the error is spread over the surface.')}"
     )
 

@@ -129,7 +129,7 @@ class _Camera:
     def shots(self, name: str) -> list[Image.Image]:
         """One picture of a run's body for each time."""
         body = self.bodies[name]
-        plotter = stage(self.panel)
+        plotter = stage(self.panel, is_smooth=False)
         skin = skin_of(body.X, body.F)
         skin.mesh["displacement"] = np.zeros(skin.mesh.n_points)
         plotter.add_mesh(
@@ -205,7 +205,7 @@ def _mosaic(pages: list[Image.Image]) -> Image.Image:
 
 
 def draw_film(
-    file: Path, runs: dict[str, Run], n_frames: int = 40, seconds: float = 4, times: Array | None = None
+    file: Path, runs: dict[str, Run], n_frames: int = 30, seconds: float = 4, times: Array | None = None
 ) -> None:
     """Writes a GIF of the runs side by side above their volume curves.
 
@@ -229,7 +229,7 @@ def draw_film(
             [(at[number], _TITLE + height + 10), (at[number], _TITLE + height + 100)], fill="grey"
         )
         pages.append(page)
-    palette = _mosaic(pages).quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
+    palette = _mosaic(pages).quantize(_COLOURS, Image.Quantize.MEDIANCUT)
     frames = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in pages]
     duration = int(1000 * seconds / len(frames))
     durations = [duration] * (len(frames) - 1) + [1000]  # rest at the end
