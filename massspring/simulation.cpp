@@ -9,6 +9,7 @@
 #include "massspring/statics/frequencies.h"
 #include "massspring/time/implicit_stage.h"
 #include "meshing/base/geometry.h"
+#include "meshing/scene/initial_motion.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -54,6 +55,8 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   contacts_ = contacts_of(scene, {nodes.X.leftCols(nodes.n_surface), nodes.F});
   if (model_.spread_mass) lump(driven_nodes(forces_.constraints), *model_.spread_mass);
   state_ = initial_state(model_);
+  state_.v = initial_velocity(scene, nodes.X, model_.mass);
+  filter(forces_.constraints, state_.v);
   rest_volume_ = state_.target_volume;
   const TimeOptions& time = scene.time;
   if (law_of(scene) == MaterialLaw::SmallStrain) {

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "fem_reference/solid/problem.h"
+#include "meshing/scene/initial_motion.h"
 
 namespace testbed::fem {
 
@@ -53,6 +54,10 @@ void Simulation::set_in_motion() {
   timer_.start("solve");
   const std::optional<double> radius = scene_.reference.spectral_radius;
   motion_.emplace(std::move(system), step_, radius ? generalised_alpha(*radius) : kNewmark);
+  if (scene_.initial.empty()) return;
+  const Eigen::VectorXd mass = solid_.mass(MassMatrix::Lumped).diagonal();
+  const Eigen::Matrix3Xd v = initial_velocity(scene_, solid_.X(), mass(Eigen::seq(0, Eigen::last, 3)));
+  motion_->restart(Eigen::VectorXd::Zero(v.size()), v.reshaped());
 }
 
 bool Simulation::advance() {

@@ -24,6 +24,7 @@ nlohmann::ordered_json list_choices() {
   Scene scene;  // with one of each table
   scene.supports.emplace_back();
   scene.loads.emplace_back();
+  scene.initial.emplace_back();
   scene.collapse.emplace().pivots.push_back({{0, 0, 0}, {}, 0, {}});
   scene.volume.emplace();
   scene.skin.emplace();

@@ -1,9 +1,5 @@
 #include "massspring/energies/tet_springs.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
-#include <Eigen/Jacobi>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -16,7 +12,6 @@
 
 #include "massspring/kernels/padded_nodes.h"
 #include "massspring/kernels/patch_law.h"
-#include "meshing/algebra/rigid_motion.h"
 #include "meshing/algebra/subdomains.h"
 #include "meshing/base/geometry.h"
 
@@ -43,16 +38,11 @@ TetGradients barycentric_gradients(const Matrix3Xd& X, const Eigen::Vector4i& t)
   return g;
 }
 
-struct VolumeLaw {
-  double g, dg, ddg;
-};
-
-/// g(J) of the law and its derivatives.
-VolumeLaw volume_law(double J, double lambda, double mu) {
+/// g(J) of the law.
+double volume_energy(double J, double lambda, double mu) {
   const double c = mu + lambda / 2, j = std::max(J, kLeastJacobian), d = J - j;
-  const double dg = lambda / 2 * j - c / j, ddg = lambda / 2 + c / (j * j);
-  return {lambda / 4 * (j * j - 1) - c * std::log(j) + (dg + ddg / 2 * d) * d, volume_slope(J, lambda, mu),
-          ddg};
+  const double dg = volume_slope(j, lambda, mu), ddg = volume_curvature(j, lambda, mu);
+  return lambda / 4 * (j * j - 1) - c * std::log(j) + (dg + ddg / 2 * d) * d;
 }
 
 Matrix3d deformation_gradient(const TetSprings& springs, int patch, const Matrix3Xd& x) {
@@ -67,118 +57,18 @@ double scale_of(const Eigen::VectorXd& scale, int patch) {
   return scale.size() > 0 ? scale[patch] : 1;
 }
 
-Matrix3d cofactor(const Matrix3d& F) {
-  Matrix3d C;
-  C << F.col(1).cross(F.col(2)), F.col(2).cross(F.col(0)), F.col(0).cross(F.col(1));
-  return C;
-}
-
-/// F = U diag(s) V^T with rotations U and V, so that at most one s is negative.
-struct SingularValues {
-  Matrix3d U, V;
-  Vector3d s;
-};
-
-/// Columns are rotated against each other until they are orthogonal [Hestenes 1958], which is exact to
-/// rounding however small one is beside the others.
-SingularValues singular_values(const Matrix3d& F) {
-  constexpr double kOrthogonal = 1e-14;
-  constexpr int kMaxSweeps = 20;
-  Matrix3d A = F, V = Matrix3d::Identity();
-  bool is_orthogonal = false;
-  for (int sweep = 0; sweep < kMaxSweeps && !is_orthogonal; ++sweep) {
-    is_orthogonal = true;
-    for (int k = 0; k < 3; ++k) {
-      const int i = (k + 1) % 3, j = (k + 2) % 3;
-      const double ij = A.col(i).dot(A.col(j)), ii = A.col(i).squaredNorm(), jj = A.col(j).squaredNorm();
-      if (!(std::abs(ij) > kOrthogonal * std::sqrt(ii * jj))) continue;
-      is_orthogonal = false;
-      Eigen::JacobiRotation<double> rotation;
-      rotation.makeJacobi(ii, ij, jj);
-      A.applyOnTheRight(i, j, rotation);
-      V.applyOnTheRight(i, j, rotation);
-    }
-  }
-  Vector3d s = A.colwise().norm();
-  int k;
-  s.minCoeff(&k);
-  const int i = (k + 1) % 3, j = (k + 2) % 3;
-  Matrix3d U;
-  U.col(i) = s[i] > 0 ? Vector3d(A.col(i) / s[i]) : A.col(j).unitOrthogonal();
-  U.col(j) = s[j] > 0 ? Vector3d(A.col(j) / s[j]) : U.col(i).unitOrthogonal();
-  U.col(k) = U.col(i).cross(U.col(j));
-  s[k] = U.col(k).dot(A.col(k));
-  return {U, V, s};
-}
-
-/// Parts k (E : dF)^2 of psi'': that of g'' and at most
-/// five negative eigenvalues' [Smith, de Goes & Kim 2019].
-struct Modes {
-  int n = 0;
-  std::array<double, 6> k;
-  std::array<Matrix3d, 6> E;
-
-  void add(double stiffness, const Matrix3d& direction) {
-    k[n] = stiffness;
-    E[n++] = direction;
-  }
-};
-
-/// Adds what lifts the negative eigenvalues of psi'' to 0. In the basis u_i v_j^T of F's singular vectors
-/// psi'' has a 3 x 3 block of stretches, and for each pair of axes i, j a twist and a flip with eigenvalues
-/// mu +- g' s_k.
-void add_projection(const Matrix3d& F, const VolumeLaw& law, double mu, Modes& modes) {
-  const auto [U, V, s] = singular_values(F);
-  const Vector3d c(s[1] * s[2], s[2] * s[0], s[0] * s[1]);
-  Matrix3d stretch = mu * Matrix3d::Identity() + law.ddg * c * c.transpose();
-  for (int k = 0; k < 3; ++k) {
-    const int i = (k + 1) % 3, j = (k + 2) % 3;
-    const double turning = law.dg * s[k];
-    stretch(i, j) += turning;
-    stretch(j, i) += turning;
-    const double least = mu - std::abs(turning);
-    if (least < 0)
-      modes.add(-least / 2, U.col(i) * V.col(j).transpose() +
-                                std::copysign(1, turning) * U.col(j) * V.col(i).transpose());
-  }
-  if (stretch.llt().info() == Eigen::Success) return;
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(stretch);
-  for (int k = 0; k < 3; ++k)
-    if (eigen.eigenvalues()[k] < 0)
-      modes.add(-eigen.eigenvalues()[k], U * eigen.eigenvectors().col(k).asDiagonal() * V.transpose());
-}
-
-/// psi'' = mu |dF|^2 + g'' (C : dF)^2 + g' d2J, of which block (a, b) of d2J takes v to -F_c x v when a, b, c
-/// follow each other.
-Stiffness stiffness(const Matrix3d& F, double lambda, double mu, Curvature curvature) {
-  const Matrix3d C = cofactor(F);
-  const VolumeLaw law = volume_law(F.col(0).dot(C.col(0)), lambda, mu);
-  Modes modes;
-  modes.add(law.ddg, C);
-  if (curvature == Curvature::Projected) add_projection(F, law, mu, modes);
-  Stiffness H;
-  const auto block = [&H](int a, int b) { return Eigen::Map<Matrix3d>(H.col(a).data() + 9 * b); };
-  for (int a = 0; a < 3; ++a) {
-    const int b = (a + 1) % 3, c = (a + 2) % 3;
-    block(a, a) = mu * Matrix3d::Identity();
-    block(a, b) = -law.dg * cross_product_matrix(F.col(c));
-    block(b, a) = -block(a, b);
-  }
-  for (int m = 0; m < modes.n; ++m)
-    for (int a = 0; a < 3; ++a) {
-      const Vector3d kE = modes.k[m] * modes.E[m].col(a);
-      for (int b = 0; b < 3; ++b) block(a, b) += kE * modes.E[m].col(b).transpose();
-    }
-  return H;
-}
-
-/// Of blocks (r, e), r <= e, of every patch.
-std::vector<int> positions(const TetSprings& springs, const BlockMatrix& K) {
+/// Of the blocks that the pairs of entries of every batch add to.
+std::vector<int> positions(const PatchBatches& batches, const BlockMatrix& K) {
   std::vector<int> result;
-  for (int p = 0; p < springs.n_patches(); ++p)
-    for (int r = springs.first[p]; r < springs.first[p + 1]; ++r)
-      for (int e = r; e < springs.first[p + 1]; ++e)
-        result.push_back(K.find(springs.node[r], springs.node[e]));
+  result.reserve(kBatchSize * static_cast<std::size_t>(batches.pair_start.back()));
+  for (int batch = 0; batch < batches.n_batches(); ++batch)
+    for (int r = batches.start[batch]; r < batches.start[batch + 1]; ++r)
+      for (int e = r; e < batches.start[batch + 1]; ++e)
+        for (int lane = 0; lane < kBatchSize; ++lane) {
+          const auto [i, j] =
+              std::minmax(batches.node[kBatchSize * r + lane], batches.node[kBatchSize * e + lane]);
+          result.push_back(K.find(i, j));
+        }
   return result;
 }
 
@@ -271,7 +161,7 @@ void fill_batches(TetSprings& springs) {
   PatchBatches& batches = springs.batches;
   std::vector<int> first = springs.subdomain_first;  // of ranges
   if (first.empty()) first = {0, springs.n_patches()};
-  batches.first = batches.start = {0};
+  batches.first = batches.start = batches.pair_start = {0};
   for (std::size_t k = 0; k + 1 < first.size(); ++k) {
     if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
     for (int p = first[k]; p < first[k + 1]; p += kBatchSize) {
@@ -281,6 +171,7 @@ void fill_batches(TetSprings& springs) {
         n_entries = std::max(n_entries, springs.first[p + i + 1] - springs.first[p + i]);
       batches.first.push_back(p + n);
       batches.start.push_back(n_before + n_entries);
+      batches.pair_start.push_back(batches.pair_start.back() + n_entries * (n_entries + 1) / 2);
       batches.node.resize(kBatchSize * batches.start.back());
       batches.b.resize(3 * kBatchSize * static_cast<std::size_t>(batches.start.back()));
       for (int i = 0; i < kBatchSize; ++i) {
@@ -297,6 +188,9 @@ void fill_batches(TetSprings& springs) {
     }
   }
   if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
+  batches.node.shrink_to_fit();
+  batches.b.shrink_to_fit();
+  springs.node.shrink_to_fit();
 }
 
 PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
@@ -315,14 +209,6 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
     shares[t] = share[t] * barycentric_gradients(X, T.col(t));
   }
   const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
-  const auto resize = [&](Eigen::Index n) {
-    springs.b.conservativeResize(3, n);
-    springs.weight.conservativeResize(n);
-  };
-  const auto n_entries = static_cast<Eigen::Index>(springs.node.size()), n_most = 4 * patches.size();
-  resize(n_entries + n_most);
-  springs.b.rightCols(n_most).setZero();
-  springs.weight.tail(n_most).setZero();
   springs.volume.conservativeResize(n_before + n_new);
   springs.lambda.conservativeResize(n_before + n_new);
   springs.lambda.tail(n_new).setConstant(lambda);
@@ -337,34 +223,40 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
       order.insert(order.end(), own.begin(), own.end());
     }
   }
-  std::vector<int> patch_of(X.cols(), -1), entry_of(X.cols());  // of nodes: the last that they were met in
+  const auto for_each_tet = [&](int p, const auto& visit) {
+    for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
+      visit(in_patch.at[k] / static_cast<int>(patches.rows()));
+  };
+  std::vector<int> patch_of(X.cols(), -1);  // of nodes: the last that they were met in
   for (const int p : order) {
-    const auto tets = [&](const auto& visit) {
-      for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
-        visit(in_patch.at[k] / static_cast<int>(patches.rows()));
-    };
-    const int begin = springs.first.back();
-    tets([&](int t) {
+    for_each_tet(p, [&](int t) {
       for (int i : T.col(t))
         if (std::exchange(patch_of[i], p) != p) springs.node.push_back(i);
     });
-    const int end = static_cast<int>(springs.node.size());
-    std::sort(springs.node.begin() + begin, springs.node.end());
-    for (int e = begin; e < end; ++e) entry_of[springs.node[e]] = e;
+    std::sort(springs.node.begin() + springs.first.back(), springs.node.end());
+    springs.first.push_back(static_cast<int>(springs.node.size()));
+  }
+  const Eigen::Index n_entries = springs.first.back(), n_entries_before = springs.weight.size();
+  springs.b.conservativeResize(3, n_entries);
+  springs.weight.conservativeResize(n_entries);
+  springs.b.rightCols(n_entries - n_entries_before).setZero();
+  springs.weight.tail(n_entries - n_entries_before).setZero();
+  std::vector<int> entry_of(X.cols());  // of nodes in the patch at hand
+  for (int q = 0; q < n_new; ++q) {
+    const int begin = springs.first[n_before + q], n = springs.first[n_before + q + 1] - begin;
+    for (int e = begin; e < begin + n; ++e) entry_of[springs.node[e]] = e;
     double volume = 0;
-    tets([&](int t) {
+    for_each_tet(order[q], [&](int t) {
       volume += share[t];
       for (int k = 0; k < 4; ++k) {
         springs.b.col(entry_of[T(k, t)]) += shares[t].col(k);
         springs.weight[entry_of[T(k, t)]] += share[t] / 4;
       }
     });
-    springs.b.middleCols(begin, end - begin) /= volume;
-    springs.weight.segment(begin, end - begin) /= volume;
-    springs.volume[springs.first.size() - 1] = volume;
-    springs.first.push_back(end);
+    springs.b.middleCols(begin, n) /= volume;
+    springs.weight.segment(begin, n) /= volume;
+    springs.volume[n_before + q] = volume;
   }
-  resize(springs.first.back());
 }
 
 }  // namespace
@@ -404,7 +296,7 @@ double energy(const TetSprings& springs, const Matrix3Xd& x, const Eigen::Vector
     for (int p = batches.first[begin], i = 0; p < batches.first[end]; ++p, ++i) {
       const double s = scale_of(scale, p);
       sum += s * s * s * springs.volume[p] *
-             (springs.mu / 2 * (squares[i] - 3) + volume_law(J[i], springs.lambda[p], springs.mu).g);
+             (springs.mu / 2 * (squares[i] - 3) + volume_energy(J[i], springs.lambda[p], springs.mu));
     }
     return sum;
   });
@@ -423,20 +315,12 @@ void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, con
 
 void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
                  const Eigen::VectorXd& scale) {
-  if (K.coupled.empty()) K.coupled = positions(springs, K);
-  std::vector<int> n_before{0};  // positions of the patches before each
-  for (int p = 0; p < springs.n_patches(); ++p) {
-    const int n = springs.first[p + 1] - springs.first[p];
-    n_before.push_back(n_before.back() + n * (n + 1) / 2);
-  }
-  for_each_range(springs.subdomain_first, springs.n_patches(), [&](int begin, int end) {
-    for (int p = begin; p < end; ++p) {
-      const double s = scale_of(scale, p);
-      const Matrix3d F = deformation_gradient(springs, p, x) / s;
-      const int first = springs.first[p], n = springs.first[p + 1] - first;
-      add_patch_blocks(stiffness(F, springs.lambda[p], springs.mu, curvature), s * springs.volume[p],
-                       springs.b.col(first).data(), n, K.coupled.data() + n_before[p], K.block.data());
-    }
+  const PatchBatches& batches = springs.batches;
+  if (K.coupled.empty()) K.coupled = positions(batches, K);
+  const Double4* const columns = pad(x);
+  for_each_range(springs.subdomain_batch, batches.n_batches(), [&](int begin, int end) {
+    add_patch_hessians(begin, end, batches, arrays_of(springs, scale), columns, curvature, K.coupled.data(),
+                       K.block.data());
   });
   mirror(K);
 }

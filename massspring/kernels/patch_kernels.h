@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "meshing/algebra/block_matrix.h"
 #include "meshing/algebra/vectors.h"
 
 namespace testbed::massspring {
@@ -18,6 +19,8 @@ struct PatchBatches {
   std::vector<int> start;  ///< of each batch's entries, and the end
   std::vector<int> node;   ///< kBatchSize of each entry
   std::vector<double> b;   ///< 3 kBatchSize of each entry: all x, all y, all z (1/m)
+  /// Of each batch's pairs of entries (r, e), r <= e, and the end.
+  std::vector<int> pair_start;
 
   int n_batches() const { return static_cast<int>(first.size()) - 1; }
 };
@@ -39,18 +42,10 @@ void measure_patches(int begin, int end, const PatchBatches& batches, const Patc
 void add_patch_forces(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
                       const Double4* x, Double4* f);
 
-inline namespace TESTBED_KIND {
-/// Second derivatives psi'' of an energy density by F in 3 x 3 blocks (a, b) of the columns a and b of F:
-/// column a holds (a, 0), (a, 1) and (a, 2).
-using Stiffness = Eigen::Matrix<double, 27, 3>;
-
-/// Adds V sum_ab b_r(a) psi''(a, b) b_e(b) to the block at the next of the given places, for r = 0 ... n - 1,
-/// and e = r ... n - 1.
-/// @param V     volume (m3)
-/// @param b     vectors b_0 ... b_n-1 of a patch, 3 numbers each (1/m)
-/// @param at    places of n (n + 1) / 2 blocks
-void add_patch_blocks(const Stiffness& psi, double V, const double* b, int n, const int* at,
-                      Eigen::Matrix3d* block);
-}  // namespace TESTBED_KIND
+/// Adds the blocks of the Hessian of their energies (N/m) to those at given places: of batches begin to end - 1,
+/// projected patch by patch where that is asked for.
+/// @param at  of each pair of entries (r, e), r <= e, of a batch those of its patches, from the first batch on
+void add_patch_hessians(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
+                        const Double4* x, Curvature curvature, const int* at, Eigen::Matrix3d* block);
 
 }  // namespace testbed::massspring

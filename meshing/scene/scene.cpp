@@ -338,6 +338,9 @@ std::string large_strain_part(const Scene& scene) {
       return "a follower load: it acts on the surface where that is, not where it was at rest";
   if (scene.collapse && scene.time.mode == TimeMode::Dynamic)
     return "collapse with time.mode = \"dynamic\": it goes on from where the body is";
+  for (const InitialMotion& initial : scene.initial)
+    if (!initial.spin.isZero(0) && scene.supports.empty())
+      return "initial.spin without supports: the body turns far";
   return "";
 }
 

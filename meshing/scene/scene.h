@@ -38,7 +38,7 @@ struct ClosedMesh {
   std::string file;
 };
 
-/// A part of the surface, by vertex position at rest. Boundaries are included (to 1e-9 of the bounding box).
+/// A part of the body, by the positions of nodes at rest. Boundaries are included (to 1e-9 of the bounding box).
 struct Region {
   std::variant<Everywhere, Box, HalfSpace, Ball> shape;
   /// Coordinates are fractions of the surface's bounding box, a radius of its smallest side; normals stay.
@@ -81,6 +81,13 @@ struct Load {
   /// The pressure acts on the deformed surface; the region holds whole components of it.
   bool is_follower = false;
   std::vector<StressTerm> stress;  ///< traction = sum of its terms times the outward normal
+};
+
+/// Velocity with which a dynamic scene begins; those of regions that overlap add up.
+struct InitialMotion {
+  Region region;                      ///< of all nodes, inner ones too
+  Eigen::Vector3d velocity{0, 0, 0};  ///< m/s
+  Eigen::Vector3d spin{0, 0, 0};      ///< rad/s, about the region's centre of mass
 };
 
 /// Energies of volume [paper 3.3].
@@ -197,6 +204,7 @@ struct Scene {
   std::optional<Eigen::Vector3d> gravity;  ///< m/s2
   std::vector<Support> supports;
   std::vector<Load> loads;
+  std::vector<InitialMotion> initial;
   std::optional<Collapse> collapse;
   std::optional<VolumeForces> volume;
   std::optional<Skin> skin;
@@ -248,6 +256,8 @@ std::string to_toml(const Scene& scene);
 /// @throws std::runtime_error when it cannot be read or is not closed.
 SurfaceMesh load_surface(const SurfaceSource& source);
 
+/// Indices (ascending) of the nodes X (3 x n, m) of a body in the region; they span its bounding box.
+std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X);
 /// Indices (ascending) of the surface vertices in the region.
 std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface);
 /// Indices (ascending) of the triangles with all three vertices in the region.

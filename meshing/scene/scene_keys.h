@@ -117,7 +117,7 @@ void describe(V& v, Material& m) {
   v.choice(
       "law", m.law,
       "small_strain or neo_hookean, of both solvers; absent: neo_hookean with obstacles, self_contact, skin, "
-      "volume, a follower load or a collapse in time");
+      "volume, a follower load, a collapse in time or the spin of a body without supports");
 }
 
 template <class V>
@@ -141,6 +141,13 @@ void describe(V& v, Load& l) {
     "...] (Pa)");
   v.check("stress", is_polynomial(l.stress), "whole exponents i, j, k from 0, their sum at most 3");
   v("follower", l.is_follower, "pressure acts on the deformed surface");
+}
+
+template <class V>
+void describe(V& v, InitialMotion& m) {
+  v.inline_table("region", m.region, "which nodes, inner ones too");
+  v("velocity", m.velocity, kAny, "at the start (m/s); that of supports has precedence");
+  v("spin", m.spin, kAny, "about the region's centre of mass (rad/s)");
 }
 
 template <class V>
@@ -280,6 +287,7 @@ void describe(V& v, Scene& s) {
   v.table("material", s.material);
   v.list("supports", s.supports);
   v.list("loads", s.loads);
+  v.list("initial", s.initial);
   v.table("collapse", s.collapse);
   v.table("volume", s.volume);
   v.table("skin", s.skin);
@@ -291,6 +299,8 @@ void describe(V& v, Scene& s) {
   v.table("comparison", s.comparison);
   v.table("playback", s.playback);
   v.table("output", s.output);
+  v.check("initial", s.initial.empty() || s.time.mode == TimeMode::Dynamic,
+          "none with time.mode = static: equilibria have no velocity");
 }
 
 /// Shortest decimal digits that give x again, as a TOML float.

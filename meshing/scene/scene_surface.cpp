@@ -35,18 +35,18 @@ Shape absolute(const Ball& ball, const Eigen::Vector3d& low, const Eigen::Vector
   return Ball{low + extent.cwiseProduct(ball.centre), ball.radius * extent.minCoeff()};
 }
 
-std::vector<bool> membership(const Region& region, const SurfaceMesh& surface) {
-  const Eigen::Vector3d low = surface.X.rowwise().minCoeff();
-  const Eigen::Vector3d extent = surface.X.rowwise().maxCoeff() - low;
+std::vector<bool> membership(const Region& region, const Eigen::Matrix3Xd& X) {
+  const Eigen::Vector3d low = X.rowwise().minCoeff();
+  const Eigen::Vector3d extent = X.rowwise().maxCoeff() - low;
   const auto shape =
       region.relative
           ? std::visit([&](const auto& s) -> Shape { return absolute(s, low, extent); }, region.shape)
           : region.shape;
   constexpr double kSlack = 1e-9;  // of the bounding box: a vertex placed on the region's boundary is inside
-  std::vector<bool> is_member(surface.X.cols());
-  for (int i = 0; i < surface.X.cols(); ++i)
-    is_member[i] = std::visit(
-        [&](const auto& s) { return is_inside(s, surface.X.col(i), kSlack * extent.norm()); }, shape);
+  std::vector<bool> is_member(X.cols());
+  for (int i = 0; i < X.cols(); ++i)
+    is_member[i] =
+        std::visit([&](const auto& s) { return is_inside(s, X.col(i), kSlack * extent.norm()); }, shape);
   return is_member;
 }
 
@@ -65,16 +65,20 @@ SurfaceMesh load_surface(const SurfaceSource& source) {
   return surface;
 }
 
+std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X) {
+  const std::vector<bool> is_member = membership(region, X);
+  std::vector<int> nodes;
+  for (int i = 0; i < X.cols(); ++i)
+    if (is_member[i]) nodes.push_back(i);
+  return nodes;
+}
+
 std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface) {
-  const std::vector<bool> is_member = membership(region, surface);
-  std::vector<int> vertices;
-  for (int i = 0; i < surface.X.cols(); ++i)
-    if (is_member[i]) vertices.push_back(i);
-  return vertices;
+  return nodes_in(region, surface.X);
 }
 
 std::vector<int> triangles_in(const Region& region, const SurfaceMesh& surface) {
-  const std::vector<bool> is_member = membership(region, surface);
+  const std::vector<bool> is_member = membership(region, surface.X);
   std::vector<int> triangles;
   for (int f = 0; f < surface.F.cols(); ++f)
     if (is_member[surface.F(0, f)] && is_member[surface.F(1, f)] && is_member[surface.F(2, f)])

@@ -4,6 +4,7 @@
 // direction of Hooke's force flips, which no fixed step follows: symplectic Euler gains energy at half its
 // stability limit, and none at a fifth of that.
 #include <benchmark/benchmark.h>
+#include <sys/resource.h>
 
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
@@ -12,7 +13,9 @@
 #include <ctime>
 #include <limits>
 
+#include "massspring/model/small_strain.h"
 #include "massspring/statics/linear_statics.h"
+#include "massspring/statics/quasi_static.h"
 #include "massspring/time/implicit_matrix.h"
 #include "massspring/time/integrators.h"
 #include "meshing/algebra/vectors.h"
@@ -101,6 +104,39 @@ void scale(benchmark::State& bench, int n, double E, const std::string& integrat
   bench.counters["ns_per_node"] =
       benchmark::Counter(n_steps * n_nodes * 1e-9, benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
   bench.counters["cg_iterations"] = linear_iterations / n_steps;
+}
+
+/// Set-up and solve of a clamped bar of tetrahedra, twice as long as wide, under its weight at small strain.
+void scale_statics(benchmark::State& bench, int n_cells) {
+  const TetMesh mesh = box_tets(2 * n_cells, n_cells, n_cells, 1. / n_cells, 0.2);
+  Material material;
+  material.E = kStiff;
+  double set_up = 0;
+  int iterations = 0;
+  for (auto _ : bench) {
+    const std::clock_t begin = std::clock();
+    MassSpringModel model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface},
+                                      material, find_calibration("node_averaged"));
+    model.spread_mass = spread_mass(mesh.X, mesh.T, material.rho);
+    linearise(model);
+    Forces forces;
+    forces.load = Eigen::Vector3d(0, 0, -9.81) * model.mass.transpose();
+    for (int i = 0; i < mesh.X.cols(); ++i)
+      if (mesh.X(0, i) < 0.3 / n_cells)
+        forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+    State state = initial_state(model);
+    QuasiStaticSolver solver(model, forces, 1e-10);
+    set_up = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+    const StepReport report = solver.solve(1, state);
+    if (report.status != Status::Ok) bench.SkipWithError(name_of(report.status));
+    iterations = report.linear_iterations;
+  }
+  bench.counters["nodes"] = static_cast<double>(mesh.X.cols());
+  bench.counters["set_up_s"] = set_up;
+  bench.counters["cg_iterations"] = iterations;
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  bench.counters["peak_MB"] = static_cast<double>(usage.ru_maxrss) / 1e3;  // of the largest so far
 }
 
 /// The kernels on the head, warm: springs' forces, and K p spring by spring and by blocks.
@@ -212,6 +248,21 @@ Work work_of_forces(const TetSprings& springs) {
   return {36 * n_entries + 74 * n_patches, 28 * n_entries + 16 * n_patches + 72 * n_nodes};
 }
 
+/// Hessians of coupled springs. A node of a patch takes part in F (18 flops) and in rows and columns (54), a
+/// pair of its nodes has 46; cofactors and law are 36. Places are read once; half the blocks are read and
+/// written, and mirrored.
+Work work_of_hessians(const TetSprings& springs, const BlockMatrix& K) {
+  const auto n_entries = static_cast<double>(springs.node.size()), n_patches = springs.n_patches() * 1.,
+             n_blocks = static_cast<double>(K.block.size());
+  double n_pairs = 0;
+  for (int p = 0; p < springs.n_patches(); ++p) {
+    const double n = springs.first[p + 1] - springs.first[p];
+    n_pairs += n * (n + 1) / 2;
+  }
+  return {46 * n_pairs + 72 * n_entries + 36 * n_patches,
+          4 * n_pairs + 28 * n_entries + 16 * n_patches + 32. * K.rows() + 144 * n_blocks};
+}
+
 /// One implicit step's system of the head, from zero to 1e-6: our conjugate gradients spring by spring, and
 /// Eigen's on the matrix formed, preconditioned by its diagonal.
 void solve(benchmark::State& bench, double E, bool is_eigens) {
@@ -291,6 +342,7 @@ void coupled(benchmark::State& bench, const std::string& work, const char* model
   }
   const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
   if (work == "forces") report_limit(bench, work_of_forces(*model.tet_springs), seconds);
+  if (work == "exact") report_limit(bench, work_of_hessians(*model.tet_springs, K), seconds);
   bench.counters["cg_iterations"] = iterations;
   bench.counters["nodes"] = static_cast<double>(x.cols());
   bench.counters["patches_per_s"] = benchmark::Counter(
@@ -357,6 +409,10 @@ int main(int argc, char** argv) {
             "scale/" + std::string(integrator) + (E == kSoft ? "/soft/" : "/stiff/") + std::to_string(n);
         benchmark::RegisterBenchmark(label.c_str(), scale, n, E, integrator);
       }
+  for (const int n_cells : {12, 25, 31, 40, 50, 63, 71, 80})  // 4e3 to 1e6 nodes
+    benchmark::RegisterBenchmark(("scale/statics/" + std::to_string(n_cells)).c_str(), scale_statics, n_cells)
+        ->Unit(benchmark::kSecond)
+        ->Iterations(1);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -201,21 +201,16 @@ TEST_P(EveryBlend, NodeOrderDoesNotMatter) {
 
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
 
-/// psi'' at F over its columns: of one patch whose nodes are displaced by F's columns, a fourth one staying.
+/// psi'' at F over its columns: of one tetrahedron whose nodes are displaced by F's columns, a fourth one
+/// staying.
 Matrix9d second_derivative(const Matrix3d& F, const Lame& lame, Curvature curvature) {
-  TetSprings patch;
-  patch.first = {0, 4};
-  patch.node = {0, 1, 2, 3};
-  patch.b.resize(3, 4);
-  patch.b << Matrix3d::Identity(), Vector3d(-1, -1, -1);
-  patch.volume = Eigen::VectorXd::Ones(1);
-  patch.lambda = Eigen::VectorXd::Constant(1, lame.lambda);
-  patch.mu = lame.mu;
-  Matrix3Xd x = Matrix3Xd::Zero(3, 4);
+  Matrix3Xd X = Matrix3Xd::Zero(3, 4), x = X;
+  X.leftCols<3>().setIdentity();
   x.leftCols<3>() = F;
+  const TetSprings patch = couple_springs(X, Eigen::Vector4i(3, 0, 1, 2), lame, kEdgeCoupled);
   BlockMatrix K = make_block_matrix(4, pairs_of(patch));
   add_hessian(patch, x, K, curvature);
-  return dense(K).topLeftCorner<9, 9>();
+  return dense(K).topLeftCorner<9, 9>() / patch.volume[0];
 }
 
 TEST(TetSprings, ProjectionSetsNegativeEigenvaluesToZeroHoweverCrushed) {

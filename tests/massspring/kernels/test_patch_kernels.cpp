@@ -1,6 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <numeric>
+#include <vector>
 
 #include "massspring/energies/tet_springs.h"
 #include "massspring/kernels/padded_nodes.h"
@@ -14,13 +18,17 @@ void measure_patches(int begin, int end, const PatchBatches& batches, const Patc
                      const LibraryDouble4* x, double* det, double* squared_norm);
 void add_patch_forces(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
                       const LibraryDouble4* x, LibraryDouble4* f);
+void add_patch_hessians(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
+                        const LibraryDouble4* x, Curvature curvature, const int* at, Eigen::Matrix3d* block);
 }  // namespace testbed::massspring
 #endif
 
 namespace testbed::massspring {
 namespace {
 
+using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
+using Matrix9d = Eigen::Matrix<double, 9, 9>;
 
 struct Case {
   TetMesh mesh = box_tets(8, 8, 9, 1. / 9, 0.2);  // large enough to be ordered along the body
@@ -28,9 +36,9 @@ struct Case {
   Eigen::VectorXd scale = Eigen::VectorXd::LinSpaced(springs.n_patches(), 0.6, 1.4);
   Matrix3Xd x = mesh.X;
 
-  Case() {
+  explicit Case(double displacement = 0.05) {
     Random random(3);
-    for (double& c : x.reshaped()) c += 0.05 * (2 * random.uniform() - 1);
+    for (double& c : x.reshaped()) c += displacement * (2 * random.uniform() - 1);
   }
   PatchArrays arrays() const {
     return {springs.volume.data(), springs.lambda.data(), scale.data(), springs.mu};
@@ -73,9 +81,62 @@ TEST(PatchKernels, MeasuresAreThoseOfTheSumOverNodes) {
   }
 }
 
+/// psi'' at F over its columns, a column for each direction dF, and its negative eigenvalues set to 0.
+Matrix9d second_derivative(const Matrix3d& F, double lambda, double mu, Curvature curvature) {
+  constexpr double kJ0 = 0.1;  // where the law turns to its expansion
+  const auto cofactor = [](const Matrix3d& A, const Matrix3d& B) {
+    Matrix3d C;
+    for (int j = 0; j < 3; ++j) C.col(j) = A.col((j + 1) % 3).cross(B.col((j + 2) % 3));
+    return C;
+  };
+  const double J = F.determinant(), j = std::max(J, kJ0), c = mu + lambda / 2;
+  const double ddg = lambda / 2 + c / (j * j), dg = lambda / 2 * j - c / j + ddg * (J - j);
+  Matrix9d H;
+  for (int k = 0; k < 9; ++k) {
+    Matrix3d dF = Matrix3d::Zero();
+    dF.reshaped()[k] = 1;
+    const Matrix3d C = cofactor(F, F);
+    H.col(k) =
+        (mu * dF + ddg * C.cwiseProduct(dF).sum() * C + dg * (cofactor(dF, F) + cofactor(F, dF))).reshaped();
+  }
+  if (curvature == Curvature::Exact) return H;
+  const Eigen::SelfAdjointEigenSolver<Matrix9d> eigen(H);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).asDiagonal() *
+         eigen.eigenvectors().transpose();
+}
+
+TEST(PatchKernels, HessiansAreThoseOfThePatchesOneByOneAlsoWhereTheyAreInverted) {
+  constexpr double kBatchedTolerance = 1e-13;
+  const Case of(0.15);
+  const TetSprings& springs = of.springs;
+  ASSERT_LT(smallest_jacobian(springs, of.x), -0.1);
+  for (const Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
+    BlockMatrix K = make_block_matrix(static_cast<int>(of.x.cols()), pairs_of(springs)), expected = K;
+    add_hessian(springs, of.x, K, curvature, of.scale);
+    for (int p = 0; p < springs.n_patches(); ++p) {
+      const double s = of.scale[p];
+      Matrix3d F = Matrix3d::Zero();
+      for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
+        F += of.x.col(springs.node[e]) * springs.b.col(e).transpose() / s;
+      const Matrix9d H =
+          s * springs.volume[p] * second_derivative(F, springs.lambda[p], springs.mu, curvature);
+      for (int r = springs.first[p]; r < springs.first[p + 1]; ++r)
+        for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
+          for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b)
+              expected.block[expected.find(springs.node[r], springs.node[e])] +=
+                  springs.b(a, r) * springs.b(b, e) * H.block<3, 3>(3 * a, 3 * b);
+    }
+    double size = 0;
+    for (const Matrix3d& block : expected.block) size = std::max(size, block.norm());
+    for (std::size_t k = 0; k < K.block.size(); ++k)
+      ASSERT_LT((K.block[k] - expected.block[k]).norm(), kBatchedTolerance * size);
+  }
+}
+
 #ifdef TESTBED_PLAIN
 TEST(PatchKernels, GiveTheSameBitsWithVectorsAndWithout) {
-  const Case of;
+  const Case of(0.15);
   const PatchBatches& batches = of.springs.batches;
   const auto n = static_cast<std::size_t>(of.x.cols());
   std::vector<Double4> f(n, Double4{});
@@ -92,6 +153,16 @@ TEST(PatchKernels, GiveTheSameBitsWithVectorsAndWithout) {
                   det_2.data(), squares_2.data());
   EXPECT_EQ(det, det_2);
   EXPECT_EQ(squares, squares_2);
+
+  for (const Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
+    std::vector<int> at(kBatchSize * batches.pair_start.back());
+    std::iota(at.begin(), at.end(), 0);
+    std::vector<Matrix3d> blocks(at.size(), Matrix3d::Zero()), blocks_2 = blocks;
+    add_patch_hessians(0, batches.n_batches(), batches, of.arrays(), x, curvature, at.data(), blocks.data());
+    add_patch_hessians(0, batches.n_batches(), batches, of.arrays(),
+                       reinterpret_cast<const LibraryDouble4*>(x), curvature, at.data(), blocks_2.data());
+    EXPECT_EQ(blocks, blocks_2);
+  }
 }
 #endif
 

@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 
 #include "massspring/energies/springs.h"
-#include "massspring/kernels/patch_kernels.h"
 #include "massspring/kernels/spring_kernels.h"
 #include "tests/massspring/small_network.h"
 
@@ -58,23 +57,6 @@ TEST_P(ManySprings, KernelsAddWhatThePlainLoopsAdd) {
     for (int i = 0; i < n; ++i)
       EXPECT_LT((diagonal[i] - expected_diagonal[i]).norm(), kRounding * diagonal[i].norm()) << i;
   }
-}
-
-TEST(PatchKernels, AddWhatThePlainLoopAdds) {
-  constexpr int n = 7, kBlocks = n * (n + 1) / 2;
-  const Stiffness psi = random_points(27, 1, 3).transpose();
-  const Matrix3Xd b = random_points(n, 1, 4);
-  std::vector<int> at(kBlocks);
-  for (int k = 0; k < kBlocks; ++k) at[k] = (5 * k) % kBlocks;  // each once, in another order
-  std::vector<Matrix3d> blocks(kBlocks, Matrix3d::Identity()), expected = blocks;
-  add_patch_blocks(psi, 0.7, b.data(), n, at.data(), blocks.data());
-  for (int r = 0, k = 0; r < n; ++r) {
-    const Eigen::Matrix<double, 9, 3> row = (psi * (0.7 * b.col(r))).reshaped(9, 3);
-    for (int e = r; e < n; ++e, ++k) expected[at[k]].reshaped() += row * b.col(e);
-  }
-  EXPECT_GT((expected[at[1]] - Matrix3d::Identity()).norm(), 1e-3);
-  for (int k = 0; k < kBlocks; ++k)
-    EXPECT_LT((blocks[k] - expected[k]).norm(), kRounding * expected[k].norm()) << k;
 }
 
 }  // namespace

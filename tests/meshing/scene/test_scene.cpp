@@ -200,18 +200,33 @@ TEST(Scene, ShippedScenesAreAccepted) {
   EXPECT_GT(n_scenes, 0);
 }
 
+TEST(Scene, InitialMotionsAreReadInTheirOrder) {
+  const Scene scene = read_scene(write_scene(kFull + R"([[initial]]
+velocity = [1, 0, -2]
+[[initial]]
+region = { sphere = { center = [0, 0, 0], radius = 1 } }
+spin = [0, 3, 0]
+)"));
+  ASSERT_EQ(scene.initial.size(), 2u);
+  EXPECT_EQ(scene.initial[0].velocity, Eigen::Vector3d(1, 0, -2));
+  EXPECT_EQ(scene.initial[1].spin, Eigen::Vector3d(0, 3, 0));
+  EXPECT_EQ(std::get<Ball>(scene.initial[1].region.shape).radius, 1);
+}
+
 TEST(Scene, LawIsThatOfSmallStrainUnlessAPartGoesBeyondIt) {
   const std::string ball = "[surface]\nshape = \"ball\"\n", moving = "[time]\nmode = \"dynamic\"\n";
   const auto law = [](const std::string& text) { return *read_scene(write_scene(text)).material.law; };
   for (const std::string& part : std::vector<std::string>{
            "", "[self_contact]\non = false\n", "[[loads]]\npressure = 1\n", "[collapse]\ncoefficient = 0.1\n",
-           "[time]\nmode = \"dynamic\"\n", "[[supports]]\ndisplacement = [1, 0, 0]\n"})
+           "[time]\nmode = \"dynamic\"\n", "[[supports]]\ndisplacement = [1, 0, 0]\n",
+           "[[initial]]\nvelocity = [1, 0, 0]\n" + moving,
+           "[[supports]]\n[[initial]]\nspin = [1, 0, 0]\n" + moving})
     EXPECT_EQ(law(ball + part), MaterialLaw::SmallStrain) << part;
   for (const std::string& part : std::vector<std::string>{
            "[[obstacles]]\nsphere = { center = [0, 9, 0], radius = 1 }\n" + moving,
            "[self_contact]\non = true\n" + moving, std::string("[skin]\nbending = 1\n"),
            std::string("[volume]\n"), std::string("[[loads]]\npressure = 1\nfollower = true\n"),
-           "[collapse]\ncoefficient = 0.1\n" + moving}) {
+           "[collapse]\ncoefficient = 0.1\n" + moving, "[[initial]]\nspin = [1, 0, 0]\n" + moving}) {
     EXPECT_EQ(law(ball + part), MaterialLaw::NeoHookean) << part;
     const std::string refusal = error_of(ball + "[material]\nlaw = \"small_strain\"\n" + part);
     EXPECT_EQ(refusal.substr(0, 63), "scene.toml: material.law = small_strain, expected neo_hookean w")
@@ -303,6 +318,9 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
       "normalise)");
   EXPECT_EQ(error_of(ball + "[loads]\npressure = 1\n"),
             "scene.toml:3: loads = table, expected tables [[loads]]");
+  EXPECT_EQ(
+      error_of(ball + "[[initial]]\nvelocity = [1, 0, 0]\n"),
+      "scene.toml:3: initial = array, expected none with time.mode = static: equilibria have no velocity");
   EXPECT_EQ(error_of(ball + "[[collapse.pivots]]\nstart = 1\n"),
             "scene.toml:3: collapse.pivots.0.point is missing, expected m");
   EXPECT_EQ(error_of(ball + "[reference]\nlaw = \"neo_hookean\"\n"),
@@ -506,6 +524,7 @@ mesh = { file = "one.obj" }
                                             "playback.points=[[0, 0], [0.3, 0.2]]",
                                             "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
   std::vector<std::string> from_file = from_shape;
+  from_file.push_back("initial=[{ velocity = [1, 0, -2], spin = [0, 3, 0] }]");  // which statics refuse
   from_file.push_back("surface.shape=''");
   from_file.push_back("surface.file=" + (test_folder() / "one.obj").string());
   std::set<std::string> keys, changed;
