@@ -85,6 +85,8 @@ def draw_films(comparison: Comparison) -> dict[str, Path]:
     if shown and not experiment.is_static and min(len(run.times) for run in shown.values()) > 1:
         draw_strip(folder / "strip.png", shown)
         draw_film(folder / "film.gif", shown)
+        if not comparison.reference:
+            draw_thumbnail(folder / THUMBNAIL, [folder / "strip.png"])
         pictures["Frames in time."] = folder / "strip.png"
         pictures["The motion, and the volume."] = folder / "film.gif"
     playback = experiment.scene.get("playback", {})

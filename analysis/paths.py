@@ -7,6 +7,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parent
 ROOT = PACKAGE.parent
 SCENES = PACKAGE / "scenes"
+OUT = ROOT / "out"
 PROGRAMS = ROOT / "build" / "bin"
 MESHES = ROOT.parent / "shared" / "meshes"  #: real meshes, which the project does not ship
 

@@ -202,7 +202,7 @@ def page(heading: str, sentence: str, parts: list[str], protocol: dict[str, str]
 <h1>{html.escape(heading)}</h1>
 <p class="finding">{html.escape(sentence)}</p>
 {"".join(parts)}
-<h2>Protocol</h2>
+{"<h2>Protocol</h2>" if details else ""}
 {"".join(details)}
 <script>{_SCRIPT}</script></body></html>
 """

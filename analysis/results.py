@@ -13,6 +13,7 @@ from .machine import describe
 from .methods import label_of
 from .paths import PACKAGE, PROGRAMS, write_text
 from .report import render
+from .verdict import finding
 
 
 def fingerprint(experiment: Experiment) -> str:
@@ -31,7 +32,8 @@ def write_results(experiment: Experiment) -> dict[str, Any]:
     Raises RunError as comparison.compare does.
     """
     comparison = compare(experiment)
-    values = comparison.as_json() | {"fingerprint": fingerprint(experiment)}
+    values = comparison.as_json()
+    values |= {"finding": finding(values), "fingerprint": fingerprint(experiment)}
     row = draw_row(comparison)
     report = render(values, row, plot(comparison), draw_films(comparison), _protocol(comparison))
     write_text(experiment.folder / "report.html", report)
