@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from .experiment import default_folder, run_solvers
 from .index import write_index
 from .paths import OUT, SCENES
 from .report import text_of
-from .results import fingerprint, write_results
+from .results import results_of
 from .runs import RunError
 from .studies import command as study
 
@@ -109,13 +108,7 @@ def _part(text: str) -> tuple[int, int]:
 def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_folder(arguments.scene, arguments.surface)
     experiment = run_solvers(arguments.scene, folder, arguments.surface, arguments.overrides, arguments.quiet)
-    file = folder / "comparison.json"
-    comparison = json.loads(file.read_text()) if file.exists() else {}
-    if comparison.get("fingerprint") != fingerprint(experiment):
-        if not arguments.quiet:
-            print("comparing and drawing", file=sys.stderr)
-        comparison = write_results(experiment)
-
+    comparison = results_of(experiment, arguments.quiet)
     print(f"{text_of(comparison)}\n\nreport: {folder / 'report.html'}")
     if folder.resolve().is_relative_to(OUT):
         print(f"all runs: {write_index(OUT)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from .compare import Figures, area_change, is_dynamic, tip_of, vertex_areas, volume_change
@@ -14,21 +13,9 @@ from .drawing.plots import SMALLEST, Panel, plot_curves, plot_errors, plot_error
 from .drawing.view import write_view
 from .drawing.warp import draw_playback
 from .methods import REFERENCE, label_of
+from .paths import THUMBNAIL, VIEW
+from .report import Row
 from .wording import listed, percent, significant, unit_of_length
-
-THUMBNAIL = "thumbnail.jpg"  #: of the bodies, or of the film's frames, beside the report
-VIEW = "view.html"  #: of the same bodies, to be turned
-
-
-@dataclass(frozen=True)
-class Row:
-    """The reference and every model side by side, on one scale of error."""
-
-    panels: list[tuple[str, str, Path]]  #: name, what is found of it, picture
-    scale: str  #: SVG
-    plot: str  #: SVG: how the errors are spread over the surface
-    caption: str
-    view: str  #: file beside the report
 
 
 def draw_row(comparison: Comparison) -> Row | None:

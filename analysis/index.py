@@ -7,8 +7,7 @@ import json
 from pathlib import Path
 from typing import NamedTuple
 
-from .exhibits import THUMBNAIL
-from .paths import write_text
+from .paths import THUMBNAIL, write_text
 from .report import page
 
 _DEPTH = 2  # folders below the page in which runs are looked for: out/NAME and out/KIND/NAME

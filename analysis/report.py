@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import base64
 import html
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .methods import REFERENCE, label_of
 from .verdict import RULES, conclusion, finding, has_figures, title, total, trust_in_reference
 from .wording import percent, percent_signed, significant, unit_of_length
 
-if TYPE_CHECKING:
-    from .exhibits import Row
-
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
 h1 { margin-bottom: 0; } .finding { font-size: 1.25rem; margin-top: .5rem; }
-.conclusion { font-size: 1.1rem; } .table { overflow-x: auto; }
+.conclusion { font-size: 1.1rem; }
+/* A table that is too wide is scrolled under its first column, and a shade says that it goes on. */
+.table { overflow-x: auto; background: linear-gradient(to left, #fff 30%, #fff0) right / 3rem 100% no-repeat local,
+  linear-gradient(to left, #0003, #0000) right / 1rem 100% no-repeat scroll; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 th, td { padding: .25rem .6rem; border-bottom: 1px solid #ddd; text-align: right; }
 td { white-space: nowrap; }
-th { cursor: pointer; } th:first-child, td:first-child { text-align: left; }
+th { cursor: pointer; }
+th:first-child, td:first-child { text-align: left; position: sticky; left: 0; background: #fff; }
+@media (max-width: 40rem) { table { font-size: .85rem; } th:first-child, td:first-child { white-space: normal; } }
 img { max-width: 100%; } pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: .85rem; }
 figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: .9rem; }
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); gap: .5rem; }
@@ -51,6 +54,17 @@ def springs_of(model: dict[str, Any]) -> str:
 
 
 Table = tuple[list[str], list[list[str]]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """The reference and every model side by side, on one scale of error."""
+
+    panels: list[tuple[str, str, Path]]  #: name, what is found of it, picture
+    scale: str  #: SVG
+    plot: str  #: SVG: how the errors are spread over the surface
+    caption: str
+    view: str  #: file beside the report
 
 
 def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:

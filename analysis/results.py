@@ -12,6 +12,7 @@ from .experiment import Experiment
 from .machine import describe
 from .methods import label_of
 from .paths import PACKAGE, PROGRAMS, write_text
+from .points import say
 from .report import render
 from .verdict import finding
 
@@ -24,6 +25,16 @@ def fingerprint(experiment: Experiment) -> str:
         digest.update(file.read_bytes())
     digest.update(json.dumps(experiment.failed, sort_keys=True).encode())
     return digest.hexdigest()[:16]
+
+
+def results_of(experiment: Experiment, is_quiet: bool = True) -> dict[str, Any]:
+    """What comparison.json holds, which is written anew where anything has changed. Raises RunError as write_results."""
+    file = experiment.folder / "comparison.json"
+    comparison = json.loads(file.read_text()) if file.exists() else {}
+    if comparison.get("fingerprint") == fingerprint(experiment):
+        return comparison
+    say("comparing and drawing", is_quiet)
+    return write_results(experiment)
 
 
 def write_results(experiment: Experiment) -> dict[str, Any]:

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
+from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_rgba_array
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
@@ -25,14 +26,25 @@ from ..compare import displacement_at, volume_change
 from ..methods import REFERENCE, label_of
 from ..runs import Array, Run, RunError, load_run, method_of, scene_of
 from ..wording import significant
-from .pictures import add_outline, aim, magnification, round_length, seen_size, skin_of, stage
+from .pictures import (
+    add_outline,
+    aim,
+    magnification,
+    round_length,
+    seen_size,
+    skin_of,
+    stage,
+    tiles,
+    view_axes,
+)
 from .style import style_of
 
 _HEIGHT = 480  # pixels of a panel of a film; half as many of a strip
 _ASPECT = (1.0, 1.6)  # least and largest width of a panel over its height
 _TITLE, _FOOTER = 22, 150  # pixels above the panels and below them
-_COLOURS = 128  # of a film: few keep it small
+_COLOURS = 256  # of a film: few keep it small
 _MAP = "viridis"
+_SWATCH = 60  # pixels: height of the colours that a film's palette must hold
 
 
 @dataclass(frozen=True)
@@ -70,7 +82,7 @@ def _obstacle_mesh(obstacle: dict[str, Any], middle: Array, size: float) -> pv.P
         normal = np.array(plane["normal"], dtype=float)
         normal /= np.linalg.norm(normal)
         at = middle - (middle - plane["point"]) @ normal * normal
-        return pv.Plane(center=at, direction=normal, i_size=2 * size, j_size=2 * size)
+        return tiles(at, normal, 2 * size)
     if sphere := obstacle.get("sphere"):
         return pv.Sphere(
             radius=sphere["radius"], center=sphere["center"], theta_resolution=60, phi_resolution=60
@@ -87,6 +99,13 @@ def _obstacle_mesh(obstacle: dict[str, Any], middle: Array, size: float) -> pv.P
             cylinder_length=float(np.linalg.norm(axis)),
         )
     return pv.read(obstacle["mesh"]["file"])
+
+
+def _add_obstacle(plotter: pv.Plotter, mesh: pv.PolyData) -> pv.Actor:
+    """A floor is behind all that stands on it; what else there is must not hide a body."""
+    if "tile" in mesh.cell_data and mesh.point_normals[0] @ view_axes()[2] > 0:
+        return plotter.add_mesh(mesh, scalars="tile", rgb=True, lighting=False)
+    return plotter.add_mesh(mesh, color="lightgrey", opacity=0.5)
 
 
 def _translation(obstacle: dict[str, Any], time: float) -> Array:
@@ -137,7 +156,7 @@ class _Camera:
             smooth_shading=True,
         )  # fmt: skip
         add_outline(plotter, body.X, body.F)
-        actors = [(o, plotter.add_mesh(m, color="lightgrey", opacity=0.5)) for o, m in self.obstacles]
+        actors = [(o, _add_obstacle(plotter, m)) for o, m in self.obstacles]
         aim(plotter.camera, self.shown, self.panel)
         pictures = []
         for number, u in enumerate(body.u):
@@ -195,12 +214,18 @@ def _write_scale(picture: Image.Image, pixel: float) -> None:
     _write(picture, (left, bottom - 19), f"{significant(length)} m")
 
 
-def _mosaic(pages: list[Image.Image]) -> Image.Image:
-    """Some of the pages in one, so that a palette serves them all."""
+def _mosaic(pages: list[Image.Image], lines: list[str]) -> Image.Image:
+    """Some of the pages in one, so that a palette serves them all, above the colours of the scale and the lines, which are
+    too few of the pixels to be kept by themselves."""
     some = pages[:: max(1, len(pages) // 8)]
-    whole = Image.new("RGB", (some[0].width, len(some) * some[0].height))
+    width, height = some[0].size
+    whole = Image.new("RGB", (width, len(some) * height + 2 * _SWATCH), "white")
     for number, page in enumerate(some):
-        whole.paste(page, (0, number * page.height))
+        whole.paste(page, (0, number * height))
+    for row, colours in enumerate((colormaps[_MAP](np.linspace(0, 1, 32)), to_rgba_array(lines))):
+        swatches = np.repeat(np.uint8(255 * colours[None, :, :3]), _SWATCH, axis=0)
+        at = (0, len(some) * height + row * _SWATCH)
+        whole.paste(Image.fromarray(swatches).resize((width, _SWATCH), Image.Resampling.NEAREST), at)
     return whole
 
 
@@ -229,7 +254,8 @@ def draw_film(
             [(at[number], _TITLE + height + 10), (at[number], _TITLE + height + 100)], fill="grey"
         )
         pages.append(page)
-    palette = _mosaic(pages).quantize(_COLOURS, Image.Quantize.MEDIANCUT)
+    lines = [style_of(name, number).colour for number, name in enumerate(runs)]
+    palette = _mosaic(pages, lines).quantize(_COLOURS, Image.Quantize.MEDIANCUT)
     frames = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in pages]
     duration = int(1000 * seconds / len(frames))
     durations = [duration] * (len(frames) - 1) + [1000]  # rest at the end

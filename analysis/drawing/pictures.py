@@ -131,6 +131,19 @@ def add_outline(plotter: pv.Plotter, X: Array, F: Array) -> None:
     plotter.add_mesh(outline_of(X, F), color="#30343a", line_width=3, opacity=0.7, lighting=False)
 
 
+def tiles(middle: Array, normal: Array, size: float) -> pv.PolyData:
+    """A square floor of that size (m), in grey tiles of a round length, coloured by "tile"."""
+    n = int(np.ceil(size / round_length(size / 9)))
+    side = n * round_length(size / 9)
+    plane = pv.Plane(
+        center=middle, direction=normal, i_size=side, j_size=side, i_resolution=n, j_resolution=n
+    )
+    cells = np.arange(n * n)
+    is_dark = (cells + (cells // n if n % 2 == 0 else 0)) % 2 == 1
+    plane["tile"] = np.where(is_dark[:, None], (226, 228, 232), (240, 241, 243)).astype(np.uint8)
+    return plane
+
+
 @dataclass(frozen=True)
 class Floor:
     """What a body stands on: the plane y = height, drawn below a box of the points that are shown."""
@@ -140,22 +153,12 @@ class Floor:
     high: Array
 
     def add_to(self, plotter: pv.Plotter) -> None:
-        """Tiles of a round length, which tell the size."""
-        middle, size = (
-            (self.low + self.high) / 2,
-            1.5 * float(np.ptp([self.low, self.high], axis=0)[[0, 2]].max()),
+        middle = (self.low + self.high) / 2
+        middle[1] = self.height
+        size = 1.5 * float((self.high - self.low)[[0, 2]].max())
+        plotter.add_mesh(
+            tiles(middle, np.array([0.0, 1.0, 0.0]), size), scalars="tile", rgb=True, lighting=False
         )
-        tile = round_length(size / 6)
-        n = int(np.ceil(size / tile / 2))
-        start = np.round(middle[[0, 2]] / tile) - n
-        plane = pv.Plane(
-            center=(*((start[:1] + n) * tile), self.height, *((start[1:] + n) * tile)), direction=(0, 1, 0),
-            i_size=2 * n * tile, j_size=2 * n * tile, i_resolution=2 * n, j_resolution=2 * n,
-        )  # fmt: skip
-        cells = np.arange(4 * n * n)
-        is_dark = (cells + cells // (2 * n)) % 2 == 1
-        plane["tile"] = np.where(is_dark[:, None], (228, 230, 233), (240, 241, 243)).astype(np.uint8)
-        plotter.add_mesh(plane, scalars="tile", rgb=True, lighting=False)
 
     def shadow_of(self, points: Array) -> Array:
         """Where the points' shadows fall."""
