@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .paths import PROGRAMS, ROOT
-from .runs import NOT_MODELLED, NOT_OK, SOLVED, RunError, outcome_of
+from .runs import NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, outcome_of
 
 _GROWTH = 8  # of the unknowns by a refinement
 # Unknowns of a refined reference, by what is solved: half a minute at most. And steps of a motion in time.
@@ -122,11 +122,12 @@ def run_solvers(
             command += ["--set", override]
         return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
 
-    if run("massspring", folder, options=["--check"]) != SOLVED:
-        raise RunError("massspring refuses the scene: nothing has been solved")
+    status = run("massspring", folder, options=["--check"])
+    if status != SOLVED:
+        raise RunError("massspring refuses the scene: nothing has been solved", is_told=status == REFUSED)
     status = run("fem_reference", folder / "fem_reference")
     if status not in (SOLVED, NOT_OK, NOT_MODELLED):
-        raise RunError(f"fem_reference gave no result (exit status {status})")
+        raise RunError(f"fem_reference gave no result (exit status {status})", is_told=status == REFUSED)
     shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
     scene = tomllib.loads((folder / "scene.toml").read_text())
     refined = folder / "reference_refined"
