@@ -81,11 +81,11 @@ def scene_in(folder: Path) -> str:
     return str(file)
 
 
-def test_error_that_a_solver_has_told_is_not_told_again(ball, tmp_path):
+@pytest.mark.parametrize("options", [[], ["--quiet"]])
+def test_error_that_a_solver_has_told_is_not_told_again(options, ball, tmp_path):
     programs = make_solvers(tmp_path / "home", ball)
-    running = command(
-        programs, "run", scene_in(tmp_path), "--set", "material.nu=0.6", "--out", str(tmp_path / "out")
-    )
+    words = ["--set", "material.nu=0.6", "--out", str(tmp_path / "out"), *options]
+    running = command(programs, "run", scene_in(tmp_path), *words)
     _, errors = running.communicate()
     assert running.returncode == 1
     assert errors == "error: scene.toml: material.nu = 0.6, expected less than 0.5\n"
