@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from pathlib import Path
 
@@ -159,8 +160,13 @@ def main() -> int:
         arguments = parse_arguments(sys.argv[1:])
         return _COMMANDS[arguments.command](arguments)
     except RunError as error:
-        print(f"error: {error}", file=sys.stderr)
+        if not error.is_told:
+            print(f"error: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        # What is finished is kept; a solver at work has got the signal, too, or dies with this process.
+        print(f"\nstopped; to continue: ./testbed {shlex.join(sys.argv[1:])}", file=sys.stderr)
+        return 130
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .paths import PROGRAMS, ROOT
-from .runs import NOT_MODELLED, NOT_OK, SOLVED, RunError, built, outcome_of
+from .runs import NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -191,7 +191,8 @@ def run_solvers(
         raise RunError(errors or "massspring refuses the scene: nothing has been solved")
     status, errors = run("fem_reference", folder / "fem_reference")
     if status not in (SOLVED, NOT_OK, NOT_MODELLED):
-        raise RunError(errors or f"fem_reference gave no result (exit status {status})")
+        is_told = status == REFUSED and not errors
+        raise RunError(errors or f"fem_reference gave no result (exit status {status})", is_told)
     shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
     scene = tomllib.loads((folder / "scene.toml").read_text())
     refined = folder / "reference_refined"

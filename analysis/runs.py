@@ -18,11 +18,18 @@ from .methods import REFERENCE
 
 Array = np.ndarray
 _KEPT = 1_000_000  # points, of the frames of a run that are kept in memory: some 100 MB
-SOLVED, NOT_OK, NOT_MODELLED = 0, 2, 3  # exit statuses of both programs: meshing/exit_status.h
+SOLVED, REFUSED, NOT_OK, NOT_MODELLED = range(4)  # exit statuses of both programs: meshing/exit_status.h
 
 
 class RunError(Exception):
-    """A run that cannot be used; the message names the file and what is wrong with it."""
+    """A run that cannot be used; the message names the file and what is wrong with it.
+
+    is_told: a program has printed the error already, so that a second line would say no more.
+    """
+
+    def __init__(self, message: str, is_told: bool = False) -> None:
+        super().__init__(message)
+        self.is_told = is_told
 
 
 @dataclass(frozen=True)

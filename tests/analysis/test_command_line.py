@@ -1,0 +1,127 @@
+"""The command line: help without set-up, one line for an error, and a run that is stopped by hand."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from solvers import calls, make_solvers
+
+from analysis.paths import ROOT
+
+# As ./testbed starts it, with stand-ins in place of the solvers.
+_MAIN = """
+import sys
+from pathlib import Path
+from analysis import experiment, points
+experiment.PROGRAMS = Path(sys.argv.pop(1))
+points.Store.__init__.__defaults__ = (3600, experiment.PROGRAMS)
+from analysis.__main__ import main
+sys.exit(main())
+"""
+# What sets up, and where it would leave its traces.
+_SET_UP = ("apt-get", "dpkg-query", "sudo", "cmake", "ninja", "python3")
+_COMMANDS = re.findall(r"^  \./testbed (\w+)", (ROOT / "testbed").read_text(), re.MULTILINE)
+
+
+@pytest.fixture
+def bare_tree(tmp_path):
+    """A tree in which nothing has been set up; calls of what would set it up are listed in calls.txt."""
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    for name in _SET_UP:
+        (tools / name).write_text(f'#!/bin/sh\necho {name} "$@" >>{tmp_path}/calls.txt\nexit 1\n')
+        (tools / name).chmod(0o755)
+    for name in ("testbed", "CITATION.cff"):
+        shutil.copy(ROOT / name, tmp_path)
+    return tmp_path
+
+
+def in_tree(tree, *words):
+    path = f"{tree / 'tools'}:/usr/bin:/bin"
+    return subprocess.run(
+        [tree / "testbed", *words], env={"PATH": path}, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("words", [[], ["--version"], *([name, "--help"] for name in _COMMANDS)])
+def test_help_and_version_set_up_nothing(words, bare_tree):
+    done = in_tree(bare_tree, *words)
+    assert done.returncode == 0 and done.stdout and not done.stderr
+    assert {file.name for file in bare_tree.iterdir()} == {"tools", "testbed", "CITATION.cff"}
+
+
+def test_what_runs_does_set_up(bare_tree):
+    in_tree(bare_tree, "run")
+    assert "apt-get" in (bare_tree / "calls.txt").read_text()
+
+
+def test_version_is_that_of_the_citation(bare_tree):
+    stated = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1]
+    assert in_tree(bare_tree, "--version").stdout.split()[-1] == stated
+    package = tomllib.loads((ROOT / "pyproject.toml").read_text()).get("project", {})
+    assert package.get("version", stated) == stated
+
+
+def command(programs: Path, *words: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-c", _MAIN, programs, *words], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    )
+
+
+def scene_in(folder: Path) -> str:
+    file = folder / "scene.toml"
+    file.write_text('name = "synthetic"\n')
+    return str(file)
+
+
+@pytest.mark.parametrize("options", [[], ["--quiet"]])
+def test_error_that_a_solver_has_told_is_not_told_again(options, ball, tmp_path):
+    programs = make_solvers(tmp_path / "home", ball)
+    words = ["--set", "material.nu=0.6", "--out", str(tmp_path / "out"), *options]
+    running = command(programs, "run", scene_in(tmp_path), *words)
+    _, errors = running.communicate()
+    assert running.returncode == 1
+    assert errors == "error: scene.toml: material.nu = 0.6, expected less than 0.5\n"
+
+
+def test_solver_that_dies_without_a_word_is_told(ball, tmp_path):
+    programs = make_solvers(tmp_path / "home", ball)
+    (programs / "fem_reference").write_text("#!/bin/sh\nkill -KILL $$\n")
+    running = command(programs, "run", scene_in(tmp_path), "--out", str(tmp_path / "out"))
+    _, errors = running.communicate()
+    assert running.returncode == 1
+    assert errors == "error: fem_reference gave no result (exit status -9)\n"
+
+
+def n_alive(home: Path) -> int:
+    """Processes whose command line names the folder of the stand-ins as their program's."""
+    n = 0
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # it has just ended
+            n += str(home / "bin").encode() + b"/" in file.read_bytes()
+    return n
+
+
+@pytest.mark.parametrize("words", [["run"], ["sweep", "--set", "material.nu=0.25,0.3"]])
+def test_stopped_by_hand_it_says_how_to_continue_and_leaves_no_child(words, ball, tmp_path):
+    programs = make_solvers(tmp_path / "home", ball, seconds=60)
+    name, *more = words
+    line = [name, scene_in(tmp_path), *more, "--out", str(tmp_path / "out")]
+    running = command(programs, *line)
+    while not calls(programs):
+        time.sleep(0.01)
+    running.send_signal(signal.SIGINT)
+    _, errors = running.communicate()
+    assert running.returncode == 130
+    assert errors.strip() == f"stopped; to continue: ./testbed {' '.join(line)}"
+    until = time.monotonic() + 10
+    while n_alive(programs.parent) and time.monotonic() < until:
+        time.sleep(0.01)
+    assert n_alive(programs.parent) == 0
