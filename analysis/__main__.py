@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 
 from . import sweep
-from .experiment import default_folder, run_solvers
+from .experiment import default_folder, run_solvers, surface_overrides
 from .paths import SCENES
+from .remesh import TIME_LIMIT, remesh, remeshed, surface_file
 from .report import text_of
 from .results import fingerprint, write_results
 from .runs import RunError
@@ -20,6 +21,12 @@ _RUN_EXAMPLES = """examples:
   ./testbed run analysis/scenes/bar_sag.toml                    another one
   ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
   ./testbed run --set material.nu=0.45 --set network.k=2000     with other values
+"""
+
+_REMESH_EXAMPLES = """examples:
+  ./testbed remesh plate.stl plate.off
+  ./testbed remesh scan.obj scan.off --edge 0.02 --tolerance 0.001
+  ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh    the same on the way
 """
 
 _SWEEP_EXAMPLES = """examples:
@@ -45,6 +52,11 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl .vtp .vtu)"
     )
 
+    scene.add_argument(
+        "--up", choices=["y", "z"], help="axis of the surface that points up: z is turned to y"
+    )
+    scene.add_argument("--units", choices=["m", "cm", "mm", "in"], help="of the surface's coordinates")
+
     def add(
         name: str, parents: list[argparse.ArgumentParser], description: str, examples: str
     ) -> argparse.ArgumentParser:
@@ -65,6 +77,29 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="replace a value of the scene, e.g. material.nu=0.3; may be repeated",
     )  # fmt: skip
+    run.add_argument(
+        "--remesh", action="store_true",
+        help="first make an even surface of the given one, as ./testbed remesh does; both solvers take it",
+    )  # fmt: skip
+
+    remesh = add(
+        "remesh", [],
+        "Makes an even, closed surface of any triangles: of CAD in needles, of scans with holes and crossings. It stays within a "
+        "tolerance of them. The result is checked as ./testbed meshing check does.",
+        _REMESH_EXAMPLES,
+    )  # fmt: skip
+    remesh.add_argument("source", type=Path, metavar="IN", help="surface: .obj .off .ply .stl .vtp .vtu")
+    remesh.add_argument("target", type=Path, metavar="OUT", help="file to write: .off or .obj")
+    remesh.add_argument(
+        "--edge", type=float, metavar="M", help="wanted, in the file's unit; default: for some 2500 vertices"
+    )
+    remesh.add_argument(
+        "--tolerance", type=float, metavar="M",
+        help="between new and old surface, in the file's unit; default: a thousandth of the box's diagonal",
+    )  # fmt: skip
+    remesh.add_argument(
+        "--time-limit", type=float, default=TIME_LIMIT, metavar="S", help="s; default: %(default)s"
+    )
 
     sweep = add(
         "sweep", [scene],
@@ -105,7 +140,13 @@ def _part(text: str) -> tuple[int, int]:
 
 def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_folder(arguments.scene, arguments.surface)
-    experiment = run_solvers(arguments.scene, folder, arguments.surface, arguments.overrides, arguments.quiet)
+    overrides = [*arguments.overrides, *surface_overrides(arguments)]
+    surface, notes = arguments.surface, []
+    if arguments.remesh:
+        source = surface or surface_file(arguments.scene, overrides)
+        surface, note = remeshed(source, folder, arguments.quiet)
+        notes.append(note)
+    experiment = run_solvers(arguments.scene, folder, surface, overrides, arguments.quiet, notes)
     file = folder / "comparison.json"
     comparison = json.loads(file.read_text()) if file.exists() else {}
     if comparison.get("fingerprint") != fingerprint(experiment):
@@ -117,7 +158,17 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "sweep": sweep.main, "study": study.main}
+def remesh_command(arguments: argparse.Namespace) -> int:
+    if not arguments.quiet:
+        print(f"remeshing, {arguments.time_limit:g} s at most", file=sys.stderr)
+    done = remesh(
+        arguments.source, arguments.target, arguments.edge, arguments.tolerance, arguments.time_limit
+    )
+    print(f"{done.text()}\n\n{arguments.target}")
+    return 0
+
+
+_COMMANDS = {"run": run, "sweep": sweep.main, "study": study.main, "remesh": remesh_command}
 
 
 def main() -> int:

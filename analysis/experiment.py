@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 import tomllib
 from collections.abc import Sequence
 from contextlib import suppress
@@ -12,7 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from . import load_scale
 from .paths import PROGRAMS, ROOT
+from .points import read_toml
 from .runs import NOT_MODELLED, NOT_OK, SOLVED, RunError, outcome_of
 
 _GROWTH = 8  # of the unknowns by a refinement
@@ -29,6 +32,9 @@ class Experiment:
     scene: dict[str, Any]  #: filled in, as the solvers read it
     failed: dict[str, str]  #: spring models that gave no result, and why
     unsolved: str = ""  #: the part of the scene that the reference does not model; "": it solved the scene
+    notes: tuple[
+        str, ...
+    ] = ()  #: sentences for the report: what was probably not meant, what was done to the surface
 
     @property
     def name(self) -> str:
@@ -74,6 +80,13 @@ class Experiment:
         return self.folder / "reference_refined"
 
 
+_WARNING = "warning: "
+
+
+def _sentence(warning: str) -> str:
+    return warning.removeprefix(_WARNING) + "."
+
+
 def default_folder(scene: Path, surface: Path | None) -> Path:
     """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
     name = scene.stem
@@ -82,6 +95,12 @@ def default_folder(scene: Path, surface: Path | None) -> Path:
     ):  # the solver says what is wrong with it
         name = tomllib.loads(scene.read_text()).get("name", name)
     return ROOT / "out" / (f"{name}-{surface.stem}" if surface else name)
+
+
+def surface_overrides(arguments: Any) -> list[str]:
+    """KEY=VALUE of the options --up and --units."""
+    given = {"surface.up": arguments.up, "surface.unit": arguments.units}
+    return [f'{key}="{value}"' for key, value in given.items() if value]
 
 
 def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | None:
@@ -106,7 +125,12 @@ def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | Non
 
 
 def run_solvers(
-    scene_file: Path, folder: Path, surface: Path | None, overrides: list[str], is_quiet: bool
+    scene_file: Path,
+    folder: Path,
+    surface: Path | None,
+    overrides: list[str],
+    is_quiet: bool,
+    notes: Sequence[str] = (),
 ) -> Experiment:
     """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
@@ -117,13 +141,29 @@ def run_solvers(
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
 
     def run(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> int:
+        return subprocess.run(command_of(program, out, *more, options=options), check=False).returncode
+
+    def command_of(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> list[str]:
         command = [str(PROGRAMS / program), str(scene_file), "--out", str(out), *options]
         for override in [*overrides, *more]:
             command += ["--set", override]
-        return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
+        return command + ["--quiet"] * is_quiet
 
-    if run("massspring", folder, options=["--check"]) != SOLVED:
+    check = command_of("massspring", folder, options=["--check"])
+    checked = subprocess.run(check, stderr=subprocess.PIPE, text=True, check=False)
+    print(checked.stderr, end="", file=sys.stderr, flush=True)
+    if checked.returncode != SOLVED:
         raise RunError("massspring refuses the scene: nothing has been solved")
+    warned = [_sentence(line) for line in checked.stderr.splitlines() if line.startswith(_WARNING)]
+
+    wanted = load_scale.wanted_strain(read_toml(scene_file), overrides)
+    if wanted is not None:
+        trial = folder / "load_scale_trial"
+        if run("massspring", trial, *load_scale.TRIAL, options=load_scale.OPTIONS) != SOLVED:
+            raise RunError(
+                f"load_scale.strain = {wanted}: the trial solve that finds a factor for it failed, see {trial}"
+            )
+        overrides = [*overrides, load_scale.factor_override(wanted, trial)]
     status = run("fem_reference", folder / "fem_reference")
     if status not in (SOLVED, NOT_OK, NOT_MODELLED):
         raise RunError(f"fem_reference gave no result (exit status {status})")
@@ -141,7 +181,7 @@ def run_solvers(
     if not words or run("fem_reference", refined, options=words) not in (SOLVED, NOT_OK):
         shutil.rmtree(refined, ignore_errors=True)  # it may be of other values
 
-    experiment = Experiment(folder, scene, {}, unsolved)
+    experiment = Experiment(folder, scene, {}, unsolved, (*warned, *notes))
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
         status = run("massspring", out, f"network.calibration={calibration}", options=["--checked"])

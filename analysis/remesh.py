@@ -1,22 +1,23 @@
-"""An even, closed surface near any triangles: the boundary of fTetWild's tetrahedra in an envelope of them [Hu et al. 2020].
-
-[Hu et al. 2020] Fast tetrahedral meshing in the wild.
-"""
+"""An even, closed surface near any triangles: the boundary of fTetWild's tetrahedra in an envelope of them [Hu et al. 2020]."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyvista as pv
 
-from .paths import PROGRAMS
+from .paths import PROGRAMS, write_text
+from .points import read_toml
 from .runs import Array, RunError
 from .wording import percent, significant
 
@@ -88,7 +89,9 @@ def remesh(
     V, T, n_split = separate(V, T)
     Y, G = boundary_of(V, T)
     if not len(G):
-        raise RunError(f"{source}: encloses nothing that is wider than the tolerance, {significant(tolerance)}")
+        raise RunError(
+            f"{source}: encloses nothing that is wider than the tolerance, {significant(tolerance)}"
+        )
     part = out.with_name(f"{out.stem}.part{out.suffix}")
     try:
         _write(part, Y, G)
@@ -103,6 +106,49 @@ def remesh(
         part.unlink(missing_ok=True)
     to_old, to_new = _distance(Y, G, X, F), _distance(X, F, Y, G)
     return Remeshed(edge, tolerance, to_old, to_new, _check(source), new, n_split)
+
+
+def surface_file(scene: Path, overrides: Sequence[str]) -> Path:
+    """The file of a scene's surface. Raises RunError where it has a generated shape."""
+    files = [value for key, _, value in (word.partition("=") for word in overrides) if key == "surface.file"]
+    given = read_toml(scene).get("surface", {}).get("file")
+    if files:
+        return Path(files[-1])
+    if not given:
+        raise RunError(
+            f"{scene}: surface.file is missing, expected a file to remesh: generated shapes are even"
+        )
+    return scene.parent / given
+
+
+def remeshed(source: Path, folder: Path, is_quiet: bool) -> tuple[Path, str]:
+    """The remeshed surface of a file in an experiment's folder, made where it is not there yet, and a sentence about it."""
+    out, record = folder / f"{source.stem}_remeshed.off", folder / "remeshed.json"
+    if not source.is_file():
+        raise RunError(f"{source}: cannot be read, expected a surface to remesh")
+    digest = hashlib.sha256(source.read_bytes() + Path(__file__).read_bytes()).hexdigest()[:16]
+    known = json.loads(record.read_text()) if record.exists() else {}
+    if known.get("source") != digest or not out.exists() or known.get("made") != _hash_of(out):
+        folder.mkdir(parents=True, exist_ok=True)
+        if not is_quiet:
+            print(f"remeshing {source}, {TIME_LIMIT:g} s at most", file=sys.stderr, flush=True)
+        done = remesh(source, out)
+        known = {"source": digest, "made": _hash_of(out), "text": done.text(), "note": _note(source, done)}
+        write_text(record, json.dumps(known, indent=2) + "\n")
+        if not is_quiet:
+            print(done.text(), file=sys.stderr, flush=True)
+    return out, known["note"]
+
+
+def _hash_of(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+def _note(source: Path, done: Remeshed) -> str:
+    return (
+        f"Both solvers took a new surface, made of {source.name} by remeshing: it lies within {significant(done.to_old)} of the "
+        f"old one, in the file's unit, and nothing of the old one is farther than {significant(done.to_new)} from it."
+    )
 
 
 def _edge_for(n_vertices: int, X: Array, F: Array) -> float:
@@ -255,8 +301,6 @@ def _joined_by_faces(T: Array, v: int) -> list[list[int]]:
 
 def _distance(X: Array, F: Array, to_X: Array, to_F: Array) -> float:
     """The farthest of the vertices and the triangles' middles of a surface from another one."""
-    import pyvista as pv  # takes a second
-
     other = pv.PolyData.from_regular_faces(to_X, to_F)
     points = np.concatenate([X[np.unique(F)], X[F].mean(axis=1)])
     _, closest = other.find_closest_cell(points, return_closest_point=True)

@@ -21,7 +21,7 @@ def fingerprint(experiment: Experiment) -> str:
     records = sorted(experiment.folder.glob("**/run.json"))
     for file in [*records, experiment.folder / "scene.toml", *sorted(PACKAGE.rglob("*.py"))]:
         digest.update(file.read_bytes())
-    digest.update(json.dumps(experiment.failed, sort_keys=True).encode())
+    digest.update(json.dumps([experiment.failed, experiment.notes], sort_keys=True).encode())
     return digest.hexdigest()[:16]
 
 

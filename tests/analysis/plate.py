@@ -25,7 +25,12 @@ def plate(n_holes: int = 2, n_sides: int = 1000, thickness: float = 0.1) -> tupl
 
     for x in range(n_holes):
         for y in range(n_holes):
-            corner = [x * len(grid) + y, (x + 1) * len(grid) + y, (x + 1) * len(grid) + y + 1, x * len(grid) + y + 1]
+            corner = [
+                x * len(grid) + y,
+                (x + 1) * len(grid) + y,
+                (x + 1) * len(grid) + y + 1,
+                x * len(grid) + y + 1,
+            ]
             first = len(points)
             centre = np.array([x + 0.5, y + 0.5]) / n_holes
             points += list(centre + 0.45 / n_holes * np.column_stack([np.cos(angles), np.sin(angles)]))

@@ -18,8 +18,10 @@ ALLOWED = {
     "runs": {"methods"},
     "small_strain": {"runs"},
     "compare": {"runs", "small_strain"},
-    "points": {"machine", "paths", "runs"},
-    "experiment": {"paths", "runs"},
+    "load_scale": {"runs", "small_strain"},
+    "points": {"load_scale", "machine", "paths", "runs"},
+    "experiment": {"load_scale", "paths", "points", "runs"},
+    "remesh": {"paths", "points", "runs", "wording"},
     "comparison": {"compare", "experiment", "methods", "runs"},
     "verdict": {"wording"},
     "report": {"methods", "verdict", "wording"},
@@ -50,7 +52,7 @@ ALLOWED = {
         "sweep",
         "wording",
     },
-    "__main__": {"experiment", "paths", "report", "results", "runs", "studies", "sweep"},
+    "__main__": {"experiment", "paths", "remesh", "report", "results", "runs", "studies", "sweep"},
     "__init__": set(),
 }
 
