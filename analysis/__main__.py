@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from . import grid, pair, remesh
-from .experiment import default_folder, run_solvers, surface_file
+from .experiment import default_folder, run_solvers, surface_file, surface_overrides
 from .index import write_index
 from .paths import OUT, SCENES
 from .report import text_of
@@ -24,6 +24,12 @@ _RUN_EXAMPLES = """examples:
   ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
   ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh   the same of CAD or of a broken scan
   ./testbed run --set material.nu=0.45 --set network.k=2000     with other values
+"""
+
+_REMESH_EXAMPLES = """examples:
+  ./testbed remesh plate.stl plate.off
+  ./testbed remesh scan.obj scan.off --edge 0.02 --tolerance 0.001
+  ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh    the same on the way
 """
 
 _SWEEP_EXAMPLES = """examples:
@@ -49,6 +55,11 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl .vtp .vtu)"
     )
 
+    scene.add_argument(
+        "--up", choices=["y", "z"], help="axis of the surface that points up: z is turned to y"
+    )
+    scene.add_argument("--units", choices=["m", "cm", "mm", "in"], help="of the surface's coordinates")
+
     def add(
         name: str, parents: list[argparse.ArgumentParser], description: str, examples: str
     ) -> argparse.ArgumentParser:
@@ -69,7 +80,6 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="replace a value of the scene, e.g. material.nu=0.3; may be repeated",
     )  # fmt: skip
-
     run.add_argument(
         "--remesh", action="store_true",
         help="first make an even, closed surface of the file's triangles, within a 500th of the body's size",
@@ -141,10 +151,10 @@ def _part(text: str) -> tuple[int, int]:
 
 def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_folder(arguments.scene, arguments.surface)
-    surface = arguments.surface
+    surface, overrides = arguments.surface, [*arguments.overrides, *surface_overrides(arguments)]
     if arguments.remesh:
         surface = remesh.remeshed_of(surface or surface_file(arguments.scene), folder)
-    experiment = run_solvers(arguments.scene, folder, surface, arguments.overrides, arguments.quiet)
+    experiment = run_solvers(arguments.scene, folder, surface, overrides, arguments.quiet)
     comparison = results_of(experiment, arguments.quiet)
     print(f"{text_of(comparison)}\n\nreport: {folder / 'report.html'}")
     if folder.resolve().is_relative_to(OUT):

@@ -48,6 +48,7 @@ class Comparison:
             "status": f"fem_reference: {stopped}" if stopped and main["status"] == "ok" else main["status"],
             "calibration": experiment.calibration,
             "law": experiment.law,
+            "notes": list(experiment.notes),
         }
         if self.of_reference:
             reference = asdict(self.of_reference)

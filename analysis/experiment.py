@@ -14,7 +14,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from . import load_scale
 from .paths import PROGRAMS, ROOT
+from .points import read_toml
 from .runs import NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
 
 if TYPE_CHECKING:
@@ -37,6 +39,9 @@ class Experiment:
     scene: dict[str, Any]  #: filled in, as the solvers read it
     failed: dict[str, str]  #: spring models that gave no result, and why
     unsolved: str = ""  #: the part of the scene that the reference does not model; "": it solved the scene
+    notes: tuple[
+        str, ...
+    ] = ()  #: sentences for the report: what was probably not meant, what was done to the surface
 
     @property
     def name(self) -> str:
@@ -115,6 +120,13 @@ class Experiment:
         return scene_of_bodies(self.comparison, model).show(**options)
 
 
+_WARNING = "warning: "
+
+
+def _sentence(warning: str) -> str:
+    return warning.removeprefix(_WARNING) + "."
+
+
 def default_folder(scene: Path, surface: Path | None) -> Path:
     """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
     name = scene.stem
@@ -134,6 +146,12 @@ def surface_file(scene: Path) -> Path:
     if not file:
         raise RunError(f"{scene}: no surface.file, expected one with --remesh, or --surface FILE")
     return scene.parent / file
+
+
+def surface_overrides(arguments: Any) -> list[str]:
+    """KEY=VALUE of the options --up and --units."""
+    given = {"surface.up": arguments.up, "surface.unit": arguments.units}
+    return [f'{key}="{value}"' for key, value in given.items() if value]
 
 
 def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | None:
@@ -157,20 +175,29 @@ def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | Non
     return words if fits else None
 
 
-def _run(command: list[str], is_quiet: bool) -> tuple[int, str]:
-    """Exit status of a program and, of one that is quiet, the errors that it named; what else it says goes to sys.stderr."""
+def _run(command: list[str], is_quiet: bool) -> tuple[int, str, list[str]]:
+    """Exit status of a program and, of one that is quiet, the errors and warnings that it named. What else it says, and
+    warnings, go to sys.stderr."""
     if not is_quiet:
-        return subprocess.run(command, check=False).returncode, ""
+        return subprocess.run(command, check=False).returncode, "", []
     words = [*command, "--quiet"]
     done = subprocess.run(words, check=False, stderr=subprocess.PIPE, text=True, errors="replace")
     lines = done.stderr.splitlines(keepends=True)
     sys.stderr.writelines(line for line in lines if not line.startswith("error: "))
     errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    return done.returncode, "".join(errors).strip()
+    return (
+        done.returncode,
+        "".join(errors).strip(),
+        [line.strip() for line in lines if line.startswith(_WARNING)],
+    )
 
 
 def run_solvers(
-    scene_file: Path, folder: Path, surface: Path | None, overrides: list[str], is_quiet: bool
+    scene_file: Path,
+    folder: Path,
+    surface: Path | None,
+    overrides: list[str],
+    is_quiet: bool,
 ) -> Experiment:
     """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
@@ -181,14 +208,28 @@ def run_solvers(
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
 
     def run(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> tuple[int, str]:
+        return _run(command_of(program, out, *more, options=options), is_quiet)[:2]
+
+    def command_of(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> list[str]:
         command = [str(built(PROGRAMS, program)), str(scene_file), "--out", str(out), *options]
         for override in [*overrides, *more]:
             command += ["--set", override]
-        return _run(command, is_quiet or "--check" in options)
+        return command
 
-    status, errors = run("massspring", folder, options=["--check"])
+    status, errors, warned = _run(command_of("massspring", folder, options=["--check"]), is_quiet=True)
     if status != SOLVED:
         raise RunError(errors or "massspring refuses the scene: nothing has been solved")
+
+    wanted = load_scale.wanted_strain(read_toml(scene_file), overrides)
+    if wanted is not None:
+        trial = folder / "load_scale_trial"
+        status, errors = run("massspring", trial, *load_scale.TRIAL, options=load_scale.OPTIONS)
+        if status != SOLVED:
+            raise RunError(
+                errors
+                or f"load_scale.strain = {wanted}: the trial solve that finds a factor for it failed, see {trial}"
+            )
+        overrides = [*overrides, load_scale.factor_override(wanted, trial)]
     status, errors = run("fem_reference", folder / "fem_reference")
     if status not in (SOLVED, NOT_OK, NOT_MODELLED):
         is_told = status == REFUSED and not errors
@@ -207,7 +248,7 @@ def run_solvers(
     if not words or run("fem_reference", refined, options=words)[0] not in (SOLVED, NOT_OK):
         shutil.rmtree(refined, ignore_errors=True)  # it may be of other values
 
-    experiment = Experiment(folder, scene, {}, unsolved)
+    experiment = Experiment(folder, scene, {}, unsolved, tuple(map(_sentence, warned)))
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
         status, errors = run("massspring", out, f"network.calibration={calibration}", options=["--checked"])

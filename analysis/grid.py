@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from .compare import compare_runs
 from .drawing.style import style_of, svg_of
-from .experiment import default_folder
+from .experiment import default_folder, surface_overrides
 from .paths import ROOT, write_text
 from .points import Outcome, Point, Store, read_toml, say
 from .report import html_table, page, svg_figure, text_table
@@ -259,6 +259,9 @@ def main(arguments: Any) -> int:
         raise RunError("sweep: expected --set KEY=VALUE,VALUE...")
     if arguments.surface:
         grid = {"surface.shape": ['""'], "surface.file": [str(arguments.surface.resolve())], **grid}
+    for override in surface_overrides(arguments):
+        key, _, value = override.partition("=")
+        grid[key] = [value]
     folder = arguments.out or ROOT / "out" / "sweep" / default_folder(arguments.scene, arguments.surface).name
     rows = sweep(arguments.scene.resolve(), grid, folder, arguments.part, arguments.quiet)
     if arguments.part == (1, 1):

@@ -13,11 +13,12 @@ import threading
 import time
 import tomllib
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from . import load_scale
 from .machine import THREADS
 from .paths import PROGRAMS, write_text
 from .runs import NOT_OK, SOLVED, RunError, built
@@ -94,6 +95,9 @@ class Store:
 
     def find(self, point: Point) -> Outcome | None:
         """The point's outcome if it has been run, and if it was not stopped by a time limit shorter than this one."""
+        return self._known(self._loaded(point))
+
+    def _known(self, point: Point) -> Outcome | None:
         folder = self.folder / self.key(point)
         file = folder / "outcome.json"
         if not file.exists():
@@ -108,7 +112,8 @@ class Store:
 
     def run(self, point: Point) -> Outcome:
         """The point's outcome, running it now if that has not been done."""
-        if known := self.find(point):
+        point = self._loaded(point)
+        if known := self._known(point):
             return known
         folder = self.folder / self.key(point)
         part = folder.with_name(f"{folder.name}{_MARK}{os.getpid()}")
@@ -125,9 +130,21 @@ class Store:
             part.rename(folder)
         except OSError:  # another process has been faster
             shutil.rmtree(part)
-        found = self.find(point)
+        found = self._known(point)
         assert found
         return found
+
+    def _loaded(self, point: Point) -> Point:
+        """The point with the factor on its loads by which it strains as its scene wants, found by a trial."""
+        wanted = load_scale.wanted_strain(read_toml(point.scene), point.overrides)
+        if wanted is None:
+            return point
+        trial = self.run(
+            Point("massspring", point.scene, (*point.overrides, *load_scale.TRIAL), load_scale.OPTIONS)
+        )
+        if trial.status != "ok":
+            return point
+        return replace(point, overrides=(*point.overrides, load_scale.factor_override(wanted, trial.folder)))
 
     def _execute(self, point: Point, folder: Path) -> Outcome:
         # The solver dies with this process, so that a killed study leaves nobody working.

@@ -24,7 +24,7 @@ def fingerprint(experiment: Experiment) -> str:
     records = sorted(experiment.folder.glob("**/run.json"))
     for file in [*records, experiment.folder / "scene.toml", *sorted(PACKAGE.rglob("*.py"))]:
         digest.update(file.read_bytes())
-    digest.update(json.dumps(experiment.failed, sort_keys=True).encode())
+    digest.update(json.dumps([experiment.failed, experiment.notes], sort_keys=True).encode())
     return digest.hexdigest()[:16]
 
 
@@ -46,7 +46,8 @@ def write_results(experiment: Experiment) -> dict[str, Any]:
     comparison = compare(experiment)
     values = comparison.as_json()
     values |= {"finding": finding(values), "fingerprint": fingerprint(experiment)}
-    values["surface_note"] = sentence_of(experiment.scene, experiment.folder)
+    if note := sentence_of(experiment.scene, experiment.folder):
+        values["notes"].append(note)
     row = draw_row(comparison)
     report = render(values, row, plot(comparison), draw_films(comparison), _protocol(comparison))
     write_text(experiment.folder / "report.html", report)

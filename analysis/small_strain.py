@@ -49,15 +49,15 @@ def deformation_of(X: Array, F: Array, u: Array) -> Deformation:
     cosines = (np.einsum("mij,mji->m", left, right) - 1) / 2
     angles = np.arccos(np.clip(cosines, -1, 1))
     weights = areas[is_sound]
-    return Deformation(_stays_below(angles, weights), _stays_below(strains, weights))
+    return Deformation(stays_below(angles, weights, _SHARE), stays_below(strains, weights, _SHARE))
 
 
 def _unit(vectors: Array) -> Array:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
 
 
-def _stays_below(values: Array, weights: Array) -> float:
-    """The least value that is not exceeded on _SHARE of the weight."""
+def stays_below(values: Array, weights: Array, share: float) -> float:
+    """The least value that is not exceeded on this share of the weight."""
     order = np.argsort(values)
     reached = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(reached, _SHARE * reached[-1] * (1 - 1e-12))])
+    return float(values[order][np.searchsorted(reached, share * reached[-1] * (1 - 1e-12))])

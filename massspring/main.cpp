@@ -94,7 +94,8 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
   if (!report.reason.empty()) record["reason"] = report.reason;
 }
 
-/// Checks the scene for its own spring model or for all that it names, and tells which keys none of them reads.
+/// Checks the scene for its own spring model or for all that it names, and tells which keys none of them reads
+/// and what was probably not meant.
 void check(const Scene& scene, const Arguments& arguments) {
   check_scene(scene, arguments.scene);
   check_model(scene, scene.network.calibration, arguments.scene);
@@ -103,6 +104,10 @@ void check(const Scene& scene, const Arguments& arguments) {
   if (arguments.is_checked) return;
   if (const auto unused = unused_keys(scene); !unused.empty())
     std::cerr << "unused: " << joined(unused) << '\n';
+  const SurfaceMesh surface = load_surface(scene.surface);
+  check_on_surface(scene, surface, arguments.scene);
+  for (const std::string& warning : warnings_about(scene, surface, arguments.scene))
+    std::cerr << "warning: " << warning << '\n';
 }
 
 ExitStatus run(const Arguments& arguments) {

@@ -14,8 +14,8 @@ namespace {
 ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
                       int n_children) {
   ElasticLoads loads;
-  if (scene.gravity)
-    loads.body_force = [f = Eigen::Vector3d(scene.material.rho * *scene.gravity)](const Eigen::Vector3d&) {
+  if (const auto gravity = gravity_of(scene))
+    loads.body_force = [f = Eigen::Vector3d(scene.material.rho * *gravity)](const Eigen::Vector3d&) {
       return f;
     };
   if (!scene.loads.empty()) {

@@ -34,7 +34,7 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   forces.mass_damping = scene.material.damping;
   if (scene.volume && scene.volume->coefficient > 0) forces.volume_pressure = scene.volume->coefficient;
   forces.load = Eigen::Matrix3Xd::Zero(3, network.X.cols());
-  if (scene.gravity) forces.load += *scene.gravity * model.mass.transpose();
+  if (const auto gravity = gravity_of(scene)) forces.load += *gravity * model.mass.transpose();
   const Eigen::VectorXd areas = area_vectors(surface.X, surface.F).colwise().norm();
   std::map<double, std::vector<int>> followers;
   for (int f = 0; f < surface.F.cols(); ++f) {

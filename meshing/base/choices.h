@@ -102,4 +102,19 @@ constexpr std::array<Named<MaterialLaw>, 2> names_of(MaterialLaw) {
   return {{{MaterialLaw::SmallStrain, "small_strain"}, {MaterialLaw::NeoHookean, "neo_hookean"}}};
 }
 
+/// The axis of a surface's file that points up.
+enum class UpAxis { Y, Z };
+constexpr std::array<Named<UpAxis>, 2> names_of(UpAxis) {
+  return {{{UpAxis::Y, "y"}, {UpAxis::Z, "z"}}};
+}
+
+/// Of a surface's coordinates.
+enum class LengthUnit { Metre, Centimetre, Millimetre, Inch };
+constexpr std::array<Named<LengthUnit>, 4> names_of(LengthUnit) {
+  return {{{LengthUnit::Metre, "m"},
+           {LengthUnit::Centimetre, "cm"},
+           {LengthUnit::Millimetre, "mm"},
+           {LengthUnit::Inch, "in"}}};
+}
+
 }  // namespace testbed::meshing

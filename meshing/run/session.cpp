@@ -4,6 +4,7 @@
 
 #include "meshing/base/files.h"
 #include "meshing/run/hash.h"
+#include "meshing/scene/check.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
@@ -61,6 +62,8 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
                                                  const std::string& options) {
   timer.start("mesh");
   surface = load_surface(scene.surface);
+  check_on_surface(scene, surface, file_);
+  load_factor_of(scene);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
   hash_ = hash_of(input_hash(scene, surface, ignored) + ' ' + options);
   const auto stored = stored_record(out_, hash_);

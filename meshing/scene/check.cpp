@@ -1,9 +1,128 @@
 #include "meshing/scene/check.h"
 
+#include <algorithm>
 #include <sstream>
 #include <stdexcept>
 
+#include "meshing/scene/surface_problem.h"
+#include "meshing/surface/shells.h"
+#include "meshing/surface/surface_check.h"
+
 namespace testbed::meshing {
+namespace {
+
+/// File and line of a key, or the file alone of one that was not given.
+std::string place_of(const Scene& scene, const std::string& key, const std::string& file) {
+  const auto found = scene.places.find(key);
+  return (found == scene.places.end() ? file : found->second) + ": ";
+}
+
+bool is_prescribed(const Scene& scene) {
+  return std::any_of(scene.supports.begin(), scene.supports.end(), [](const Support& support) {
+    return !support.displacement.isZero(0) || !support.motion.empty();
+  });
+}
+
+bool has_load(const Scene& scene) {
+  if (scene.gravity && !scene.gravity->isZero(0)) return true;
+  return std::any_of(scene.loads.begin(), scene.loads.end(), [](const Load& load) {
+    return load.pressure != 0 || !load.traction.isZero(0) || !load.stress.empty();
+  });
+}
+
+/// Whether anything moves the body.
+bool is_driven(const Scene& scene) {
+  const bool collapses = scene.collapse && scene.collapse->coefficient > 0 && !scene.collapse->pivots.empty();
+  const bool is_pushed = std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
+                                     [](const Obstacle& obstacle) { return !obstacle.motion.empty(); });
+  return has_load(scene) || is_prescribed(scene) || collapses || is_pushed ||
+         (scene.volume && !scene.volume->target.empty());
+}
+
+std::string box_text(const Eigen::Matrix3Xd& X) {
+  std::ostringstream text;
+  text << "from " << X.rowwise().minCoeff().transpose() << " to " << X.rowwise().maxCoeff().transpose();
+  return text.str();
+}
+
+/// Vertices of each part that is not joined to others, the walls of its cavities among them.
+std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
+  const std::vector<Shell> shells = shells_of(surface);
+  std::vector<std::vector<int>> parts(shells.size());
+  for (size_t s = 0; s < shells.size(); ++s) {
+    const bool is_cavity = shells[s].depth % 2 == 1;
+    std::vector<int>& part = parts[is_cavity ? shells[s].parent : static_cast<int>(s)];
+    for (const int f : shells[s].triangles)
+      for (const int v : surface.F.col(f)) part.push_back(v);
+  }
+  parts.erase(std::remove_if(parts.begin(), parts.end(), [](const auto& part) { return part.empty(); }),
+              parts.end());
+  return parts;
+}
+
+}  // namespace
+
+void check_on_surface(const Scene& scene, const SurfaceMesh& surface, const std::string& file) {
+  Scene scaled = scene;
+  scaled.load_scale = {};
+  const SurfaceProblem problem = discretise(scaled, surface);
+  if (problem.held.empty() || scene.time.mode == TimeMode::Dynamic || scene.reference.inertia_relief) return;
+  std::vector<bool> is_held(surface.X.cols(), false);
+  for (const auto& [vertices, support] : problem.held)
+    for (const int v : vertices) is_held[v] = true;
+  const std::vector<std::vector<int>> parts = parts_of(surface);
+  std::vector<int> loose;
+  for (size_t p = 0; p < parts.size(); ++p)
+    if (std::none_of(parts[p].begin(), parts[p].end(), [&](int v) { return is_held[v]; }))
+      loose.push_back(static_cast<int>(p));
+  if (loose.empty()) return;
+  throw std::runtime_error(place_of(scene, "supports", file) + std::to_string(loose.size()) +
+                           " of the surface's " + std::to_string(parts.size()) +
+                           " parts meet no support, first the one " +
+                           box_text(surface.X(Eigen::all, parts[loose[0]])) +
+                           "; expected one for each in statics, or reference.inertia_relief");
+}
+
+std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& surface,
+                                        const std::string& file) {
+  std::vector<std::string> warnings;
+  const auto warn = [&](const auto&... words) {
+    std::ostringstream text;
+    (text << ... << words);
+    warnings.push_back(text.str());
+  };
+  if (!is_driven(scene))
+    warn(file, ": nothing moves: no gravity, load, prescribed displacement, collapse or volume target");
+  constexpr double kSoftest = 1, kLongest = 50, kShortest = 1e-4;  // Pa, m, m
+  if (scene.material.E < kSoftest)
+    warn(place_of(scene, "material.E", file), "material.E = ", scene.material.E,
+         " Pa is softer than any solid: is it in other units?");
+  const Eigen::Vector3d box = surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff();
+  if (box.maxCoeff() > kLongest || box.maxCoeff() < kShortest)
+    warn(place_of(scene, "surface", file), "the body measures ", box(0), " x ", box(1), " x ", box(2),
+         " m: are its coordinates millimetres? --units mm, or surface.unit = \"mm\", says so");
+  constexpr double kMostNeedles = 0.01;  // of the triangles
+  const Needles needles = needles_of(surface);
+  const auto n = static_cast<double>(surface.F.cols());
+  const std::string& source = scene.surface.file;
+  if (needles.n > kMostNeedles * n)
+    warn(source, ": ", needles.n, " of ", surface.F.cols(), " triangles are needles (aspect above ",
+         kNeedleAspect, ", at worst ", needles.worst,
+         "), which meshers take minutes for or fail on: ", "./testbed run --remesh makes an even surface");
+  if (const auto pairs = self_intersections(surface); !pairs.empty())
+    warn(source, ": ", pairs.size(), " pairs of triangles cross, which no mesher fills: ",
+         "./testbed meshing check names the first, ./testbed run --remesh makes a surface without");
+  return warnings;
+}
+
+std::string unscalable_part(const Scene& scene) {
+  if (!has_load(scene)) return "no gravity and no load: there is nothing to scale";
+  if (is_prescribed(scene)) return "prescribed displacements: they do not grow with the loads";
+  if (scene.collapse) return "collapse: it shrinks rest lengths, whatever the loads";
+  if (scene.time.mode == TimeMode::Dynamic)
+    return "time.mode = \"dynamic\": its strain depends on its motion, not on loads alone";
+  return large_strain_part(scene);
+}
 
 void check_scene(const Scene& scene, const std::string& file) {
   const auto expect = [&file](bool is_right, const auto&... words) {
@@ -20,6 +139,12 @@ void check_scene(const Scene& scene, const std::string& file) {
   if (scene.material.law == MaterialLaw::SmallStrain) {
     const std::string part = large_strain_part(scene);
     expect(part.empty(), "material.law = small_strain, expected neo_hookean with ", part);
+  }
+
+  if (scene.load_scale.strain) {
+    const std::string part = unscalable_part(scene);
+    expect(part.empty(), "load_scale.strain = ", *scene.load_scale.strain,
+           ", expected proportional loads alone, not ", part);
   }
 
   const bool has_contacts = !scene.obstacles.empty() || scene.self_contact.is_on;

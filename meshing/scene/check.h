@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "meshing/scene/scene.h"
 
@@ -11,6 +12,23 @@ namespace testbed::meshing {
 /// @param file  of the scene, for the message
 /// @throws std::runtime_error naming file, keys, values found and what is expected.
 void check_scene(const Scene& scene, const std::string& file);
+
+/// What the scene asks of its surface: no region is empty and, in statics, no part lacks a support that others
+/// have.
+/// @param file  of the scene, for the message
+/// @throws std::runtime_error naming file and line or part, and the box of the body or part.
+void check_on_surface(const Scene& scene, const SurfaceMesh& surface, const std::string& file);
+
+/// What a user did probably not mean, though programs can solve it: nothing moves, units that make no sense, a
+/// surface of needles or one that crosses itself. A sentence each, with file and line or the command that
+/// helps.
+/// @param file  of the scene
+std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& surface,
+                                        const std::string& file);
+
+/// The part that does not grow with gravity and loads, so that no factor on them gives a wanted strain, and
+/// why; empty: none.
+std::string unscalable_part(const Scene& scene);
 
 /// Parts of the scene that the reference does not model; empty: none.
 std::string unmodelled_part(const Scene& scene);

@@ -33,7 +33,9 @@ const std::map<std::string, std::string> kRenamed{{"reference.law", "material.la
 class Reader {
  public:
   /// @param path  of the table: "" or "material" or "loads.0"
-  Reader(const toml::table& table, std::string path) : table_(table), path_(std::move(path)) {}
+  /// @param places  of keys, to which those of this table are added
+  Reader(const toml::table& table, std::string path, std::map<std::string, std::string>& places)
+      : table_(table), path_(std::move(path)), places_(places) {}
 
   template <class T>
   void operator()(const char* key, T& value, const Range& range, const char* meaning) {
@@ -150,9 +152,12 @@ class Reader {
   static std::string source_of(const toml::node& node) { return *node.source().path; }
 
   [[noreturn]] static void fail(const toml::node& node, const std::string& what) {
+    throw std::runtime_error(place_of(node) + ": " + what);
+  }
+
+  static std::string place_of(const toml::node& node) {
     const std::string source = source_of(node);
-    const std::string line = is_override(source) ? "" : ":" + std::to_string(node.source().begin.line);
-    throw std::runtime_error(source + line + ": " + what);
+    return is_override(source) ? source : source + ":" + std::to_string(node.source().begin.line);
   }
 
   static void expect_one_of(const std::vector<std::string>& names, const toml::node& node,
@@ -185,14 +190,16 @@ class Reader {
 
   const toml::node* find(const char* key) {
     known_.emplace_back(key);
-    return table_.get(key);
+    const toml::node* node = table_.get(key);
+    if (node) places_[full(key)] = place_of(*node);
+    return node;
   }
 
   template <class T>
-  static void read_table(const toml::node& node, const std::string& path, T& value) {
+  void read_table(const toml::node& node, const std::string& path, T& value) {
     const toml::table* table = node.as_table();
     if (!table) wrong(node, path, "a table");
-    Reader reader(*table, path);
+    Reader reader(*table, path, places_);
     describe(reader, value);
     reader.refuse_unknown_keys();
   }
@@ -240,6 +247,7 @@ class Reader {
 
   const toml::table& table_;
   std::string path_;
+  std::map<std::string, std::string>& places_;
   std::vector<std::string> known_;
   std::string chosen_;
 };
@@ -328,6 +336,19 @@ Eigen::Vector3d position_at(const Path& path, double t) {
   return interpolated(path, t).tail<3>();
 }
 
+double load_factor_of(const Scene& scene) {
+  const auto& [strain, factor] = scene.load_scale;
+  if (strain && !factor)
+    throw std::runtime_error("load_scale.strain = " + toml_text(*strain) +
+                             " without load_scale.factor: ./testbed run finds it");
+  return factor.value_or(1);
+}
+
+std::optional<Eigen::Vector3d> gravity_of(const Scene& scene) {
+  if (!scene.gravity) return {};
+  return load_factor_of(scene) * *scene.gravity;
+}
+
 std::string large_strain_part(const Scene& scene) {
   if (!scene.obstacles.empty()) return "obstacles: bodies touch where they are, not where they were at rest";
   if (scene.self_contact.is_on) return "self_contact.on: a surface that touches itself has moved far";
@@ -375,7 +396,7 @@ Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides
   for (const std::string& text : overrides) apply_override(table, text);
   Scene scene;
   scene.name = file.stem().string();
-  Reader reader(table, "");
+  Reader reader(table, "", scene.places);
   describe(reader, scene);
   reader.refuse_unknown_keys();
   scene.material.law = law_of(scene);

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <variant>
@@ -49,9 +50,11 @@ struct SurfaceSource {
   std::string file;      ///< path, relative to the scene file; empty when `shape` is given
   std::string shape;     ///< of shape_names()
   int n_vertices = 642;  ///< wanted number of vertices of a generated shape; the nearest possible is made
-  Eigen::Vector3d size{0, 0, 0};  ///< bounding box of a generated shape (m); 0: the shape's own
-  double scale = 1;               ///< factor on all coordinates, before normalise
-  bool normalise = false;         ///< smallest side of the bounding box 1 m, centre at the origin
+  Eigen::Vector3d size{0, 0, 0};        ///< bounding box of a generated shape (m); 0: the shape's own
+  UpAxis up = UpAxis::Y;                ///< axis of the coordinates that is turned to y
+  LengthUnit unit = LengthUnit::Metre;  ///< of the coordinates
+  double scale = 1;                     ///< factor on all coordinates, before normalise
+  bool normalise = false;               ///< smallest side of the bounding box 1 m, centre at the origin
 };
 
 /// A value at each time, linear in between and constant outside: (s, value), times ascending. Static scenes
@@ -88,6 +91,14 @@ struct InitialMotion {
   Region region;                      ///< of all nodes, inner ones too
   Eigen::Vector3d velocity{0, 0, 0};  ///< m/s
   Eigen::Vector3d spin{0, 0, 0};      ///< rad/s, about the region's centre of mass
+};
+
+/// One factor on gravity and all loads, by which a body strains as wanted.
+struct LoadScale {
+  /// Wanted: a hundredth of the volume strains more. It needs loads that are proportional, see
+  /// unscalable_part; the factor for it is found by a trial solve (analysis/load_scale.py).
+  std::optional<double> strain;
+  std::optional<double> factor;  ///< absent: 1, or still to be found where `strain` is given
 };
 
 /// Energies of volume [paper 3.3].
@@ -206,6 +217,7 @@ struct Scene {
   std::vector<Support> supports;
   std::vector<Load> loads;
   std::vector<InitialMotion> initial;
+  LoadScale load_scale;
   std::optional<Collapse> collapse;
   std::optional<VolumeForces> volume;
   std::optional<Skin> skin;
@@ -217,7 +229,16 @@ struct Scene {
   ComparisonOptions comparison;
   PlaybackOptions playback;
   OutputOptions output;
+  /// Where its keys were given: "loads.0.region" -> "scene.toml:12" or "--set loads.0.region=...".
+  std::map<std::string, std::string> places;
 };
+
+/// The factor on gravity and all loads.
+/// @throws std::runtime_error where a strain is wanted and the factor for it has not been found.
+double load_factor_of(const Scene& scene);
+
+/// Gravity times that factor (m/s2); absent where there is none.
+std::optional<Eigen::Vector3d> gravity_of(const Scene& scene);
 
 /// The part of the scene that small strain does not describe, and why; empty: none.
 std::string large_strain_part(const Scene& scene);
@@ -253,8 +274,9 @@ std::vector<SceneKey> keys_of(const Scene& scene);
 /// The scene with every default filled in and every key explained, as TOML that read_scene accepts.
 std::string to_toml(const Scene& scene);
 
-/// The scene's surface: file or generated shape, scaled, checked to be closed and oriented outward.
-/// @throws std::runtime_error when it cannot be read or is not closed.
+/// The scene's surface: file or generated shape, turned upright and scaled, checked to be closed and oriented
+/// outward.
+/// @throws std::runtime_error when it cannot be read or is not closed, which names the commands that mend it.
 SurfaceMesh load_surface(const SurfaceSource& source);
 
 /// Indices (ascending) of the nodes X (3 x n, m) of a body in the region; they span its bounding box.

@@ -100,6 +100,8 @@ void describe(V& v, SurfaceSource& s) {
            "or a generated one: ball, hollow_ball, torus, bar, handle, head");
   v("n_vertices", s.n_vertices, kAtLeastOne, "of a generated shape, about");
   v("size", s.size, kNotNegative, "bounding box of a generated shape (m), 0: its own");
+  v.choice("up", s.up, "axis of its coordinates that points up, y or z: z is turned to y");
+  v.choice("unit", s.unit, "of its coordinates: m, cm, mm or in");
   v("scale", s.scale, kPositive, "factor on all coordinates");
   v("normalise", s.normalise, "scale so that the bounding box's smallest side is 1 m, centre at the origin");
 }
@@ -148,6 +150,13 @@ void describe(V& v, InitialMotion& m) {
   v.inline_table("region", m.region, "which nodes, inner ones too");
   v("velocity", m.velocity, kAny, "at the start (m/s); that of supports has precedence");
   v("spin", m.spin, kAny, "about the region's centre of mass (rad/s)");
+}
+
+template <class V>
+void describe(V& v, LoadScale& s) {
+  v("strain", s.strain, kPositive,
+    "wanted, exceeded in a hundredth of the volume: one factor on gravity and loads is found for it");
+  v("factor", s.factor, kPositive, "on gravity and all loads; absent: 1, or found for the wanted strain");
 }
 
 template <class V>
@@ -291,6 +300,7 @@ void describe(V& v, Scene& s) {
   v.list("supports", s.supports);
   v.list("loads", s.loads);
   v.list("initial", s.initial);
+  v.table("load_scale", s.load_scale);
   v.table("collapse", s.collapse);
   v.table("volume", s.volume);
   v.table("skin", s.skin);

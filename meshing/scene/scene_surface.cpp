@@ -1,4 +1,6 @@
 // Where a scene meets its surface: loading it, and picking parts of it.
+#include <stdexcept>
+
 #include "meshing/scene/scene.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
@@ -50,13 +52,47 @@ std::vector<bool> membership(const Region& region, const Eigen::Matrix3Xd& X) {
   return is_member;
 }
 
+/// Right-handed: what was z is y.
+Eigen::Matrix3Xd turned_upright(const Eigen::Matrix3Xd& X) {
+  Eigen::Matrix3Xd turned(3, X.cols());
+  turned << X.row(0), X.row(2), -X.row(1);
+  return turned;
+}
+
+double metres_of(LengthUnit unit) {
+  switch (unit) {
+    case LengthUnit::Centimetre:
+      return 0.01;
+    case LengthUnit::Millimetre:
+      return 0.001;
+    case LengthUnit::Inch:
+      return 0.0254;
+    default:
+      return 1;
+  }
+}
+
+const std::string kMending =
+    "; ./testbed meshing check FILE lists all faults, ./testbed meshing repair FILE OUT mends exactly what "
+    "is "
+    "turned round, inside out or doubled, ./testbed remesh FILE OUT makes a new surface of the rest within a "
+    "tolerance";
+
 }  // namespace
 
 SurfaceMesh load_surface(const SurfaceSource& source) {
   SurfaceMesh surface = source.file.empty() ? make_shape(source.shape, source.n_vertices, source.size)
                                             : read_surface(source.file);
-  check_closed(surface, source.file.empty() ? source.shape : source.file);
-  surface.X *= source.scale;
+  if (source.file.empty())
+    check_closed(surface, source.shape);
+  else
+    try {
+      check_closed(surface, source.file);
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(error.what() + kMending);
+    }
+  if (source.up == UpAxis::Z) surface.X = turned_upright(surface.X);
+  surface.X *= source.scale * metres_of(source.unit);
   if (source.normalise) {
     const Eigen::Vector3d low = surface.X.rowwise().minCoeff(), high = surface.X.rowwise().maxCoeff();
     surface.X.colwise() -= (low + high) / 2;

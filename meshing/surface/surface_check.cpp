@@ -12,9 +12,6 @@ namespace testbed::meshing {
 
 namespace {
 
-/// Longest edge over shortest height: a sliver has more than this, and many meshers and solvers fail on it.
-constexpr double kSliverAspect = 100;
-
 double aspect(const Eigen::Matrix3Xd& X, const Eigen::Vector3i& f) {
   const Eigen::Vector3d a = X.col(f[0]), b = X.col(f[1]), c = X.col(f[2]);
   const double longest = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
@@ -27,19 +24,23 @@ std::vector<double> to_list(const Eigen::Vector3d& x) {
 
 }  // namespace
 
+Needles needles_of(const SurfaceMesh& surface) {
+  Needles needles;
+  for (const auto& f : surface.F.colwise()) {
+    const double value = aspect(surface.X, f);
+    needles.n += value > kNeedleAspect;
+    needles.worst = std::max(needles.worst, value);
+  }
+  return needles;
+}
+
 SurfaceReport report_surface(const SurfaceMesh& surface, int n_merged) {
   const auto& [X, F] = surface;
   const Eigen::Matrix2Xi E = edges_of(F);
   const SurfaceFaults faults = find_faults(surface);
   const bool is_sound = faults.is_closed() && faults.is_manifold() && faults.disoriented_edges.empty();
   const std::vector<Shell> shells = shells_of(surface);
-  int n_slivers = 0;
-  double worst = 0;
-  for (const auto& f : F.colwise()) {
-    const double value = aspect(X, f);
-    n_slivers += value > kSliverAspect;
-    worst = std::max(worst, value);
-  }
+  const Needles needles = needles_of(surface);
   const Eigen::ArrayXd lengths = (X(Eigen::all, E.row(0)) - X(Eigen::all, E.row(1))).colwise().norm();
 
   SurfaceReport report;
@@ -63,7 +64,7 @@ SurfaceReport report_surface(const SurfaceMesh& surface, int n_merged) {
   values["unused_vertices"] = faults.unused_vertices.size();
   values["doubled_triangles"] = faults.doubled_triangles.size();
   values["degenerate_triangles"] = faults.degenerate_triangles.size();
-  values["sliver_triangles"] = n_slivers;
+  values["sliver_triangles"] = needles.n;
   if (is_sound && faults.degenerate_triangles.empty()) {
     const auto pairs = self_intersections(surface);
     values["self_intersections"] = pairs.size();
@@ -81,7 +82,7 @@ SurfaceReport report_surface(const SurfaceMesh& surface, int n_merged) {
   values["edge_shortest"] = lengths.minCoeff();
   values["edge_mean"] = lengths.mean();
   values["edge_longest"] = lengths.maxCoeff();
-  if (std::isfinite(worst)) values["worst_aspect"] = worst;
+  if (std::isfinite(needles.worst)) values["worst_aspect"] = needles.worst;
   values["usable"] = report.problems.empty();
   return report;
 }

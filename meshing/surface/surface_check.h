@@ -14,6 +14,15 @@ namespace testbed::meshing {
 /// surface must be manifold and consistently oriented.
 std::vector<std::pair<int, int>> self_intersections(const SurfaceMesh& surface);
 
+/// Longest edge over shortest height: a needle has more than this, and many meshers and solvers fail on it.
+constexpr double kNeedleAspect = 100;
+
+struct Needles {
+  int n = 0;         ///< triangles
+  double worst = 0;  ///< aspect of any triangle; infinite without area
+};
+Needles needles_of(const SurfaceMesh& surface);
+
 struct SurfaceReport {
   nlohmann::ordered_json values;      ///< vertices, faces, ... in the order to print
   std::vector<std::string> problems;  ///< why a simulation cannot use it; empty if it can

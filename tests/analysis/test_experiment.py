@@ -17,7 +17,7 @@ from analysis.__main__ import parse_arguments
 from analysis.__main__ import run as run_command
 from analysis.drawing.pictures import magnification
 from analysis.drawing.plots import plot_errors
-from analysis.experiment import Experiment, default_folder, refinement, run_solvers
+from analysis.experiment import Experiment, default_folder, refinement, run_solvers, surface_overrides
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
 from analysis.runs import RunError
@@ -305,6 +305,7 @@ def home(ball, tmp_path, monkeypatch):
     """Folder of the runs that stand-ins for the solvers leave; the reference's has the scene filled in."""
     monkeypatch.setattr(experiments, "PROGRAMS", make_solvers(tmp_path / "home", ball))
     (tmp_path / "home" / "fem_reference" / "scene.toml").write_text(FILLED_IN)
+    (tmp_path / "scene.toml").write_text("")
     return tmp_path / "home"
 
 
@@ -318,6 +319,36 @@ def test_exit_status_tells_whether_the_scenes_own_model_gave_a_result(home, tmp_
     (home / "massspring_0.25" / "run.json").write_text('{"status": "diverged", "reason": "at 2 s"}')
     assert run_command(arguments) == 1
     assert "gave no result: diverged, at 2 s" in capsys.readouterr().out
+
+
+def test_what_the_check_warns_of_stands_in_the_report(home, tmp_path, capfd):
+    program = home / "bin" / "massspring"
+    program.write_text(
+        program.read_text().replace(
+            'if "--check" in sys.argv:\n',
+            'if "--check" in sys.argv:\n    print("warning: nothing moves", file=sys.stderr)\n',
+        )
+    )
+    words = ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
+    assert run_command(parse_arguments(words)) == 0
+    printed = capfd.readouterr()
+    assert "warning: nothing moves" in printed.err and "nothing moves." in printed.out
+    assert "nothing moves." in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_unit_and_upward_axis_are_keys_of_the_scene():
+    arguments = parse_arguments(["run", "--up", "z", "--units", "mm"])
+    assert surface_overrides(arguments) == ['surface.up="z"', 'surface.unit="mm"']
+    assert surface_overrides(parse_arguments(["sweep", "--units", "in"])) == ['surface.unit="in"']
+
+
+def test_a_wanted_strain_is_reached_by_one_factor_that_all_runs_get(home, tmp_path, monkeypatch):
+    monkeypatch.setattr("analysis.load_scale.strain_of", lambda folder: 0.002)
+    (tmp_path / "scene.toml").write_text("[load_scale]\nstrain = 1e-3\n")
+    run_solvers(tmp_path / "scene.toml", tmp_path / "out", None, [], is_quiet=True)
+    trial, *others = calls(home / "bin")
+    assert "('load_scale.factor', '1.0')" in trial and "edge_coupled" in trial
+    assert len(others) == 3 and all("('load_scale.factor', '0.5')" in call for call in others)
 
 
 def test_refinement_of_an_earlier_run_does_not_outlive_it(home, tmp_path):

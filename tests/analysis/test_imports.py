@@ -18,13 +18,10 @@ ALLOWED = {
     "runs": {"methods"},
     "small_strain": {"runs"},
     "compare": {"runs", "small_strain"},
-    "points": {"machine", "paths", "runs"},
-    "experiment": {
-        "comparison",
-        "paths",
-        "runs",
-        "tables",
-    },  # the first and the last where they are asked for
+    "load_scale": {"runs", "small_strain"},
+    "points": {"load_scale", "machine", "paths", "runs"},
+    # The first and the last where they are asked for.
+    "experiment": {"comparison", "load_scale", "paths", "points", "runs", "tables"},
     "remesh": {"paths", "runs", "wording"},
     "comparison": {"compare", "experiment", "methods", "runs"},
     "verdict": {"wording"},

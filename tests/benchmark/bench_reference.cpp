@@ -57,7 +57,7 @@ struct Case {
   Case(const std::string& name, const std::string& shape, int n_vertices, int degree)
       : scene(kScenes + "/" + name + ".toml"),
         sets{"surface.shape=" + shape, "surface.n_vertices=" + std::to_string(n_vertices),
-             "reference.degree=" + std::to_string(degree)} {}
+             "reference.degree=" + std::to_string(degree), "load_scale.factor=1"} {}
 };
 
 /// Runs our program. @returns its run.json

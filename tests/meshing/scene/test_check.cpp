@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include "meshing/scene/check.h"
+#include "meshing/scene/surface_problem.h"
+#include "meshing/surface/shapes.h"
 
 namespace testbed::meshing {
 namespace {
@@ -119,6 +121,167 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
   };
   EXPECT_EQ(part_with(moving_ball(), damp_at_finite_strain), "material.stiffness_damping at finite strain");
   EXPECT_EQ(part_with(ball(), damp_at_finite_strain), "");
+}
+
+/// Two balls of radius 1 about the origin and x = 5.
+SurfaceMesh two_balls() {
+  const SurfaceMesh one = make_shape("ball", 162);
+  const Eigen::Index n = one.X.cols(), m = one.F.cols();
+  SurfaceMesh both{Eigen::Matrix3Xd(3, 2 * n), Eigen::Matrix3Xi(3, 2 * m)};
+  both.X << one.X, one.X.colwise() + Eigen::Vector3d(5, 0, 0);
+  both.F << one.F, one.F.array() + static_cast<int>(n);
+  return both;
+}
+
+std::string refusal_on(const Scene& scene, const SurfaceMesh& surface) {
+  try {
+    check_on_surface(scene, surface, "a.toml");
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+void expect_parts(const std::string& text, const std::vector<std::string>& parts) {
+  for (const std::string& part : parts)
+    EXPECT_NE(text.find(part), std::string::npos) << part << " in " << text;
+}
+
+TEST(CheckOnSurface, RefusesARegionThatHoldsNothingWithItsPlaceAndTheBodysBox) {
+  const SurfaceMesh surface = make_shape("bar", 100, {3, 2, 1});
+  Scene scene = ball();
+  scene.supports.emplace_back().region.shape = Box{{90, 0, 0}, {99, 1, 1}};
+  scene.places["supports.0.region"] = "a.toml:7";
+  expect_parts(refusal_on(scene, surface), {"a.toml:7: supports.0: no node", "from 0 0 0 to 3 2 1"});
+  scene.supports.clear();
+  scene.loads.emplace_back().region.shape = Ball{{9, 9, 9}, 1};
+  expect_parts(refusal_on(scene, surface), {"loads.0: no triangle"});
+}
+
+TEST(CheckOnSurface, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
+  const SurfaceMesh surface = two_balls();
+  Scene scene = ball();
+  EXPECT_EQ(refusal_on(scene, surface), "") << "free bodies";
+  scene.supports.emplace_back().region.shape = HalfSpace{{0, 0, 0}, {1, 0, 0}};
+  expect_parts(refusal_on(scene, surface),
+               {"1 of the surface's 2 parts meet no support", "from  4 -1 -1 to 6 1 1"});
+  Scene relieved = scene, moving = scene, held = scene;
+  relieved.reference.inertia_relief = true;
+  moving.time.mode = TimeMode::Dynamic;
+  held.supports[0].region.shape = Everywhere{};
+  for (const Scene& other : {relieved, moving, held}) EXPECT_EQ(refusal_on(other, surface), "");
+}
+
+TEST(CheckOnSurface, TakesTheWallOfACavityForAPartOfItsBody) {
+  const SurfaceMesh surface = make_shape("hollow_ball", 642);
+  Scene scene = ball();
+  const double low = surface.X.row(1).minCoeff();
+  scene.supports.emplace_back().region.shape = HalfSpace{{0, 0.9 * low, 0}, {0, 1, 0}};
+  EXPECT_EQ(refusal_on(scene, surface), "");
+}
+
+Scene loaded_ball() {
+  Scene scene = ball();
+  scene.gravity = Eigen::Vector3d(0, -9.81, 0);
+  return scene;
+}
+
+std::string warnings(const Scene& scene, const SurfaceMesh& surface) {
+  std::string all;
+  for (const std::string& warning : warnings_about(scene, surface, "a.toml")) all += warning + '\n';
+  return all;
+}
+
+TEST(WarningsAbout, AreNoneWhereAllMakesSense) {
+  EXPECT_EQ(warnings(loaded_ball(), make_shape("ball", 162)), "");
+}
+
+TEST(WarningsAbout, NameASceneInWhichNothingMoves) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  Scene scene = ball();
+  scene.supports.emplace_back();
+  scene.loads.emplace_back();
+  scene.gravity = Eigen::Vector3d::Zero();
+  expect_parts(warnings(scene, surface), {"a.toml: nothing moves"});
+  Scene pushed = scene, moved = scene, shrunk = scene;
+  pushed.loads[0].pressure = 1;
+  moved.supports[0].displacement(1) = 1;
+  shrunk.collapse.emplace().pivots.emplace_back();
+  for (const Scene& other : {pushed, moved, shrunk}) EXPECT_EQ(warnings(other, surface), "");
+}
+
+TEST(WarningsAbout, NameUnitsThatMakeNoSenseWithTheirPlace) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  Scene scene = loaded_ball();
+  scene.material.E = 1e-3;
+  scene.places["material.E"] = "a.toml:3";
+  expect_parts(warnings(scene, surface), {"a.toml:3: material.E = 0.001 Pa"});
+  scene = loaded_ball();
+  for (const double scale : {49.5, 1e-5})
+    expect_parts(warnings(scene, {scale * surface.X, surface.F}), {"millimetres?", "--units mm"});
+  for (const double scale : {24.0, 1e-3}) EXPECT_EQ(warnings(scene, {scale * surface.X, surface.F}), "");
+}
+
+TEST(WarningsAbout, NameNeedlesWithTheirShareAndTheCommandThatHelps) {
+  SurfaceMesh surface = make_shape("ball", 162);
+  surface.X.row(2) *= 1e-3;
+  expect_parts(warnings(loaded_ball(), surface),
+               {"of 320 triangles are needles (aspect above 100", "run --remesh"});
+}
+
+TEST(WarningsAbout, NameASurfaceThatCrossesItselfAndTheCommandThatHelps) {
+  SurfaceMesh surface = two_balls();
+  surface.X.rightCols(162).row(0).array() -= 4;
+  expect_parts(warnings(loaded_ball(), surface), {"pairs of triangles cross", "run --remesh"});
+}
+
+TEST(CheckScene, RefusesAWantedStrainOfWhatDoesNotGrowWithTheLoads) {
+  Scene scene = loaded_ball();
+  scene.load_scale.strain = 1e-3;
+  EXPECT_EQ(refusal_of(scene), "");
+  Scene moved = scene, shrunk = scene, moving = scene, follower = scene, idle = scene;
+  moved.supports.emplace_back().displacement(0) = 1;
+  shrunk.collapse.emplace();
+  moving.time.mode = TimeMode::Dynamic;
+  follower.loads.emplace_back().is_follower = true;
+  idle.gravity.reset();
+  for (const auto& [other, why] : {std::pair(moved, "prescribed displacements"),
+                                   {shrunk, "collapse"},
+                                   {moving, "dynamic"},
+                                   {follower, "a follower load"},
+                                   {idle, "no gravity and no load"}})
+    expect_parts(refusal_of(other), {"load_scale.strain = 0.001, expected proportional loads", why});
+}
+
+TEST(LoadScale, MultipliesGravityAndEveryLoad) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  Scene scene = loaded_ball();
+  Load& load = scene.loads.emplace_back();
+  load.pressure = 3;
+  load.traction = {1, 2, 3};
+  load.stress.push_back(StressTerm::Ones());
+  Load follower;
+  follower.pressure = 5;
+  follower.is_follower = true;
+  scene.loads.push_back(follower);
+  const SurfaceProblem plain = discretise(scene, surface);
+  scene.load_scale.factor = 0.25;
+  const SurfaceProblem scaled = discretise(scene, surface);
+  EXPECT_EQ(*gravity_of(scene), 0.25 * *scene.gravity);
+  EXPECT_EQ(scaled.traction, 0.25 * plain.traction);
+  EXPECT_EQ(scaled.follower_pressure, 0.25 * plain.follower_pressure);
+  const StressTerm term = scaled.stressed[0].terms[0];
+  EXPECT_EQ(term.head<3>(), Eigen::Vector3d::Ones());
+  EXPECT_TRUE((term.tail<6>().array() == 0.25).all());
+}
+
+TEST(LoadScale, IsRefusedWhileTheFactorForAWantedStrainIsNotFound) {
+  Scene scene = loaded_ball();
+  EXPECT_EQ(load_factor_of(scene), 1);
+  scene.load_scale.strain = 1e-3;
+  EXPECT_THROW(load_factor_of(scene), std::runtime_error);
+  scene.load_scale.factor = 0.5;
+  EXPECT_EQ(load_factor_of(scene), 0.5);
 }
 
 }  // namespace

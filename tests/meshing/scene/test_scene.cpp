@@ -312,10 +312,10 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
   EXPECT_EQ(
       error_of("[surface]\nshape = \"bar\"\nsize = [1, -2, 1]\n"),
       "scene.toml:3: surface.size.1 = -2, expected >= 0: bounding box of a generated shape (m), 0: its own");
-  EXPECT_EQ(
-      error_of(ball + "gravity = [0, 1]\n"),
-      "scene.toml:3: surface.gravity = [ 0, 1 ]: unknown key (known: file, shape, n_vertices, size, scale, "
-      "normalise)");
+  EXPECT_EQ(error_of(ball + "gravity = [0, 1]\n"),
+            "scene.toml:3: surface.gravity = [ 0, 1 ]: unknown key (known: file, shape, n_vertices, size, "
+            "up, unit, scale, "
+            "normalise)");
   EXPECT_EQ(error_of(ball + "[loads]\npressure = 1\n"),
             "scene.toml:3: loads = table, expected tables [[loads]]");
   EXPECT_EQ(
@@ -398,6 +398,16 @@ TEST(Scene, ShapesWithoutAnInsideAreRefused) {
             "scene.toml:3: obstacles.0 has no shape, expected plane, sphere, box, capsule or mesh");
 }
 
+TEST(Scene, KnowsWhereItsKeysWereGiven) {
+  const fs::path file =
+      write_scene("[surface]\nshape = \"ball\"\n[material]\nE = 1e5\n[[supports]]\nregion = {}\n");
+  const auto places = read_scene(file, {"material.nu=0.3"}).places;
+  EXPECT_EQ(places.at("material.E"), file.string() + ":4");
+  EXPECT_EQ(places.at("supports.0.region"), file.string() + ":6");
+  EXPECT_EQ(places.at("material.nu"), "--set material.nu=0.3");
+  EXPECT_EQ(places.count("material.rho"), 0u);
+}
+
 TEST(Scene, ErrorsInOverridesNameTheOverride) {
   const std::string ball = "[surface]\nshape = \"ball\"\n[[loads]]\npressure = 1\n";
   EXPECT_EQ(error_of(ball, {"material.nu=0.9"}),
@@ -468,6 +478,8 @@ std::vector<std::string> others_than(const std::string& value) {
                             all_names<MaterialLaw>(),
                         all_names<ReferenceScheme>(),
                             all_names<MassMatrix>(),
+                            all_names<UpAxis>(),
+                            all_names<LengthUnit>(),
                             kWarps,
                             {"x", "some text"}})
     for (const std::string& name : names) others.push_back(toml_text(name));
@@ -521,6 +533,8 @@ mesh = { file = "one.obj" }
                                             "reference.spectral_radius=0.7",
                                             "self_contact.thickness=0.01",
                                             "collapse.pivots.0.end=5",
+                                            "load_scale.strain=0.01",
+                                            "load_scale.factor=3.0",
                                             "playback.warp=custom",
                                             "playback.points=[[0, 0], [0.3, 0.2]]",
                                             "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
@@ -602,12 +616,58 @@ TEST(InputHash, ChangesWithTheProgramAndTheMeshersBesideIt) {
 }
 
 TEST(LoadSurface, ScalesAllCoordinates) {
-  const SurfaceMesh mesh = load_surface({"", "bar", 100, {3, 2, 0.5}, 7, false});
+  const SurfaceMesh mesh =
+      load_surface({"", "bar", 100, {3, 2, 0.5}, UpAxis::Y, LengthUnit::Metre, 7, false});
   EXPECT_EQ(mesh.X, 7 * make_shape("bar", 100, {3, 2, 0.5}).X);
 }
 
+TEST(LoadSurface, TurnsZUpToYAsARotation) {
+  SurfaceSource source;
+  source.shape = "bar";
+  source.n_vertices = 100;
+  source.size = {3, 2, 0.5};
+  const SurfaceMesh given = load_surface(source);
+  source.up = UpAxis::Z;
+  const SurfaceMesh turned = load_surface(source);
+  Eigen::Matrix3d R;
+  R << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+  EXPECT_EQ(R.determinant(), 1);
+  EXPECT_EQ(R * Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY());
+  EXPECT_EQ(turned.X, R * given.X);
+  EXPECT_EQ(turned.F, given.F);
+}
+
+TEST(LoadSurface, TakesCoordinatesInTheirUnit) {
+  SurfaceSource source;
+  source.shape = "ball";
+  const Eigen::Matrix3Xd X = load_surface(source).X;
+  for (const auto& [unit, metres] : {std::pair(LengthUnit::Centimetre, 0.01),
+                                     {LengthUnit::Millimetre, 0.001},
+                                     {LengthUnit::Inch, 0.0254},
+                                     {LengthUnit::Metre, 1.0}}) {
+    source.unit = unit;
+    EXPECT_EQ(load_surface(source).X, metres * X) << name_of(unit);
+  }
+}
+
+TEST(LoadSurface, RefusesAnOpenFileAndNamesTheCommandsThatMendIt) {
+  SurfaceMesh open = make_shape("ball", 42);
+  open.F.conservativeResize(3, open.F.cols() - 1);
+  SurfaceSource source;
+  source.file = test_folder() / "open.off";
+  write_surface(source.file, open);
+  try {
+    load_surface(source);
+    FAIL() << "an open surface";
+  } catch (const std::runtime_error& error) {
+    const std::string message = error.what();
+    for (const char* part : {"the surface is open", "meshing check", "meshing repair", "./testbed remesh"})
+      EXPECT_NE(message.find(part), std::string::npos) << message;
+  }
+}
+
 TEST(LoadSurface, NormalisesTheSmallestSideToOne) {
-  const SurfaceMesh mesh = load_surface({"", "bar", 100, {3, 2, 0.5}, 7, true});
+  const SurfaceMesh mesh = load_surface({"", "bar", 100, {3, 2, 0.5}, UpAxis::Y, LengthUnit::Metre, 7, true});
   const Eigen::Vector3d low = mesh.X.rowwise().minCoeff(), high = mesh.X.rowwise().maxCoeff();
   EXPECT_LT((high - low - Eigen::Vector3d(6, 4, 1)).norm(), 1e-12);
   EXPECT_LT((high + low).norm(), 1e-12);

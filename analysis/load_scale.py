@@ -1,0 +1,67 @@
+"""The one factor on all loads by which a body strains as its scene wants: load_scale.strain.
+
+A trial solve of edge_coupled springs at small strain, which are linear elements, tells how far the given loads strain it.
+Both programs then get the factor, and so do equal loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from .runs import Array, RunError
+from .small_strain import stays_below
+
+_SHARE = (
+    0.99  # of the volume: clamped edges and sharp corners may strain more, and the more the finer the mesh is
+)
+#: What the trial takes in place of the scene's own.
+TRIAL = (
+    "load_scale.factor=1.0",
+    "network.calibration=edge_coupled",
+    'material.law="small_strain"',
+    "time.load_steps=1",
+    "output.curves=true",
+)
+OPTIONS = ("--no-diagnostics", "--checked")
+
+
+def wanted_strain(scene: dict[str, Any], overrides: Sequence[str]) -> float | None:
+    """The strain for which a factor is to be found, by a scene as written and its overrides; None where there is none."""
+    found = dict(scene.get("load_scale", {}))
+    for override in overrides:
+        key, _, value = override.partition("=")
+        if key in ("load_scale.strain", "load_scale.factor"):
+            found[key.partition(".")[2]] = float(value)
+    return None if "factor" in found else found.get("strain")
+
+
+def factor_override(wanted: float, trial: Path) -> str:
+    """KEY=VALUE of the factor, by the trial's folder. Raises RunError where the trial strains nothing."""
+    measured = strain_of(trial)
+    if not measured > 0:
+        raise RunError(f"load_scale.strain = {wanted}: the loads strain nothing, see {trial}")
+    return f"load_scale.factor={wanted / measured:.6g}"
+
+
+def strain_of(folder: Path) -> float:
+    """Of a run's last frame with tetrahedra: what all but a hundredth of the volume stays below."""
+    grid = pv.read(sorted((folder / "frames").glob("*.vtu"))[-1])
+    u = np.asarray(grid.point_data["displacement"], dtype=float)
+    T = grid.cells_dict[pv.CellType.TETRA]
+    return strain_in(np.asarray(grid.points, dtype=float) - u, T, u)
+
+
+def strain_in(X: Array, T: Array, u: Array) -> float:
+    """The largest principal strain, by magnitude, that all but a hundredth of the volume stays below.
+
+    X, u: (n, 3) rest points and displacement (m); T: (m, 4) tetrahedra.
+    """
+    edges, changes = X[T[:, 1:]] - X[T[:, :1]], u[T[:, 1:]] - u[T[:, :1]]
+    gradients = np.linalg.solve(edges, changes)
+    strains = np.linalg.eigvalsh((gradients + gradients.transpose(0, 2, 1)) / 2)
+    return stays_below(np.abs(strains).max(axis=1), np.abs(np.linalg.det(edges)), _SHARE)
