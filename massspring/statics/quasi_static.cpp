@@ -53,14 +53,8 @@ Eigen::MatrixXd zero_energy_motions(const BlockMatrix& K, const BlockCholesky& f
   for (int m = std::min(64, 3 * n);; m = std::min(2 * m, 3 * n)) {
     Eigen::MatrixXd Q(3 * n, m), KQ(3 * n, m);
     for (double& q : Q.reshaped()) q = random.uniform() - 0.5;
+    for (int iteration = 0; iteration < kIterations; ++iteration) Q = orthonormal(factor.solve_columns(Q));
     Matrix3Xd y;
-    for (int iteration = 0; iteration < kIterations; ++iteration) {
-      for (auto q : Q.colwise()) {
-        factor.solve(q.reshaped(3, n), y);
-        q = y.reshaped();
-      }
-      Q = orthonormal(Q);
-    }
     for (int k = 0; k < m; ++k) {
       multiply(K, Q.col(k).reshaped(3, n), y);
       KQ.col(k) = y.reshaped();

@@ -94,6 +94,10 @@ void BlockCholesky::solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const 
   x = Eigen::Map<const Eigen::Matrix3Xd>(solution.data(), 3, b.cols());
 }
 
+Eigen::MatrixXd BlockCholesky::solve_columns(const Eigen::MatrixXd& b) const {
+  return factor_->llt.solve(b);
+}
+
 RoundedFactor BlockCholesky::rounded() const {
   const cholmod_factor& L = factor_->llt.factor();
   const auto* first = static_cast<const int*>(L.super);

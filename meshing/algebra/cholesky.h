@@ -24,6 +24,8 @@ class BlockCholesky {
   bool is_ok() const;
   /// x = A^-1 b, 3 x n.
   void solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const;
+  /// A^-1 b for many columns at once, b of 3n x m. The factor is read once for all, not once for each.
+  Eigen::MatrixXd solve_columns(const Eigen::MatrixXd& b) const;
   /// The factor in single precision, which takes a third of the time of solve. Under the same condition.
   RoundedFactor rounded() const;
 

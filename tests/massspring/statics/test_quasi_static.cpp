@@ -54,6 +54,20 @@ TEST(QuasiStatic, CountsTheMotionsThatCostNoEnergy) {
   }
 }
 
+TEST(QuasiStatic, CountsMoreMotionsThatCostNoEnergyThanItLooksForAtFirst) {
+  constexpr int kBodies = 10, kOfOne = 6 + 2;  // moves as a rigid body, and its tied node in two directions
+  const TetMesh one = tied_node(1).network;
+  const Eigen::Matrix2Xi E = tied_node(1).springs->E;
+  Eigen::Matrix3Xd X(3, kBodies * one.X.cols());
+  Eigen::Matrix2Xi all(2, kBodies * E.cols());
+  for (int k = 0; k < kBodies; ++k) {
+    X.middleCols(k * one.X.cols(), one.X.cols()) = one.X.colwise() + Eigen::Vector3d(3 * k, 0, 0);
+    all.middleCols(k * E.cols(), E.cols()) = E.array() + static_cast<int>(k * one.X.cols());
+  }
+  const MassSpringModel model = springs_between(X, all);
+  EXPECT_EQ(n_floppy_motions(model, {}), kBodies * kOfOne - 6);
+}
+
 TEST(QuasiStatic, SpringCarriesTheLoadAlongItAndFloppyMotionsAreHeld) {
   const MassSpringModel model = tied_node(1);
   Forces forces = no_load(model);

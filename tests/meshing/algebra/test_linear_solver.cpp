@@ -93,6 +93,9 @@ TEST(BlockCholesky, AgreesWithADenseSolveAlsoForBlocksThatAreNotSymmetricAndAfte
     factor->solve(b, x);
     const Eigen::VectorXd exact = dense(A).llt().solve(b.reshaped());
     EXPECT_LT((x.reshaped() - exact).norm(), kSolverTolerance * exact.norm());
+    const Eigen::MatrixXd columns = random_points(n * 4, 1, 5).reshaped(3 * n, 4);
+    const Eigen::MatrixXd solved = dense(A).llt().solve(columns);
+    EXPECT_LT((factor->solve_columns(columns) - solved).norm(), kSolverTolerance * solved.norm());
   }
 }
 
