@@ -1,16 +1,15 @@
-"""Runs both solvers on a scene, compares what they wrote, and draws it.
-
-The functions a notebook needs: numpy arrays and pyvista meshes in, numbers out.
-"""
+"""Runs both solvers on a scene, compares what they wrote, and draws it: analysis/PYTHON.md."""
 
 from importlib import import_module
 from typing import Any
 
 _HOMES = {
+    "Experiment": "experiment",
     "Figures": "compare",
     "Frame": "runs",
     "Run": "runs",
     "RunError": "runs",
+    "Scene": "scene",
     "area_change": "compare",
     "change_error": "compare",
     "compare_runs": "compare",
@@ -18,8 +17,10 @@ _HOMES = {
     "load_run": "runs",
     "pareto": "front",
     "remove_rigid_motion": "compare",
+    "run": "session",
     "seconds_for": "front",
     "surface_of": "drawing.pictures",
+    "sweep": "session",
     "trajectory_error": "compare",
     "vertex_areas": "compare",
     "volume": "compare",

@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from . import sweep
-from .experiment import default_folder, run_solvers
+from . import grid, pair, remesh
+from .experiment import default_folder, run_solvers, surface_file
 from .index import write_index
 from .paths import OUT, SCENES
 from .report import text_of
@@ -18,9 +18,10 @@ from .studies import command as study
 DEFAULT = "torus_inflates.toml"  #: the scene of a run that names none
 
 _RUN_EXAMPLES = """examples:
-  ./testbed run                                                 the default scene: a torus is blown up and bent
+  ./testbed run                                                 the default scene: a torus is blown up
   ./testbed run analysis/scenes/bar_sag.toml                    another one
   ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
+  ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh   the same of CAD or of a broken scan
   ./testbed run --set material.nu=0.45 --set network.k=2000     with other values
 """
 
@@ -68,6 +69,28 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         help="replace a value of the scene, e.g. material.nu=0.3; may be repeated",
     )  # fmt: skip
 
+    run.add_argument(
+        "--remesh", action="store_true",
+        help="first make an even, closed surface of the file's triangles, within a 500th of the body's size",
+    )  # fmt: skip
+
+    new = add(
+        "remesh", [],
+        "Makes an even, closed surface of any triangles (CAD, scans, soups), whose parts it unites, and tells how far it "
+        "lies from them.",
+        "example:\n  ./testbed remesh plate.stl plate.off --edge 2 --tolerance 0.1\n",
+    )  # fmt: skip
+    new.add_argument("surface", type=Path, metavar="IN", help="triangles (.obj .off .ply .stl .vtp .vtu)")
+    new.add_argument("out", type=Path, metavar="OUT", help="file to write (.obj or .off)")
+    new.add_argument(
+        "--edge", type=float, metavar="M",
+        help=f"length of its edges, in the file's unit; default: for some {remesh.N_VERTICES} vertices",
+    )  # fmt: skip
+    new.add_argument(
+        "--tolerance", type=float, metavar="M",
+        help="how far it may lie from the triangles; default: a 500th of the diagonal of their box",
+    )  # fmt: skip
+
     sweep = add(
         "sweep", [scene],
         "Runs both solvers over a grid of values: a table and a plot of how far they differ. A sweep that was killed "
@@ -86,6 +109,16 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         metavar="I/N",
         help="run only the I-th of every N points, on one of N machines",
     )
+    compare = add(
+        "compare", [],
+        "Compares two results on the same surface, whoever computed them: the folder of a run (as fem_reference in out/NAME), "
+        "CalculiX's .frd in ASCII, a VTK file (.vtk .vtu .vtp) with 'displacement' at its points, or FEBio's "
+        '<node_data data="x;y;z;ux;uy;uz" file="...">. Vertices are matched by their positions at rest, the ends are compared.',
+        "example:\n  ./testbed compare job.frd out/bar_sag/fem_reference\n",
+    )  # fmt: skip
+    compare.add_argument("model", type=Path, metavar="A", help="the model")
+    compare.add_argument("reference", type=Path, metavar="B", help="the reference")
+    compare.add_argument("--out", type=Path, metavar="DIR", help="default: out/compare/A-B")
     study.add_arguments(
         add(
             "study",
@@ -107,7 +140,10 @@ def _part(text: str) -> tuple[int, int]:
 
 def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_folder(arguments.scene, arguments.surface)
-    experiment = run_solvers(arguments.scene, folder, arguments.surface, arguments.overrides, arguments.quiet)
+    surface = arguments.surface
+    if arguments.remesh:
+        surface = remesh.remeshed_of(surface or surface_file(arguments.scene), folder)
+    experiment = run_solvers(arguments.scene, folder, surface, arguments.overrides, arguments.quiet)
     comparison = results_of(experiment, arguments.quiet)
     print(f"{text_of(comparison)}\n\nreport: {folder / 'report.html'}")
     if folder.resolve().is_relative_to(OUT):
@@ -115,7 +151,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "sweep": sweep.main, "study": study.main}
+_COMMANDS = {"run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main}
 
 
 def main() -> int:

@@ -5,15 +5,23 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 import tomllib
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .paths import PROGRAMS, ROOT
-from .runs import NOT_MODELLED, NOT_OK, SOLVED, RunError, outcome_of
+from .runs import NOT_MODELLED, NOT_OK, SOLVED, RunError, built, outcome_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .comparison import Comparison
+    from .tables import Plots
 
 _GROWTH = 8  # of the unknowns by a refinement
 # Unknowns of a refined reference, by what is solved: half a minute at most. And steps of a motion in time.
@@ -73,6 +81,39 @@ class Experiment:
         """Of the reference refined for its error; not there where that takes too long."""
         return self.folder / "reference_refined"
 
+    # What solves loads nothing that compares or draws: that is imported where it is asked for.
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """All runs and their figures. Raises RunError as comparison.compare does."""
+        from .comparison import compare
+
+        return compare(self)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """As tables.table_of: a row for every model."""
+        from .tables import table_of
+
+        return table_of(self.comparison)
+
+    def per_node(self, model: str | None = None) -> pd.DataFrame:
+        """As tables.nodes_of: a row for every vertex of the surface."""
+        from .tables import nodes_of
+
+        return nodes_of(self.comparison, model)
+
+    def plot(self) -> Plots:
+        """The plots of the report, which a notebook shows: caption -> SVG."""
+        from .tables import plots_of
+
+        return plots_of(self.comparison)
+
+    def show(self, model: str | None = None, **options: Any) -> Any:
+        """Shows reference and model side by side; options are those of pyvista's Plotter.show, whose result this returns."""
+        from .tables import scene_of_bodies
+
+        return scene_of_bodies(self.comparison, model).show(**options)
+
 
 def default_folder(scene: Path, surface: Path | None) -> Path:
     """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
@@ -82,6 +123,17 @@ def default_folder(scene: Path, surface: Path | None) -> Path:
     ):  # the solver says what is wrong with it
         name = tomllib.loads(scene.read_text()).get("name", name)
     return ROOT / "out" / (f"{name}-{surface.stem}" if surface else name)
+
+
+def surface_file(scene: Path) -> Path:
+    """The file that a scene takes its surface from. Raises RunError where it names none."""
+    try:
+        file = tomllib.loads(scene.read_text()).get("surface", {}).get("file")
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise RunError(f"{scene}: {error}") from None
+    if not file:
+        raise RunError(f"{scene}: no surface.file, expected one with --remesh, or --surface FILE")
+    return scene.parent / file
 
 
 def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | None:
@@ -105,6 +157,18 @@ def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | Non
     return words if fits else None
 
 
+def _run(command: list[str], is_quiet: bool) -> tuple[int, str]:
+    """Exit status of a program and, of one that is quiet, the errors that it named; what else it says goes to sys.stderr."""
+    if not is_quiet:
+        return subprocess.run(command, check=False).returncode, ""
+    words = [*command, "--quiet"]
+    done = subprocess.run(words, check=False, stderr=subprocess.PIPE, text=True, errors="replace")
+    lines = done.stderr.splitlines(keepends=True)
+    sys.stderr.writelines(line for line in lines if not line.startswith("error: "))
+    errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
+    return done.returncode, "".join(errors).strip()
+
+
 def run_solvers(
     scene_file: Path, folder: Path, surface: Path | None, overrides: list[str], is_quiet: bool
 ) -> Experiment:
@@ -116,17 +180,18 @@ def run_solvers(
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
 
-    def run(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> int:
-        command = [str(PROGRAMS / program), str(scene_file), "--out", str(out), *options]
+    def run(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> tuple[int, str]:
+        command = [str(built(PROGRAMS, program)), str(scene_file), "--out", str(out), *options]
         for override in [*overrides, *more]:
             command += ["--set", override]
-        return subprocess.run(command + ["--quiet"] * is_quiet, check=False).returncode
+        return _run(command, is_quiet or "--check" in options)
 
-    if run("massspring", folder, options=["--check"]) != SOLVED:
-        raise RunError("massspring refuses the scene: nothing has been solved")
-    status = run("fem_reference", folder / "fem_reference")
+    status, errors = run("massspring", folder, options=["--check"])
+    if status != SOLVED:
+        raise RunError(errors or "massspring refuses the scene: nothing has been solved")
+    status, errors = run("fem_reference", folder / "fem_reference")
     if status not in (SOLVED, NOT_OK, NOT_MODELLED):
-        raise RunError(f"fem_reference gave no result (exit status {status})")
+        raise RunError(errors or f"fem_reference gave no result (exit status {status})")
     shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
     scene = tomllib.loads((folder / "scene.toml").read_text())
     refined = folder / "reference_refined"
@@ -138,14 +203,14 @@ def run_solvers(
         )
     unsolved = record["reason"] if status == NOT_MODELLED else ""
     words = refinement(scene, record) if status == SOLVED else None
-    if not words or run("fem_reference", refined, options=words) not in (SOLVED, NOT_OK):
+    if not words or run("fem_reference", refined, options=words)[0] not in (SOLVED, NOT_OK):
         shutil.rmtree(refined, ignore_errors=True)  # it may be of other values
 
     experiment = Experiment(folder, scene, {}, unsolved)
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
-        status = run("massspring", out, f"network.calibration={calibration}", options=["--checked"])
-        outcome = f"exit status {status}"
+        status, errors = run("massspring", out, f"network.calibration={calibration}", options=["--checked"])
+        outcome = errors or f"exit status {status}"
         if status in (SOLVED, NOT_OK):
             outcome = outcome_of(json.loads((out / "run.json").read_text()))
         if outcome != "ok":

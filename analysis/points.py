@@ -20,7 +20,7 @@ from typing import Any
 
 from .machine import THREADS
 from .paths import PROGRAMS, write_text
-from .runs import NOT_OK, SOLVED, RunError
+from .runs import NOT_OK, SOLVED, RunError, built
 
 # Top-level keys of a scene that change nothing in a program's result, as in its own input hash.
 _IGNORED = {
@@ -86,7 +86,7 @@ class Store:
             point.options,
             point.prefix,
             point.repetition,
-            [_hash_of_file(self.programs / name) for name in (point.program, *_MESHERS)],
+            [_hash_of_file(built(self.programs, name)) for name in (point.program, *_MESHERS)],
             [os.environ.get(name, "") for name in THREADS],
             {place: _hash_of_file(file) for place, file in files.items()},
         ]

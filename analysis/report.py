@@ -154,7 +154,8 @@ def text_of(comparison: dict[str, Any]) -> str:
     """The comparison for a terminal: finding, conclusion, tables, and how far the reference can be trusted."""
     parts = [f"{finding(comparison)}\n{' '.join(conclusion(comparison))}"]
     parts += [text_table(head, rows) for head, rows in tables(comparison)]
-    return "\n\n".join([*parts, " ".join(trust_in_reference(comparison))]).rstrip()
+    last = [comparison.get("surface_note", ""), *trust_in_reference(comparison)]
+    return "\n\n".join([*parts, " ".join(last).strip()]).rstrip()
 
 
 def text_table(head: list[str], rows: list[list[str]]) -> str:
@@ -250,7 +251,11 @@ def render(
     parts = [f'<p class="conclusion">{html.escape(" ".join(conclusion(comparison)))}</p>']
     if row:
         parts.append(row_figure(row))
-    sentences = [_LAWS[comparison["law"]], *trust_in_reference(comparison)]
+    sentences = [
+        _LAWS[comparison["law"]],
+        comparison.get("surface_note", ""),
+        *trust_in_reference(comparison),
+    ]
     parts.append(f"<p>{html.escape(' '.join(sentences))}</p>")
     parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]

@@ -13,6 +13,7 @@ from .machine import describe
 from .methods import label_of
 from .paths import PACKAGE, PROGRAMS, write_text
 from .points import say
+from .remesh import sentence_of
 from .report import render
 from .verdict import finding
 
@@ -45,6 +46,7 @@ def write_results(experiment: Experiment) -> dict[str, Any]:
     comparison = compare(experiment)
     values = comparison.as_json()
     values |= {"finding": finding(values), "fingerprint": fingerprint(experiment)}
+    values["surface_note"] = sentence_of(experiment.scene, experiment.folder)
     row = draw_row(comparison)
     report = render(values, row, plot(comparison), draw_films(comparison), _protocol(comparison))
     write_text(experiment.folder / "report.html", report)

@@ -90,6 +90,13 @@ class Run:
         return Frame(x - u, u, F)
 
 
+def built(folder: Path, program: str) -> Path:
+    """The program's file. Raises RunError where it has not been built."""
+    if not (folder / program).exists():
+        raise RunError(f"{folder / program}: not built; ./testbed run builds the programs")
+    return folder / program
+
+
 def outcome_of(record: dict[str, Any]) -> str:
     """How a run ended, by its record: the status and, where there is one, the reason."""
     return ", ".join(part for part in (record.get("status"), record.get("reason")) if part)

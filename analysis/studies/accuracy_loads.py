@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from ..compare import compare_runs, triangle_normals
+from ..grid import csv_of
 from ..paths import write_text
 from ..points import Outcome, Point, Store, say
 from ..runs import Array, Run, RunError, load_run
-from ..sweep import csv_of
 
 SHAPES = ("ball:642", "bar:900", "torus.obj", "liver2.obj", "handle.off", "spot.ply")
 _OF_EVERY_NU = "torus.obj"

@@ -188,7 +188,8 @@ def test_scene_that_springs_refuse_is_an_error_before_anything_is_solved(solve, 
     assert not calls(tmp_path / "home" / "bin")
 
 
-def test_reference_without_a_result_is_an_error(solve):
+def test_reference_that_names_no_error_is_one_with_its_exit_status(solve, tmp_path):
+    (tmp_path / "home" / "bin" / "fem_reference").write_text("#!/bin/sh\nexit 1\n")
     with pytest.raises(RunError, match=r"gave no result .exit status 1"):
         solve("0.6")
 

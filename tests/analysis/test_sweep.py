@@ -12,11 +12,11 @@ import pytest
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 
-from analysis import sweep as sweeps
+from analysis import grid as sweeps
 from analysis.__main__ import parse_arguments
+from analysis.grid import finding, parse_grid, points_of, sweep
 from analysis.points import Point, Store, say
 from analysis.runs import RunError
-from analysis.sweep import finding, parse_grid, points_of, sweep
 
 GRID = {"material.nu": list(ERRORS), "network.multiplicity": ["3", "5"]}
 

@@ -5,11 +5,11 @@ import subprocess
 import pytest
 
 from analysis.__main__ import parse_arguments
+from analysis.grid import csv_of
 from analysis.paths import PROGRAMS
 from analysis.studies import accuracy
 from analysis.studies.accuracy import batches, convergence, finding, read_table, slope_of, summarise, table
 from analysis.studies.command import main
-from analysis.sweep import csv_of
 
 
 def row(model: str, load: str, error: float, status: str = "ok", surface: str = "ball:162") -> dict[str, str]:

@@ -1,0 +1,175 @@
+"""The comparison of any two results on one surface, be they runs of this project or of another program."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from .compare import Figures, compare_runs, deformation, displacement_error, vertex_areas, volume
+from .drawing.bodies_aside import bodies_aside
+from .foreign import Result, read_result
+from .paths import ROOT, write_text
+from .report import html_table, image_figure, page, text_table
+from .runs import Array, Frame, RunError, scene_of
+from .wording import percent, percent_signed, significant
+
+_SAME_PLACE = 1e-5  # of the largest coordinate and of the body's size: .frd has six digits
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two displacements (n, 3) over one surface: rest points X and triangles F, in m."""
+
+    model: Result
+    reference: Result
+    X: Array
+    F: Array
+    u: Array
+    u_reference: Array
+    is_free: bool  #: rigid motion is removed from both
+    apart: float  #: m, of matched vertices at most
+
+    def as_json(self) -> dict[str, Any]:
+        """Figures: relative displacement errors, and of both the change of volume and area and the tip's displacement (m)."""
+        error = displacement_error(self.X, self.F, self.u, self.u_reference, self.is_free)
+        values: dict[str, Any] = {
+            "model": self.model.name,
+            "reference": self.reference.name,
+            "displacement_error_l2": error.l2,
+            "displacement_error_max": error.max,
+            "rigid_motion_removed": self.is_free,
+            "n_vertices": len(self.X),
+            "largest_distance_of_matched": self.apart,
+            "of_model": self._state(self.u),
+            "of_reference": self._state(self.u_reference),
+        }
+        if both := self._runs():
+            values["runs"] = asdict(both)
+        return values
+
+    def _runs(self) -> Figures | None:
+        if not (self.model.run and self.reference.run):
+            return None
+        try:
+            return compare_runs(self.model.run, self.reference.run, self.is_free)
+        except RunError:  # of other loads or another order of vertices: the ends alone are compared
+            return None
+
+    def _state(self, u: Array) -> dict[str, float]:
+        moved, areas = self.X + u, vertex_areas(self.X, self.F)
+        lengths = np.linalg.norm(deformation(Frame(self.X, self.u_reference, self.F), self.is_free), axis=1)
+        here = deformation(Frame(self.X, u, self.F), self.is_free)
+        return {
+            "volume_change": volume(moved, self.F) / volume(self.X, self.F) - 1,
+            "area_change": float(vertex_areas(moved, self.F).sum() / areas.sum() - 1),
+            "tip_displacement": float(np.linalg.norm(here[lengths.argmax()])),
+        }
+
+
+def match(model: Result, reference: Result) -> Pair:
+    """Puts two results on one surface: the reference's, or the model's where that has none.
+
+    A vertex of the surface is the nearest node of the other within a hundred-thousandth of the body. Raises RunError where
+    neither has a surface, and where vertices find no node of their own.
+    """
+    holder, other = (reference, model) if reference.F is not None else (model, reference)
+    if holder.F is None:
+        raise RunError(
+            f"{model.name} and {reference.name} hold nodes alone, expected the surface's triangles in one: "
+            "the folder of a run or a VTK file"
+        )
+    used, F = np.unique(holder.F, return_inverse=True)
+    F = F.reshape(holder.F.shape)
+    tried = [(X[used], *_nearest(X[used], Y)) for X in holder.rests for Y in other.rests]
+    X, nodes, distances = min(tried, key=lambda found: float(np.median(found[2])))
+    tolerance = _SAME_PLACE * (np.abs(X).max() + np.ptp(X, axis=0).max())
+    n_unmatched = int((distances > tolerance).sum())
+    if n_unmatched:
+        raise RunError(
+            f"{n_unmatched} of {len(X)} vertices of {holder.name} have no node of {other.name} within {tolerance:.2g} m "
+            f"(the farthest {distances.max():.3g} m away), expected the same surface"
+        )
+    n_shared = len(nodes) - len(np.unique(nodes))
+    if n_shared:
+        raise RunError(
+            f"{n_shared} vertices of {holder.name} share a node of {other.name}, expected one for each"
+        )
+    fields = {id(holder): holder.u[used], id(other): other.u[nodes]}
+    scenes = [scene_of(result.run) for result in (model, reference) if result.run]
+    is_free = bool(scenes) and not any(scene.get("supports") for scene in scenes)
+    return Pair(
+        model, reference, X, F, fields[id(model)], fields[id(reference)], is_free, float(distances.max())
+    )
+
+
+def _nearest(X: Array, Y: Array) -> tuple[Array, Array]:
+    """Index of the point of Y nearest to each of X, and its distance."""
+    cloud = pv.PolyData(Y)
+    nodes = np.array([cloud.find_closest_point(x) for x in X])
+    return nodes, np.linalg.norm(Y[nodes] - X, axis=1)
+
+
+def finding(values: dict[str, Any]) -> str:
+    """The comparison in two sentences."""
+    rigid = ", rigid motion removed" if values["rigid_motion_removed"] else ""
+    return (
+        f"{values['model']} misses the surface displacement of {values['reference']} by "
+        f"{percent(values['displacement_error_l2'])} (at worst {percent(values['displacement_error_max'])}{rigid}). "
+        f"{values['n_vertices']} vertices are matched, which lie at most {significant(values['largest_distance_of_matched'])} m "
+        "apart."
+    )
+
+
+def table_of(values: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Head and rows: the model, then the reference."""
+    head = ["", "displacement error", "at worst", "volume change", "area change", "tip (m)"]
+    errors = [percent(values[f"displacement_error_{norm}"]) for norm in ("l2", "max")]
+    rows = []
+    for name, cells in (("model", errors), ("reference", ["-", "-"])):
+        state = values[f"of_{name}"]
+        changes = [percent_signed(state[key]) for key in ("volume_change", "area_change")]
+        rows.append([values[name], *cells, *changes, significant(state["tip_displacement"])])
+    return head, rows
+
+
+def main(arguments: Any) -> int:
+    """./testbed compare"""
+    results = [read_result(path) for path in (arguments.model, arguments.reference)]
+    pair = match(*results)
+    values = pair.as_json()
+    folder = arguments.out or ROOT / "out" / "compare" / "-".join(
+        path.resolve().name for path in (arguments.model, arguments.reference)
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    picture = folder / "bodies.png"
+    plotter = bodies_aside(
+        pair.X,
+        pair.F,
+        {"reference": pair.u_reference, "model": pair.u},
+        np.linalg.norm(pair.u - pair.u_reference, axis=1),
+        off_screen=True,
+    )
+    plotter.screenshot(picture, window_size=(1000, 500))
+    plotter.close()
+    table = table_of(values)
+    parts = [
+        html_table(*table),
+        image_figure(picture, "Reference, and the model painted with the length of the difference."),
+    ]
+    text = json.dumps(values, indent=2)
+    write_text(
+        folder / "report.html",
+        page(
+            f"{arguments.model.name} against {arguments.reference.name}",
+            finding(values),
+            parts,
+            {"figures": text},
+        ),
+    )
+    write_text(folder / "comparison.json", text + "\n")
+    print(f"{finding(values)}\n\n{text_table(*table)}\n\nreport: {folder / 'report.html'}")
+    return 0
