@@ -19,7 +19,7 @@ from .studies import command as study
 DEFAULT = "torus_inflates.toml"  #: the scene of a run that names none
 
 _RUN_EXAMPLES = """examples:
-  ./testbed run                                                 the default scene: a torus is blown up and bent
+  ./testbed run                                                 the default scene: a torus is blown up
   ./testbed run analysis/scenes/bar_sag.toml                    another one
   ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
   ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh   the same of CAD or of a broken scan

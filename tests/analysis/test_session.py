@@ -198,6 +198,8 @@ def test_package_asks_for_what_the_analysis_imports_and_nothing_that_testbed_doe
             else []
         )
     }
+    packages = {"trame_vtk": "trame-vtk", "vtkmodules": "vtk"}  # of other names than what they hold
+    names = {packages.get(name, name) for name in names}
     imported = names - set(sys.stdlib_module_names) - {"analysis", "PIL"}  # pillow comes with matplotlib
     pinned = set(
         re.findall(r"^([\w-]+)==", (ROOT / "analysis" / "requirements.txt").read_text(), re.MULTILINE)
