@@ -7,8 +7,8 @@ import json
 import sys
 from pathlib import Path
 
-from . import grid, pair
-from .experiment import default_folder, run_solvers
+from . import grid, pair, remesh
+from .experiment import default_folder, run_solvers, surface_file
 from .paths import SCENES
 from .report import text_of
 from .results import fingerprint, write_results
@@ -19,6 +19,7 @@ _RUN_EXAMPLES = """examples:
   ./testbed run                                                 the default scene: a ball under pressure
   ./testbed run analysis/scenes/bar_sag.toml                    another one
   ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
+  ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh   the same of CAD or of a broken scan
   ./testbed run --set material.nu=0.45 --set network.k=2000     with other values
 """
 
@@ -64,6 +65,28 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     run.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="replace a value of the scene, e.g. material.nu=0.3; may be repeated",
+    )  # fmt: skip
+
+    run.add_argument(
+        "--remesh", action="store_true",
+        help="first make an even, closed surface of the file's triangles, within a 500th of the body's size",
+    )  # fmt: skip
+
+    new = add(
+        "remesh", [],
+        "Makes an even, closed surface of any triangles (CAD, scans, soups), whose parts it unites, and tells how far it "
+        "lies from them.",
+        "example:\n  ./testbed remesh plate.stl plate.off --edge 2 --tolerance 0.1\n",
+    )  # fmt: skip
+    new.add_argument("surface", type=Path, metavar="IN", help="triangles (.obj .off .ply .stl .vtp .vtu)")
+    new.add_argument("out", type=Path, metavar="OUT", help="file to write (.obj or .off)")
+    new.add_argument(
+        "--edge", type=float, metavar="M",
+        help=f"length of its edges, in the file's unit; default: for some {remesh.N_VERTICES} vertices",
+    )  # fmt: skip
+    new.add_argument(
+        "--tolerance", type=float, metavar="M",
+        help="how far it may lie from the triangles; default: a 500th of the diagonal of their box",
     )  # fmt: skip
 
     sweep = add(
@@ -115,7 +138,10 @@ def _part(text: str) -> tuple[int, int]:
 
 def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_folder(arguments.scene, arguments.surface)
-    experiment = run_solvers(arguments.scene, folder, arguments.surface, arguments.overrides, arguments.quiet)
+    surface = arguments.surface
+    if arguments.remesh:
+        surface = remesh.remeshed_of(surface or surface_file(arguments.scene), folder)
+    experiment = run_solvers(arguments.scene, folder, surface, arguments.overrides, arguments.quiet)
     file = folder / "comparison.json"
     comparison = json.loads(file.read_text()) if file.exists() else {}
     if comparison.get("fingerprint") != fingerprint(experiment):
@@ -127,7 +153,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "sweep": grid.main, "compare": pair.main, "study": study.main}
+_COMMANDS = {"run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main}
 
 
 def main() -> int:

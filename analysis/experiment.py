@@ -125,6 +125,17 @@ def default_folder(scene: Path, surface: Path | None) -> Path:
     return ROOT / "out" / (f"{name}-{surface.stem}" if surface else name)
 
 
+def surface_file(scene: Path) -> Path:
+    """The file that a scene takes its surface from. Raises RunError where it names none."""
+    try:
+        file = tomllib.loads(scene.read_text()).get("surface", {}).get("file")
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise RunError(f"{scene}: {error}") from None
+    if not file:
+        raise RunError(f"{scene}: no surface.file, expected one with --remesh, or --surface FILE")
+    return scene.parent / file
+
+
 def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | None:
     """Words of the command that solves a reference again for its error; None where that takes more than half a minute.
 

@@ -135,7 +135,8 @@ def text_of(comparison: dict[str, Any]) -> str:
     """The comparison for a terminal: finding, conclusion, tables, and how far the reference can be trusted."""
     parts = [f"{finding(comparison)}\n{' '.join(conclusion(comparison))}"]
     parts += [text_table(head, rows) for head, rows in tables(comparison)]
-    return "\n\n".join([*parts, " ".join(trust_in_reference(comparison))]).rstrip()
+    last = [comparison.get("surface_note", ""), *trust_in_reference(comparison)]
+    return "\n\n".join([*parts, " ".join(last).strip()]).rstrip()
 
 
 def text_table(head: list[str], rows: list[list[str]]) -> str:
@@ -208,7 +209,11 @@ def render(
     plots: caption -> SVG; pictures: caption -> PNG file; protocol: as in page.
     """
     parts = [f'<p class="conclusion">{html.escape(" ".join(conclusion(comparison)))}</p>']
-    sentences = [_LAWS[comparison["law"]], *trust_in_reference(comparison)]
+    sentences = [
+        _LAWS[comparison["law"]],
+        comparison.get("surface_note", ""),
+        *trust_in_reference(comparison),
+    ]
     parts.append(f"<p>{html.escape(' '.join(sentences))}</p>")
     parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]

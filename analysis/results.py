@@ -12,6 +12,7 @@ from .experiment import Experiment
 from .machine import describe
 from .methods import label_of
 from .paths import PACKAGE, PROGRAMS, write_text
+from .remesh import sentence_of
 from .report import render
 
 
@@ -32,6 +33,7 @@ def write_results(experiment: Experiment) -> dict[str, Any]:
     """
     comparison = compare(experiment)
     values = comparison.as_json() | {"fingerprint": fingerprint(experiment)}
+    values["surface_note"] = sentence_of(experiment.scene, experiment.folder)
     report = render(values, plot(comparison), draw_pictures(comparison), _protocol(comparison))
     write_text(experiment.folder / "report.html", report)
     write_text(experiment.folder / "comparison.json", json.dumps(without_nan(values), indent=2) + "\n")

@@ -10,6 +10,7 @@
 #include "massspring/time/implicit_stage.h"
 #include "meshing/base/geometry.h"
 #include "meshing/scene/initial_motion.h"
+#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -19,8 +20,12 @@ namespace {
 MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const double share = scene.network.link_share;
-  MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share)
-                                    : calibrate(network, scene.material, calibration);
+  std::vector<int> held;
+  for (const auto& [vertices, support] :
+       discretise(scene, {network.X.leftCols(network.n_surface), network.F}).held)
+    held.insert(held.end(), vertices.begin(), vertices.end());
+  MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share, held)
+                                    : calibrate(network, scene.material, calibration, held);
   const bool is_explicit_run =
       scene.time.mode == TimeMode::Dynamic && find_integrator(scene.time.integrator).is_explicit;
   if (model.tet_springs && scene.network.mass == MassMatrix::Consistent && !is_explicit_run)

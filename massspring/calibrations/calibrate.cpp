@@ -54,7 +54,8 @@ void sort_springs(MassSpringModel& model) {
 
 template <const Blend& blend>
 void calibrate_coupled(MassSpringModel& model, const Eigen::Matrix2Xi&) {
-  model.tet_springs = couple_springs(model.network.X, model.network.T, lame_of(model.material), blend);
+  model.tet_springs =
+      couple_springs(model.network.X, model.network.T, lame_of(model.material), blend, model.held);
 }
 
 }  // namespace
@@ -113,7 +114,7 @@ MaterialShares divide_material(const Material& material, const Calibration& cali
 }
 
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
-                          const Calibration& calibration) {
+                          const Calibration& calibration, const std::vector<int>& held) {
   check_material(material, calibration);
   const auto refuse = [&](const char* missing) {
     throw std::runtime_error("network.calibration = '" + calibration.name + "': the network has no " +
@@ -124,6 +125,7 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
   MassSpringModel model;
   model.network = {network.X, network.T, network.F, network.n_surface};
   model.material = material;
+  model.held = held;
   model.mass = network.T.cols() > 0
                    ? lumped_mass(network.X, network.T, material.rho)
                    : masses_without_tetrahedra(network, material.rho * volume(network.X, network.F));
@@ -133,9 +135,10 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
 }
 
 MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
-                                     const Calibration& calibration, double share) {
+                                     const Calibration& calibration, double share,
+                                     const std::vector<int>& held) {
   const auto [coupled, linked] = divide_material(material, calibration, share);
-  MassSpringModel model = calibrate(network, coupled, calibration);
+  MassSpringModel model = calibrate(network, coupled, calibration, held);
   const MassSpringModel links = calibrate(network, linked, find_calibration("uniform"));
   model.springs = links.springs;
   model.material = material;

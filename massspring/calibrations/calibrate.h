@@ -38,14 +38,15 @@ struct MaterialShares {
 MaterialShares divide_material(const Material& material, const Calibration& calibration, double share);
 
 /// The mass-spring solid that stands for `material` on `network`, which has links and tetrahedra where the
-/// calibration needs them. The model's springs follow an order of their own.
+/// calibration needs them. Coupled springs know the nodes that supports will hold. The model's springs follow an order of their own.
 /// @throws std::runtime_error when links or tetrahedra are missing or the calibration refuses the material.
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
-                          const Calibration& calibration);
+                          const Calibration& calibration, const std::vector<int>& held = {});
 
 /// The same with coupled springs, beside which the network's links stand, all of one stiffness.
 /// @throws std::runtime_error as calibrate and divide_material.
 MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
-                                     const Calibration& calibration, double share);
+                                     const Calibration& calibration, double share,
+                                     const std::vector<int>& held = {});
 
 }  // namespace testbed::massspring

@@ -188,6 +188,9 @@ void fill_batches(TetSprings& springs) {
     }
   }
   if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
+  batches.node.shrink_to_fit();
+  batches.b.shrink_to_fit();
+  springs.node.shrink_to_fit();
 }
 
 PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
@@ -196,27 +199,19 @@ PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
 }
 
 /// Adds patches that average over tetrahedra: column t of `patches` names those that tetrahedron t belongs
-/// to, each with an equal share of `share_of_all` of its volume.
+/// to, each with an equal part of the share part(t) of its volume. Their first Lame constant is lambda, and
+/// `whole` more for all of the volume, whatever the share of it.
 void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches,
-                    double share_of_all, double lambda, TetSprings& springs) {
+                    const Eigen::VectorXd& part, double lambda, double whole, TetSprings& springs) {
   std::vector<TetGradients> shares(T.cols());  // of volume times gradients
   Eigen::VectorXd share(T.cols());
   for (Eigen::Index t = 0; t < T.cols(); ++t) {
-    share[t] = share_of_all * tet_volume(X, T.col(t)) / static_cast<double>(patches.rows());
+    share[t] = part[t] * tet_volume(X, T.col(t)) / static_cast<double>(patches.rows());
     shares[t] = share[t] * barycentric_gradients(X, T.col(t));
   }
   const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
-  const auto resize = [&](Eigen::Index n) {
-    springs.b.conservativeResize(3, n);
-    springs.weight.conservativeResize(n);
-  };
-  const auto n_entries = static_cast<Eigen::Index>(springs.node.size()), n_most = 4 * patches.size();
-  resize(n_entries + n_most);
-  springs.b.rightCols(n_most).setZero();
-  springs.weight.tail(n_most).setZero();
   springs.volume.conservativeResize(n_before + n_new);
   springs.lambda.conservativeResize(n_before + n_new);
-  springs.lambda.tail(n_new).setConstant(lambda);
 
   const Occurrences in_patch = occurrences(patches.reshaped(), n_new);
   std::vector<int> order = order_of_patches(X, T, patches, in_patch);
@@ -228,34 +223,59 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
       order.insert(order.end(), own.begin(), own.end());
     }
   }
-  std::vector<int> patch_of(X.cols(), -1), entry_of(X.cols());  // of nodes: the last that they were met in
+  const auto for_each_tet = [&](int p, const auto& visit) {
+    for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
+      visit(in_patch.at[k] / static_cast<int>(patches.rows()));
+  };
+  std::vector<int> patch_of(X.cols(), -1);  // of nodes: the last that they were met in
   for (const int p : order) {
-    const auto tets = [&](const auto& visit) {
-      for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
-        visit(in_patch.at[k] / static_cast<int>(patches.rows()));
-    };
-    const int begin = springs.first.back();
-    tets([&](int t) {
+    for_each_tet(p, [&](int t) {
       for (int i : T.col(t))
         if (std::exchange(patch_of[i], p) != p) springs.node.push_back(i);
     });
-    const int end = static_cast<int>(springs.node.size());
-    std::sort(springs.node.begin() + begin, springs.node.end());
-    for (int e = begin; e < end; ++e) entry_of[springs.node[e]] = e;
-    double volume = 0;
-    tets([&](int t) {
+    std::sort(springs.node.begin() + springs.first.back(), springs.node.end());
+    springs.first.push_back(static_cast<int>(springs.node.size()));
+  }
+  const Eigen::Index n_entries = springs.first.back(), n_entries_before = springs.weight.size();
+  springs.b.conservativeResize(3, n_entries);
+  springs.weight.conservativeResize(n_entries);
+  springs.b.rightCols(n_entries - n_entries_before).setZero();
+  springs.weight.tail(n_entries - n_entries_before).setZero();
+  std::vector<int> entry_of(X.cols());  // of nodes in the patch at hand
+  for (int q = 0; q < n_new; ++q) {
+    const int begin = springs.first[n_before + q], n = springs.first[n_before + q + 1] - begin;
+    for (int e = begin; e < begin + n; ++e) entry_of[springs.node[e]] = e;
+    double volume = 0, whole_volume = 0;
+    for_each_tet(order[q], [&](int t) {
       volume += share[t];
+      whole_volume += share[t] / part[t];
       for (int k = 0; k < 4; ++k) {
         springs.b.col(entry_of[T(k, t)]) += shares[t].col(k);
         springs.weight[entry_of[T(k, t)]] += share[t] / 4;
       }
     });
-    springs.b.middleCols(begin, end - begin) /= volume;
-    springs.weight.segment(begin, end - begin) /= volume;
-    springs.volume[springs.first.size() - 1] = volume;
-    springs.first.push_back(end);
+    springs.b.middleCols(begin, n) /= volume;
+    springs.weight.segment(begin, n) /= volume;
+    springs.volume[n_before + q] = volume;
+    springs.lambda[n_before + q] = lambda + whole * whole_volume / volume;
   }
-  resize(springs.first.back());
+}
+
+/// Those that hold one of the nodes, and those that share a node with them.
+std::vector<int> tetrahedra_near(const std::vector<int>& nodes, Eigen::Index n_nodes, const Matrix4Xi& T) {
+  constexpr int kLayers = 2;
+  std::vector<char> is_near(n_nodes, 0);
+  for (const int i : nodes) is_near[i] = 1;
+  std::vector<int> found;
+  for (int layer = 0; layer < kLayers; ++layer) {
+    found.clear();
+    for (Eigen::Index t = 0; t < T.cols(); ++t)
+      if (std::any_of(T.col(t).begin(), T.col(t).end(), [&](int i) { return is_near[i] != 0; }))
+        found.push_back(static_cast<int>(t));
+    for (const int t : found)
+      for (const int i : T.col(t)) is_near[i] = 1;
+  }
+  return found;
 }
 
 }  // namespace
@@ -268,18 +288,25 @@ Lame lame_of(const Material& material) {
   return {E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))};
 }
 
-TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame, const Blend& blend) {
+TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame, const Blend& blend,
+                          const std::vector<int>& held) {
   TetSprings springs;
   springs.mu = lame.mu;
   springs.first.push_back(0);
   const double shared = blend.nodes > 0 ? std::min(lame.lambda, lame.mu) : lame.lambda;
+  const auto everywhere = [&](double part) { return Eigen::VectorXd::Constant(T.cols(), part).eval(); };
+  Eigen::VectorXd edges = everywhere(blend.edges), nodes = everywhere(blend.nodes);
+  if (blend.nodes > 0)
+    for (const int t : tetrahedra_near(held, X.cols(), T)) {
+      nodes[t] = kHeldNodes;
+      edges[t] = 1 - blend.tetrahedra - kHeldNodes;
+    }
   if (blend.tetrahedra > 0) {
     const Eigen::MatrixXi own = Eigen::RowVectorXi::LinSpaced(T.cols(), 0, static_cast<int>(T.cols()) - 1);
-    append_patches(X, T, own, blend.tetrahedra, shared, springs);
+    append_patches(X, T, own, everywhere(blend.tetrahedra), shared, 0, springs);
   }
-  if (blend.edges > 0) append_patches(X, T, edge_numbers(T), blend.edges, shared, springs);
-  if (blend.nodes > 0)
-    append_patches(X, T, T, blend.nodes, shared + (lame.lambda - shared) / blend.nodes, springs);
+  if (blend.edges > 0) append_patches(X, T, edge_numbers(T), edges, shared, 0, springs);
+  if (blend.nodes > 0) append_patches(X, T, T, nodes, shared, lame.lambda - shared, springs);
   if (!springs.subdomain_first.empty()) springs.subdomain_first.push_back(springs.n_patches());
   fill_batches(springs);
   return springs;

@@ -243,6 +243,7 @@ void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix
 }
 
 Eigen::Index n_stiffness_blocks(const MassSpringModel& model) {
+  if (model.linear) return static_cast<Eigen::Index>(model.linear->K.block.size());
   const Eigen::Matrix2Xi pairs = coupled_pairs(model);
   std::vector<std::pair<int, int>> once(pairs.cols());
   for (Eigen::Index s = 0; s < pairs.cols(); ++s) once[s] = std::minmax(pairs(0, s), pairs(1, s));

@@ -24,6 +24,7 @@ namespace testbed::massspring {
 struct MassSpringModel {
   TetMesh network;  ///< the nodes, and tetrahedra where a part of the model needs them
   Material material;
+  std::vector<int> held;                    ///< nodes near which coupled springs are softer
   Eigen::VectorXd mass;                     ///< kg per node
   std::optional<SpreadMass> spread_mass;    ///< what of it lies between the nodes; coupled springs only
   std::optional<Springs> springs;           ///< independent springs

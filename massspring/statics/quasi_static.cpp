@@ -142,10 +142,10 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
   }
   const State rest = initial_state(model);
   last_rest_ = {rest.rest_length, rest.patch_scale, rest.target_volume};
-  BlockMatrix P = simple_stiffness(model, rest);
-  largest_stiffness_ = largest_diagonal(P);
+  if (!model.linear) add_stiffness(model, rest, K_);
+  largest_stiffness_ = largest_diagonal(stiffness());
   if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
-    held_motions_ = zero_energy_motions(std::move(P), forces.constraints);
+    held_motions_ = zero_energy_motions(stiffness(), forces.constraints);
     const double load_norm = load.norm();
     if (load_norm > 0) floppy_load_share_ = (held_motions_.transpose() * load).norm() / load_norm;
   }

@@ -70,7 +70,7 @@ class QuasiStaticSolver {
   Eigen::MatrixXf rounded_held_motions_;  ///< as padded fields
   int n_free_rigid_motions_ = 0;
   double floppy_load_share_ = 0;
-  double largest_stiffness_;  ///< on the diagonal of the simple stiffness at rest (N/m)
+  double largest_stiffness_;  ///< on the diagonal of the stiffness at rest (N/m)
 
   // The matrix at hand: K, the rank-one part g g^T of a global volume force, and its curvatures at x.
   BlockMatrix K_;  ///< empty for a linear model, which has its own

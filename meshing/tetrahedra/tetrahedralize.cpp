@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <sstream>
 #include <stdexcept>
 
@@ -61,6 +62,16 @@ std::string messages_in(const std::string& output) {
   return messages;
 }
 
+/// Tetrahedra by their first nodes: neighbours lie near each other in memory, which spares whoever sums over
+/// those of a large body half the time.
+Eigen::Matrix4Xi in_order_of_nodes(const Eigen::Matrix4Xi& T) {
+  std::vector<int> order(T.cols());
+  std::iota(order.begin(), order.end(), 0);
+  const Eigen::RowVectorXi first = T.colwise().minCoeff();
+  std::stable_sort(order.begin(), order.end(), [&](int s, int t) { return first(s) < first(t); });
+  return T(Eigen::all, order);
+}
+
 TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const TetOptions& options) {
   const TemporaryFolder folder;
   const std::string task = folder.path() / "task", nodes_file = folder.path() / "nodes";
@@ -75,7 +86,7 @@ TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const Te
   if (child.is_stopped) throw OutOfTime(child.ending);
   if (!child.is_success) throw std::runtime_error(child.ending + messages_in(child.output));
   const TetNodes nodes = read_nodes(nodes_file);
-  TetMesh mesh{nodes.X, nodes.T, surface.F, static_cast<int>(surface.X.cols())};
+  TetMesh mesh{nodes.X, in_order_of_nodes(nodes.T), surface.F, static_cast<int>(surface.X.cols())};
   try {
     check_tetrahedra(mesh, surface);
     const auto kept = mesh.X.middleCols(mesh.n_surface, options.interior.cols());

@@ -34,7 +34,7 @@ struct TetReport {
 };
 
 /// Tetrahedra that fill the surface, whose vertices stay the first nodes, bit for bit, and whose triangles
-/// are the boundary. Meshers run in a child process, one after the other until a result passes
+/// are the boundary; they come in the order of their first nodes. Meshers run in a child process, one after the other until a result passes
 /// check_tetrahedra: a crash is a failed attempt, and so is a run beyond the time limit (or ten times that
 /// while others compute). A mesher that was stopped is not tried again with other settings.
 /// @throws std::runtime_error with the places where the surface

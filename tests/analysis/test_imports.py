@@ -25,12 +25,13 @@ ALLOWED = {
         "runs",
         "tables",
     },  # the first and the last where they are asked for
+    "remesh": {"paths", "runs", "wording"},
     "comparison": {"compare", "experiment", "methods", "runs"},
     "verdict": {"wording"},
     "report": {"methods", "verdict", "wording"},
     "drawing": {"compare", "methods", "runs", "wording"},
     "exhibits": {"compare", "comparison", "drawing", "methods", "runs", "wording"},
-    "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "report"},
+    "results": {"comparison", "exhibits", "experiment", "machine", "methods", "paths", "remesh", "report"},
     "scene": {"paths", "runs"},
     "tables": {"compare", "comparison", "drawing", "exhibits", "methods", "report", "runs"},
     "foreign": {"runs"},
@@ -60,7 +61,7 @@ ALLOWED = {
         "runs",
         "wording",
     },
-    "__main__": {"experiment", "grid", "pair", "paths", "report", "results", "runs", "studies"},
+    "__main__": {"experiment", "grid", "pair", "paths", "remesh", "report", "results", "runs", "studies"},
     "__init__": set(),
 }
 

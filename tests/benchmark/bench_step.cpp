@@ -4,6 +4,7 @@
 // direction of Hooke's force flips, which no fixed step follows: symplectic Euler gains energy at half its
 // stability limit, and none at a fifth of that.
 #include <benchmark/benchmark.h>
+#include <sys/resource.h>
 
 #include <Eigen/IterativeLinearSolvers>
 #include <Eigen/SparseCore>
@@ -12,7 +13,9 @@
 #include <ctime>
 #include <limits>
 
+#include "massspring/model/small_strain.h"
 #include "massspring/statics/linear_statics.h"
+#include "massspring/statics/quasi_static.h"
 #include "massspring/time/implicit_matrix.h"
 #include "massspring/time/integrators.h"
 #include "meshing/algebra/vectors.h"
@@ -101,6 +104,39 @@ void scale(benchmark::State& bench, int n, double E, const std::string& integrat
   bench.counters["ns_per_node"] =
       benchmark::Counter(n_steps * n_nodes * 1e-9, benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
   bench.counters["cg_iterations"] = linear_iterations / n_steps;
+}
+
+/// Set-up and solve of a clamped bar of tetrahedra, twice as long as wide, under its weight at small strain.
+void scale_statics(benchmark::State& bench, int n_cells) {
+  const TetMesh mesh = box_tets(2 * n_cells, n_cells, n_cells, 1. / n_cells, 0.2);
+  Material material;
+  material.E = kStiff;
+  double set_up = 0;
+  int iterations = 0;
+  for (auto _ : bench) {
+    const std::clock_t begin = std::clock();
+    MassSpringModel model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface},
+                                      material, find_calibration("node_averaged"));
+    model.spread_mass = spread_mass(mesh.X, mesh.T, material.rho);
+    linearise(model);
+    Forces forces;
+    forces.load = Eigen::Vector3d(0, 0, -9.81) * model.mass.transpose();
+    for (int i = 0; i < mesh.X.cols(); ++i)
+      if (mesh.X(0, i) < 0.3 / n_cells)
+        forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+    State state = initial_state(model);
+    QuasiStaticSolver solver(model, forces, 1e-10);
+    set_up = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+    const StepReport report = solver.solve(1, state);
+    if (report.status != Status::Ok) bench.SkipWithError(name_of(report.status));
+    iterations = report.linear_iterations;
+  }
+  bench.counters["nodes"] = static_cast<double>(mesh.X.cols());
+  bench.counters["set_up_s"] = set_up;
+  bench.counters["cg_iterations"] = iterations;
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  bench.counters["peak_MB"] = static_cast<double>(usage.ru_maxrss) / 1e3;  // of the largest so far
 }
 
 /// The kernels on the head, warm: springs' forces, and K p spring by spring and by blocks.
@@ -373,6 +409,10 @@ int main(int argc, char** argv) {
             "scale/" + std::string(integrator) + (E == kSoft ? "/soft/" : "/stiff/") + std::to_string(n);
         benchmark::RegisterBenchmark(label.c_str(), scale, n, E, integrator);
       }
+  for (const int n_cells : {12, 25, 31, 40, 50, 63, 71, 80})  // 4e3 to 1e6 nodes
+    benchmark::RegisterBenchmark(("scale/statics/" + std::to_string(n_cells)).c_str(), scale_statics, n_cells)
+        ->Unit(benchmark::kSecond)
+        ->Iterations(1);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

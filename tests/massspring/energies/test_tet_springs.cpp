@@ -38,12 +38,13 @@ double soft_energy_density(const Matrix3d& F) {
 struct NamedBlend {
   const char* name;
   Blend blend;
+  std::vector<int> held = {};
 };
 
 class EveryBlend : public testing::TestWithParam<NamedBlend> {
  protected:
   TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.15);
-  TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, GetParam().blend);
+  TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, GetParam().blend, GetParam().held);
   const Eigen::VectorXd no_scale;
   /// Of each patch, half as large to half again as large.
   const Eigen::VectorXd scales = Eigen::VectorXd::Ones(springs.n_patches()) +
@@ -57,6 +58,7 @@ class EveryBlend : public testing::TestWithParam<NamedBlend> {
 INSTANTIATE_TEST_SUITE_P(TetSprings, EveryBlend,
                          testing::Values(NamedBlend{"EdgeCoupled", kEdgeCoupled},
                                          NamedBlend{"NodeAveraged", kNodeAveraged},
+                                         NamedBlend{"NodeAveragedNearHeldNodes", kNodeAveraged, {0}},
                                          NamedBlend{"ThreeKinds", Blend{0.3, 0.3, 0.4}}),
                          [](const auto& info) { return info.param.name; });
 
@@ -192,7 +194,9 @@ TEST_P(EveryBlend, NodeOrderDoesNotMatter) {
   TetMesh permuted = mesh;
   permuted.X = mesh.X * order.transpose();  // node i becomes node order(i)
   for (int& i : permuted.T.reshaped()) i = order.indices()[i];
-  const TetSprings again = couple_springs(permuted.X, permuted.T, kSoft, GetParam().blend);
+  std::vector<int> held = GetParam().held;
+  for (int& i : held) i = order.indices()[i];
+  const TetSprings again = couple_springs(permuted.X, permuted.T, kSoft, GetParam().blend, held);
   const Matrix3Xd x = mesh.X + random_field(n, 0.1, 9), f = force_at(x);
   Matrix3Xd f_again = Matrix3Xd::Zero(3, n);
   add_forces(again, x * order.transpose(), f_again);
@@ -267,9 +271,17 @@ TEST(TetSprings, EnergyIsThatOfSquaredLengthsAmongThePatch) {
 }
 
 TEST(CoupleSprings, AveragedGradientsByBruteForce) {
-  const TetMesh mesh = box_tets(2, 2, 1, 1, 0.2);
+  const TetMesh mesh = box_tets(4, 2, 1, 1, 0.2);
   const Blend blend{0, 0.6, 0.4};
-  const TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, blend);
+  const int held = 0;
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, blend, {held});
+  const auto holds = [](const auto& t, int i) { return (t.array() == i).any(); };
+  const auto is_near = [&](const auto& t) {
+    for (const auto& first : mesh.T.colwise())
+      if (holds(first, held) && std::any_of(t.begin(), t.end(), [&](int i) { return holds(first, i); }))
+        return true;
+    return false;
+  };
   const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), 0.3, 3);
   std::vector<std::vector<int>>
       corners;  // of each patch: the two ends of an edge, ascending, then single nodes
@@ -294,8 +306,8 @@ TEST(CoupleSprings, AveragedGradientsByBruteForce) {
         rest.col(k) = mesh.X.col(t[k + 1]) - mesh.X.col(t[0]);
         now.col(k) = x.col(t[k + 1]) - x.col(t[0]);
       }
-      const double weight =
-          (corners[p].size() == 2 ? blend.edges / 6 : blend.nodes / 4) * rest.determinant() / 6;
+      const double nodes = is_near(t) ? kHeldNodes : blend.nodes;
+      const double weight = (corners[p].size() == 2 ? (1 - nodes) / 6 : nodes / 4) * rest.determinant() / 6;
       sum += weight * now * rest.inverse();
       weights += weight;
     }

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -65,6 +66,11 @@ TEST(Tetrahedralize, KeepsInteriorPointsAsTheNextNodes) {
   const TetMesh mesh = tetrahedralize(surface, {{}, interior});
   EXPECT_EQ(mesh.X.middleCols(162, 3), interior);
   for (int node = 162; node < 165; ++node) EXPECT_TRUE((mesh.T.array() == node).any()) << node;
+}
+
+TEST(Tetrahedralize, ListsTetrahedraByTheirFirstNodes) {
+  const Eigen::RowVectorXi first = tetrahedralize(make_shape("torus", 300)).T.colwise().minCoeff();
+  EXPECT_TRUE(std::is_sorted(first.begin(), first.end()));
 }
 
 TEST(Tetrahedralize, SmallerInteriorSizeGivesMoreNodesInside) {

@@ -1,0 +1,121 @@
+"""Surfaces made anew from CAD and from broken scans."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from plates import plate, plate_volume
+
+from analysis import remesh as remeshing
+from analysis.__main__ import parse_arguments
+from analysis.remesh import RECORD, Remeshed, read_off, remesh, remeshed_of, sentence_of
+from analysis.runs import RunError
+
+TWO_TETRAHEDRA = (  # that share a vertex: closed, but no surface of a body there
+    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], dtype=float),
+    np.array(
+        [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [0, 4, 5], [0, 6, 4], [0, 5, 6], [4, 6, 5]]
+    ),
+)  # fmt: skip
+
+
+def write_obj(file, X, F):
+    lines = [f"v {x} {y} {z}" for x, y, z in X] + [f"f {a} {b} {c}" for a, b, c in F + 1]
+    file.write_text("\n".join(lines))
+    return file
+
+
+def test_a_plate_of_needles_becomes_an_even_surface_of_the_same_volume(tmp_path):
+    file = write_obj(tmp_path / "plate.obj", *plate(2, 24))
+    done = remesh(file, tmp_path / "even.off", edge=8, tolerance=0.5)
+    assert done.before["volume"] == pytest.approx(plate_volume(2, 24), rel=1e-9)
+    assert done.before["worst_aspect"] > 20 * done.after["worst_aspect"]
+    assert done.before["sliver_triangles"] > 0 and done.after["sliver_triangles"] == 0
+    assert done.after["volume"] == pytest.approx(plate_volume(2, 24), rel=0.02)
+    assert max(done.to_old, done.to_new) < 1
+    X, F = read_off(tmp_path / "even.off")
+    assert (len(X), len(F)) == (done.after["vertices"], done.after["faces"])
+    assert np.abs(X[:, 2] - 2.5).max() == pytest.approx(2.5, abs=0.5)
+
+
+def test_the_generated_plate_is_as_thin_in_its_triangles_as_exported_cad(tmp_path):
+    report = remeshing._checked(write_obj(tmp_path / "plate.obj", *plate(4, 48)))
+    assert report["worst_aspect"] > 1000 and report["usable"]
+
+
+def test_a_hole_is_closed(tmp_path, ball):
+    X, F = ball
+    done = remesh(write_obj(tmp_path / "open.obj", X, F[:-1]), tmp_path / "new.obj", edge=0.5, tolerance=0.05)
+    assert "volume" not in done.before
+    assert done.after["volume"] == pytest.approx(4 / 3 * np.pi, rel=0.1)
+
+
+def test_what_takes_too_long_is_stopped_and_leaves_nothing(tmp_path, ball):
+    file = write_obj(tmp_path / "ball.obj", *ball)
+    with pytest.raises(RunError, match=r"ball.obj: no surface in 0.01 s of remeshing"):
+        remesh(file, tmp_path / "new.obj", limit=0.01)
+    assert not (tmp_path / "new.obj").exists()
+
+
+def test_a_result_that_is_no_surface_is_refused_with_the_reason(tmp_path, ball, monkeypatch):
+    monkeypatch.setattr(remeshing, "_tetwild", lambda *_: TWO_TETRAHEDRA)
+    file = write_obj(tmp_path / "ball.obj", *ball)
+    with pytest.raises(
+        RunError, match=r"ball.obj: .*1 vertices join separate fans.*first vertex 0 \(0, 0, 0\)"
+    ):
+        remesh(file, tmp_path / "new.obj")
+    assert not (tmp_path / "new.obj").exists()
+
+
+def test_a_worker_that_dies_is_named_by_its_last_line(tmp_path, ball, monkeypatch):
+    monkeypatch.setattr(remeshing.sys, "executable", "/bin/false")
+    with pytest.raises(RunError, match="fTetWild makes no tetrahedra of it: exit status 1"):
+        remesh(write_obj(tmp_path / "ball.obj", *ball), tmp_path / "new.obj")
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"edge": -1.0}, "--edge -1.0, expected a length > 0"),
+        ({"tolerance": float("nan")}, "--tolerance nan, expected a length > 0"),
+        ({"out": "new.stl"}, r"new.stl: expected a name that ends in .obj or .off"),
+        ({"surface": "nan.obj"}, "nan.obj:1: 'nan', expected a finite number"),
+    ],
+)
+def test_what_cannot_be_remeshed_is_named(tmp_path, ball, options, message):
+    write_obj(tmp_path / "ball.obj", *ball)
+    (tmp_path / "nan.obj").write_text("v nan 0 0\n")
+    surface, out = options.pop("surface", "ball.obj"), options.pop("out", "new.obj")
+    with pytest.raises(RunError, match=message):
+        remesh(tmp_path / surface, tmp_path / out, **options)
+
+
+def test_a_run_remeshes_the_same_surface_once_and_says_so(tmp_path, ball, monkeypatch):
+    made = []
+
+    def stand_in(surface, out):
+        made.append(surface)
+        out.write_text("OFF")
+        return Remeshed({"vertices": 9}, {"vertices": 642}, 0.1, 0.01, 0.004, 0.002)
+
+    monkeypatch.setattr(remeshing, "remesh", stand_in)
+    file, folder = write_obj(tmp_path / "ball.obj", *ball), tmp_path / "run"
+    new = remeshed_of(file, folder)
+    assert remeshed_of(file, folder) == new and made == [file]
+    sentence = sentence_of({"surface": {"file": str(new)}}, folder)
+    assert "ball.obj" in sentence and "642 vertices" in sentence and "0.004" in sentence
+    assert sentence_of({"surface": {"file": str(file)}}, folder) == ""
+    file.write_text(file.read_text() + "\n# changed\n")
+    remeshed_of(file, folder)
+    assert len(made) == 2 and json.loads((folder / RECORD).read_text())["done"]["edge"] == 0.1
+
+
+def test_the_command_line_takes_lengths():
+    arguments = parse_arguments(["remesh", "a.stl", "b.obj", "--edge", "2", "--tolerance", "0.1"])
+    assert (arguments.edge, arguments.tolerance) == (2, 0.1)
+    assert parse_arguments(["run", "--remesh"]).remesh and not parse_arguments(["run"]).remesh
+
+
+def test_remeshing_loads_its_mesher_in_the_worker_alone():
+    assert "pytetwild" not in sys.modules
