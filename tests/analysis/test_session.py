@@ -130,6 +130,7 @@ def test_plots_show_themselves_in_a_notebook(experiment):
     plots = experiment.plot()
     assert all("<svg" in svg for svg in plots.values())
     assert plots._repr_html_().count("<img") == len(plots) >= 2
+    assert len(repr(plots)) < 1000 and all(caption in repr(plots) for caption in plots)
 
 
 def test_bodies_are_shown_side_by_side_and_the_models_error_is_painted(experiment, tmp_path, monkeypatch):
