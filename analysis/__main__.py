@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
 from . import grid, pair, remesh
 from .experiment import default_folder, run_solvers, surface_file
-from .paths import SCENES
+from .index import write_index
+from .paths import OUT, SCENES
 from .report import text_of
-from .results import fingerprint, write_results
+from .results import results_of
 from .runs import RunError
 from .studies import command as study
 
+DEFAULT = "torus_inflates.toml"  #: the scene of a run that names none
+
 _RUN_EXAMPLES = """examples:
-  ./testbed run                                                 the default scene: a ball under pressure
+  ./testbed run                                                 the default scene: a torus is blown up and bent
   ./testbed run analysis/scenes/bar_sag.toml                    another one
   ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
   ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh   the same of CAD or of a broken scan
@@ -39,8 +41,8 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     common.add_argument("--quiet", action="store_true", help="no progress")
     scene = argparse.ArgumentParser(add_help=False)
     scene.add_argument(
-        "scene", nargs="?", type=Path, default=SCENES / "ball_pressure.toml", metavar="SCENE.toml",
-        help="default: ball_pressure.toml",
+        "scene", nargs="?", type=Path, default=SCENES / DEFAULT, metavar="SCENE.toml",
+        help=f"default: {DEFAULT}",
     )  # fmt: skip
     scene.add_argument(
         "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl .vtp .vtu)"
@@ -142,14 +144,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.remesh:
         surface = remesh.remeshed_of(surface or surface_file(arguments.scene), folder)
     experiment = run_solvers(arguments.scene, folder, surface, arguments.overrides, arguments.quiet)
-    file = folder / "comparison.json"
-    comparison = json.loads(file.read_text()) if file.exists() else {}
-    if comparison.get("fingerprint") != fingerprint(experiment):
-        if not arguments.quiet:
-            print("comparing and drawing", file=sys.stderr)
-        comparison = write_results(experiment)
-
+    comparison = results_of(experiment, arguments.quiet)
     print(f"{text_of(comparison)}\n\nreport: {folder / 'report.html'}")
+    if folder.resolve().is_relative_to(OUT):
+        print(f"all runs: {write_index(OUT)}")
     return 0 if comparison["status"] == "ok" else 1
 
 

@@ -13,13 +13,8 @@ from .small_strain import deformation_of
 
 # Both solvers keep the surface bit for bit, but a frame stores X + u and u, so that X comes back rounded.
 _SAME_POINT = 1e-12  # of the bounding box
-_LOAD_CASE = (
-    "gravity",
-    "material",
-    "supports",
-    "loads",
-    "initial",
-)  # of a scene: must be the same in both runs
+# Parts of a scene that must be the same in both runs.
+_LOAD_CASE = ("gravity", "material", "supports", "loads", "initial")
 _SAME_TIME = 1e-9  # of the run's length
 # Of what parts of the surface do: a volume or an area that changes less in all is kept. Bending far stretches the surface
 # in all by a thirtieth of what it stretches and shrinks, which is of second order.

@@ -4,36 +4,76 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .compare import Figures, area_change, displacement_at, is_dynamic, tip_of, volume_change
+from .compare import Figures, area_change, is_dynamic, tip_of, vertex_areas, volume_change
 from .comparison import Comparison
+from .drawing.bodies import Body, bodies_of, draw_bodies, draw_thumbnail, has_cavity, scale_of
 from .drawing.film import draw_film, draw_strip
-from .drawing.pictures import draw_comparison
-from .drawing.plots import SMALLEST, Panel, plot_curves, plot_errors, plot_times
+from .drawing.pictures import magnification
+from .drawing.plots import SMALLEST, Panel, plot_curves, plot_errors, plot_errors_over_surface, plot_times
+from .drawing.view import write_view
 from .drawing.warp import draw_playback
 from .methods import REFERENCE, label_of
-from .runs import Frame
-from .wording import listed, significant, unit_of_length
+from .paths import THUMBNAIL, VIEW
+from .report import Row
+from .wording import listed, percent, significant, unit_of_length
 
 
-def draw_pictures(comparison: Comparison) -> dict[str, Path]:
-    """Draws into the experiment's folder; caption -> picture's or film's file."""
-    experiment, reference, folder = comparison.experiment, comparison.reference, comparison.experiment.folder
+def draw_row(comparison: Comparison) -> Row | None:
+    """Draws the bodies into the experiment's folder; None where there is no reference."""
+    reference, experiment = comparison.reference, comparison.experiment
+    if not reference:
+        return None
+    end = float(reference.times[reference.widest if is_dynamic(reference) else -1])
+    X, F = reference.last.X, reference.last.F
+    is_cut = has_cavity(X, F)
+    bodies: dict[str, Body] = {}
+    moments = {}
+    for name, run in comparison.runs.items():
+        time = min(end, float(run.times[-1]))
+        body, bodies[name] = bodies_of(run, reference, time, experiment.is_free, is_cut)
+        if time == end or REFERENCE not in bodies:
+            bodies[REFERENCE] = body
+        if time < end:
+            moments[name] = f" at load factor {significant(time)}"
+    if not bodies:
+        return None
+    bodies = {REFERENCE: bodies.pop(REFERENCE), **bodies}
+    errors = {name: body.error for name, body in bodies.items() if body.error is not None}
+    scale = scale_of(list(errors.values()))
+    factor = magnification(X, bodies[REFERENCE].u)
+    files = [experiment.folder / f"body_{name}.png" for name in bodies]
+    draw_bodies(files, list(bodies.values()), scale, factor)
+    draw_thumbnail(experiment.folder / THUMBNAIL, files)
+    names = {label_of(name): body for name, body in bodies.items()}
+    write_view(experiment.folder / VIEW, f"{experiment.name}, {experiment.surface}", names, scale, factor)
+    panels = []
+    for name, file in zip(bodies, files, strict=True):
+        model = comparison.models.get(name)
+        error = (
+            f"error {percent(model.displacement_error_l2)}" if isinstance(model, Figures) else "the reference"
+        )
+        panels.append((label_of(name), error + moments.get(name, ""), file))
+    drawn = "as large as they are" if factor == 1 else f"{factor:g} times as large"
+    moment = f" at {significant(end)} s" if is_dynamic(reference) else ""
+    if reference.stopped:
+        moment = f" at load factor {significant(end)}"
+    cut = " They are cut open." if is_cut else ""
+    caption = f"The bodies{moment}, displacements drawn {drawn}, coloured by error, with the outline of the body at rest.{cut}"
+    areas = vertex_areas(X, F)
+    return Row(panels, scale.svg(), plot_errors_over_surface(errors, areas, scale.low), caption, VIEW)
+
+
+def draw_films(comparison: Comparison) -> dict[str, Path]:
+    """Draws what moves into the experiment's folder; caption -> file."""
+    experiment, folder = comparison.experiment, comparison.experiment.folder
     pictures = {}
-    if reference:
-        for name, run in comparison.runs.items():
-            file = folder / f"error_{name}.png"
-            time = min(reference.times[reference.widest if is_dynamic(reference) else -1], run.times[-1])
-            here, there = (Frame(r.last.X, displacement_at(r, time), r.last.F) for r in (run, reference))
-            draw_comparison(file, here, there, experiment.is_free, label_of(name))
-            moment = f" at {significant(time)} s" if is_dynamic(reference) else ""
-            if run.stopped or reference.stopped:
-                moment = f" at load factor {significant(time)}"
-            pictures[f"Deformed surfaces and the error of the {name} springs{moment}."] = file
     methods = comparison.methods
     shown = {name: methods[name] for name in (experiment.calibration, REFERENCE) if name in methods}
     if shown and not experiment.is_static and min(len(run.times) for run in shown.values()) > 1:
         draw_strip(folder / "strip.png", shown)
         draw_film(folder / "film.gif", shown)
+        if not comparison.reference:
+            draw_thumbnail(folder / THUMBNAIL, [folder / "strip.png"])
         pictures["Frames in time."] = folder / "strip.png"
         pictures["The motion, and the volume."] = folder / "film.gif"
     playback = experiment.scene.get("playback", {})

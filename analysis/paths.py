@@ -7,7 +7,10 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parent
 ROOT = PACKAGE.parent
 SCENES = PACKAGE / "scenes"
+OUT = ROOT / "out"
 PROGRAMS = ROOT / "build" / "bin"
+THUMBNAIL = "thumbnail.jpg"  #: of the bodies, or of the film's frames, beside a report
+VIEW = "view.html"  #: of the same bodies, to be turned
 MESHES = ROOT.parent / "shared" / "meshes"  #: real meshes, which the project does not ship
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,22 @@ from .verdict import RULES, conclusion, finding, has_figures, title, total, trus
 from .wording import percent, percent_signed, significant, unit_of_length
 
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
 h1 { margin-bottom: 0; } .finding { font-size: 1.25rem; margin-top: .5rem; }
-.conclusion { font-size: 1.1rem; } .table { overflow-x: auto; }
+.conclusion { font-size: 1.1rem; }
+/* A table that is too wide is scrolled under its first column, and a shade says that it goes on. */
+.table { overflow-x: auto; background: linear-gradient(to left, #fff 30%, #fff0) right / 3rem 100% no-repeat local,
+  linear-gradient(to left, #0003, #0000) right / 1rem 100% no-repeat scroll; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 th, td { padding: .25rem .6rem; border-bottom: 1px solid #ddd; text-align: right; }
 td { white-space: nowrap; }
-th { cursor: pointer; } th:first-child, td:first-child { text-align: left; }
+th { cursor: pointer; }
+th:first-child, td:first-child { text-align: left; position: sticky; left: 0; background: #fff; }
+@media (max-width: 40rem) { table { font-size: .85rem; } th:first-child, td:first-child { white-space: normal; } }
 img { max-width: 100%; } pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: .85rem; }
 figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: .9rem; }
+.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); gap: .5rem; }
+.row figure { margin: 0; text-align: center; }
 """
 
 
@@ -46,6 +54,17 @@ def springs_of(model: dict[str, Any]) -> str:
 
 
 Table = tuple[list[str], list[list[str]]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """The reference and every model side by side, on one scale of error."""
+
+    panels: list[tuple[str, str, Path]]  #: name, what is found of it, picture
+    scale: str  #: SVG
+    plot: str  #: SVG: how the errors are spread over the surface
+    caption: str
+    view: str  #: file beside the report
 
 
 def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
@@ -160,13 +179,19 @@ def svg_figure(svg: str, caption: str) -> str:
 
 
 def image_figure(file: Path, caption: str) -> str:
-    """A PNG or GIF file with its caption, for a page."""
-    return _figure(file.read_bytes(), file.suffix[1:], caption)
+    """A PNG, JPEG or GIF file with its caption, for a page."""
+    return _figure(file.read_bytes(), _KINDS[file.suffix], caption)
+
+
+_KINDS = {".png": "png", ".jpg": "jpeg", ".gif": "gif"}
 
 
 def _figure(data: bytes, kind: str, caption: str) -> str:
-    source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-    return f'<figure><img src="{source}" alt=""><figcaption>{html.escape(caption)}</figcaption></figure>'
+    return f"<figure>{_image(data, kind)}<figcaption>{html.escape(caption)}</figcaption></figure>"
+
+
+def _image(data: bytes, kind: str) -> str:
+    return f'<img src="data:image/{kind};base64,{base64.b64encode(data).decode()}" alt="">'
 
 
 def html_table(head: list[str], rows: list[list[str]]) -> str:
@@ -192,23 +217,40 @@ def page(heading: str, sentence: str, parts: list[str], protocol: dict[str, str]
 <h1>{html.escape(heading)}</h1>
 <p class="finding">{html.escape(sentence)}</p>
 {"".join(parts)}
-<h2>Protocol</h2>
+{"<h2>Protocol</h2>" if details else ""}
 {"".join(details)}
 <script>{_SCRIPT}</script></body></html>
 """
 
 
+def row_figure(row: Row) -> str:
+    """Bodies side by side, as many as fit, above the scale that they share and the spread of their errors."""
+    panels = [
+        f"<figure>{_image(file.read_bytes(), _KINDS[file.suffix])}<figcaption><b>{html.escape(name)}</b><br>"
+        f"{html.escape(found)}</figcaption></figure>"
+        for name, found, file in row.panels
+    ]
+    return (
+        f'<div class="row">{"".join(panels)}</div>{svg_figure(row.scale, row.caption)}'
+        f'<p><a href="{row.view}">Turn the bodies in three dimensions</a> (a file beside this report).</p>'
+        f"{svg_figure(row.plot, 'How the error is spread over the surface.')}"
+    )
+
+
 def render(
     comparison: dict[str, Any],
+    row: Row | None,
     plots: dict[str, str],
-    pictures: dict[str, Path],
+    films: dict[str, Path],
     protocol: dict[str, str],
 ) -> str:
     """The whole report.
 
-    plots: caption -> SVG; pictures: caption -> PNG file; protocol: as in page.
+    row: None where there is no reference; plots: caption -> SVG; films: caption -> file; protocol: as in page.
     """
     parts = [f'<p class="conclusion">{html.escape(" ".join(conclusion(comparison)))}</p>']
+    if row:
+        parts.append(row_figure(row))
     sentences = [
         _LAWS[comparison["law"]],
         comparison.get("surface_note", ""),
@@ -217,7 +259,7 @@ def render(
     parts.append(f"<p>{html.escape(' '.join(sentences))}</p>")
     parts += [html_table(*table) for table in tables(comparison)]
     parts += [svg_figure(svg, caption) for caption, svg in plots.items()]
-    parts += [image_figure(file, caption) for caption, file in pictures.items()]
+    parts += [image_figure(file, caption) for caption, file in films.items()]
     parts.append(_EXPLAINED_ALONE if "no_reference" in comparison else _explained(comparison))
     return page(title(comparison), finding(comparison), parts, protocol)
 

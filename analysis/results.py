@@ -7,13 +7,15 @@ import json
 from typing import Any
 
 from .comparison import Comparison, compare, without_nan
-from .exhibits import draw_pictures, plot
+from .exhibits import draw_films, draw_row, plot
 from .experiment import Experiment
 from .machine import describe
 from .methods import label_of
 from .paths import PACKAGE, PROGRAMS, write_text
+from .points import say
 from .remesh import sentence_of
 from .report import render
+from .verdict import finding
 
 
 def fingerprint(experiment: Experiment) -> str:
@@ -26,15 +28,27 @@ def fingerprint(experiment: Experiment) -> str:
     return digest.hexdigest()[:16]
 
 
+def results_of(experiment: Experiment, is_quiet: bool = True) -> dict[str, Any]:
+    """What comparison.json holds, which is written anew where anything has changed. Raises RunError as write_results."""
+    file = experiment.folder / "comparison.json"
+    comparison = json.loads(file.read_text()) if file.exists() else {}
+    if comparison.get("fingerprint") == fingerprint(experiment):
+        return comparison
+    say("comparing and drawing", is_quiet)
+    return write_results(experiment)
+
+
 def write_results(experiment: Experiment) -> dict[str, Any]:
     """Compares all runs of the experiment and writes what was found; returns what comparison.json holds.
 
     Raises RunError as comparison.compare does.
     """
     comparison = compare(experiment)
-    values = comparison.as_json() | {"fingerprint": fingerprint(experiment)}
+    values = comparison.as_json()
+    values |= {"finding": finding(values), "fingerprint": fingerprint(experiment)}
     values["surface_note"] = sentence_of(experiment.scene, experiment.folder)
-    report = render(values, plot(comparison), draw_pictures(comparison), _protocol(comparison))
+    row = draw_row(comparison)
+    report = render(values, row, plot(comparison), draw_films(comparison), _protocol(comparison))
     write_text(experiment.folder / "report.html", report)
     write_text(experiment.folder / "comparison.json", json.dumps(without_nan(values), indent=2) + "\n")
     return values

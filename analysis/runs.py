@@ -17,6 +17,7 @@ import pyvista as pv
 from .methods import REFERENCE
 
 Array = np.ndarray
+_KEPT = 1_000_000  # points, of the frames of a run that are kept in memory: some 100 MB
 SOLVED, NOT_OK, NOT_MODELLED = 0, 2, 3  # exit statuses of both programs: meshing/exit_status.h
 
 
@@ -59,7 +60,20 @@ class Run:
 
     def frame(self, index: int) -> Frame:
         """The surface of one frame. Raises RunError for a missing, unreadable or non-finite file."""
-        file = self.files[index]
+        number = index % len(self.files)
+        if number in self._kept:
+            return self._kept[number]
+        frame = self._read(self.files[number])
+        if len(self._kept) * len(frame.X) < _KEPT:
+            self._kept[number] = frame
+        return frame
+
+    @cached_property
+    def _kept(self) -> dict[int, Frame]:
+        return {}
+
+    @staticmethod
+    def _read(file: Path) -> Frame:
         if not file.exists():
             raise RunError(f"{file}: frame is missing, run the solver again")
         grid = pv.read(file)

@@ -4,6 +4,7 @@
 #include "fem_reference/solid/problem.h"
 #include "fem_reference/solid/richardson.h"
 #include "fem_reference/solid/simulation.h"
+#include "meshing/algebra/status.h"
 #include "meshing/run/session.h"
 #include "meshing/scene/check.h"
 #include "meshing/tetrahedra/tetrahedralize.h"
@@ -64,14 +65,19 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
   record["is_free"] = solid.n_free_rigid_motions() > 0;
 }
 
-void report(const Simulation& simulation, nlohmann::ordered_json& record) {
+void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
   record["solver"] = simulation.solver();
-  if (const auto& motion = simulation.motion()) {
+  std::string failure = "not_converged";
+  if (const Motion* motion = simulation.motion()) {
+    const bool is_explicit = scene.reference.integrator == ReferenceScheme::CentralDifferences;
+    if (is_explicit) failure = name_of(meshing::Status::Diverged);
+    record["integrator"] = name_of(scene.reference.integrator);
+    record["mass"] = name_of(simulation.mass());
     record["mass_damping"] = simulation.damping();
     record["step"] = simulation.step();
     record["n_steps"] = simulation.n_steps();
     if (motion->n_newton_iterations() > 0) record["newton_iterations"] = motion->n_newton_iterations();
-    record["factorisations"] = motion->n_factorisations();
+    if (!is_explicit) record["factorisations"] = motion->n_factorisations();
     record["time_reached"] = motion->t();
   } else {
     const ElasticReport& equilibrium = simulation.equilibrium();
@@ -81,7 +87,7 @@ void report(const Simulation& simulation, nlohmann::ordered_json& record) {
     record["tolerance"] = equilibrium.tolerance;
     record["load_factor_reached"] = static_cast<double>(simulation.n_done()) / simulation.n_steps();
   }
-  record["status"] = simulation.is_converged() ? "ok" : "not_converged";
+  record["status"] = simulation.is_converged() ? "ok" : failure;
 }
 
 void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann::ordered_json& record) {
@@ -110,7 +116,9 @@ ExitStatus run(const Arguments& arguments) {
   TetReport attempts;
   const TetMesh mesh =
       from_first_process(is_first ? tetrahedralize(session.surface, tets, &attempts) : TetMesh());
-  const bool is_factor = scene.time.mode == TimeMode::Dynamic || arguments.n_frequencies > 0;
+  const bool is_implicit = scene.time.mode == TimeMode::Dynamic &&
+                           scene.reference.integrator != ReferenceScheme::CentralDifferences;
+  const bool is_factor = is_implicit || scene.material.damping_ratio > 0 || arguments.n_frequencies > 0;
   check_memory(mesh.T.cols(), scene.reference.refine + std::max(0, arguments.n_levels - 1),
                scene.reference.degree, is_factor ? Memory::Factor : Memory::Iterations, memory_available());
 
@@ -125,7 +133,7 @@ ExitStatus run(const Arguments& arguments) {
   session.record["tetrahedra"] = to_json(tet_quality(mesh.X, mesh.T));
   describe(simulation, scene, session.record);
   take_steps(simulation, session);
-  report(simulation, session.record);
+  report(simulation, scene, session.record);
   if (arguments.n_levels > 0 && scene.time.mode == TimeMode::Static && simulation.is_converged())
     session.record["convergence"] = study_convergence(session, mesh, arguments.n_levels);
   if (arguments.n_frequencies > 0)

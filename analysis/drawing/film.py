@@ -15,23 +15,36 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
+from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_rgba_array
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
 from ..compare import displacement_at, volume_change
 from ..methods import REFERENCE, label_of
 from ..runs import Array, Run, RunError, load_run, method_of, scene_of
-from .pictures import aim, magnification, seen_size, surface_of
+from ..wording import significant
+from .pictures import (
+    add_outline,
+    aim,
+    magnification,
+    round_length,
+    seen_size,
+    skin_of,
+    stage,
+    tiles,
+    view_axes,
+)
 from .style import style_of
 
-_HEIGHT = 240  # pixels of a panel
-_ASPECT = (0.9, 1.8)  # least and largest width of a panel over its height
+_HEIGHT = 480  # pixels of a panel of a film; half as many of a strip
+_ASPECT = (1.0, 1.6)  # least and largest width of a panel over its height
 _TITLE, _FOOTER = 22, 150  # pixels above the panels and below them
-_COLOURS = 64  # of a film: few keep it small
+_COLOURS = 256  # of a film: few keep it small
 _MAP = "viridis"
+_SWATCH = 60  # pixels: height of the colours that a film's palette must hold
 
 
 @dataclass(frozen=True)
@@ -69,7 +82,7 @@ def _obstacle_mesh(obstacle: dict[str, Any], middle: Array, size: float) -> pv.P
         normal = np.array(plane["normal"], dtype=float)
         normal /= np.linalg.norm(normal)
         at = middle - (middle - plane["point"]) @ normal * normal
-        return pv.Plane(center=at, direction=normal, i_size=2 * size, j_size=2 * size)
+        return tiles(at, normal, 2 * size)
     if sphere := obstacle.get("sphere"):
         return pv.Sphere(
             radius=sphere["radius"], center=sphere["center"], theta_resolution=60, phi_resolution=60
@@ -88,6 +101,13 @@ def _obstacle_mesh(obstacle: dict[str, Any], middle: Array, size: float) -> pv.P
     return pv.read(obstacle["mesh"]["file"])
 
 
+def _add_obstacle(plotter: pv.Plotter, mesh: pv.PolyData) -> pv.Actor:
+    """A floor is behind all that stands on it; what else there is must not hide a body."""
+    if "tile" in mesh.cell_data and mesh.point_normals[0] @ view_axes()[2] > 0:
+        return plotter.add_mesh(mesh, scalars="tile", rgb=True, lighting=False)
+    return plotter.add_mesh(mesh, color="lightgrey", opacity=0.5)
+
+
 def _translation(obstacle: dict[str, Any], time: float) -> Array:
     """Of the obstacle's motion [[s, m, m, m], ...], linear in between and constant outside."""
     if not obstacle.get("motion"):
@@ -99,7 +119,7 @@ def _translation(obstacle: dict[str, Any], time: float) -> Array:
 class _Camera:
     """Draws bodies from one fixed view, on one colour scale, so that frames and runs can be compared."""
 
-    def __init__(self, runs: dict[str, Run], times: Array) -> None:
+    def __init__(self, runs: dict[str, Run], times: Array, panel_height: int) -> None:
         self.bodies = _bodies(runs, times)
         scene = scene_of(next(iter(runs.values())))
         self.is_static = scene.get("time", {}).get("mode") == "static"
@@ -119,7 +139,7 @@ class _Camera:
             ]
         )
         width, height = seen_size(self.shown)
-        self.panel = (int(_HEIGHT * np.clip(width / height, *_ASPECT)), _HEIGHT)
+        self.panel = (int(panel_height * np.clip(width / height, *_ASPECT)), panel_height)
         middle = (self.shown.min(axis=0) + self.shown.max(axis=0)) / 2
         size = float(np.linalg.norm(np.ptp(self.shown, axis=0)))
         self.times = times
@@ -128,23 +148,26 @@ class _Camera:
     def shots(self, name: str) -> list[Image.Image]:
         """One picture of a run's body for each time."""
         body = self.bodies[name]
-        plotter = pv.Plotter(off_screen=True, window_size=list(self.panel))
-        plotter.set_background("white")
-        mesh = surface_of(body.points(0, self.factor), body.F)
-        mesh["displacement"] = np.linalg.norm(body.u[0], axis=1)
-        plotter.add_mesh(mesh, cmap=_MAP, clim=(0, self.largest), ambient=0.3, show_scalar_bar=False)
-        actors = [(o, plotter.add_mesh(m, color="lightgrey", opacity=0.5)) for o, m in self.obstacles]
-        aim(plotter.camera, self.shown, self.panel, room=(0.96, 0.96))
-        plotter.enable_anti_aliasing("ssaa")
-        plotter.show(auto_close=False)
+        plotter = stage(self.panel, is_smooth=False)
+        skin = skin_of(body.X, body.F)
+        skin.mesh["displacement"] = np.zeros(skin.mesh.n_points)
+        plotter.add_mesh(
+            skin.mesh, scalars="displacement", cmap=_MAP, clim=(0, self.largest), ambient=0.5, diffuse=0.6, show_scalar_bar=False,
+            smooth_shading=True,
+        )  # fmt: skip
+        add_outline(plotter, body.X, body.F)
+        actors = [(o, _add_obstacle(plotter, m)) for o, m in self.obstacles]
+        aim(plotter.camera, self.shown, self.panel)
         pictures = []
         for number, u in enumerate(body.u):
-            mesh.points = body.points(number, self.factor)
-            mesh["displacement"] = np.linalg.norm(u, axis=1)
+            skin.move(body.points(number, self.factor))
+            skin.mesh["displacement"] = np.linalg.norm(u, axis=1)[skin.ids]
             for obstacle, actor in actors:
                 actor.position = _translation(obstacle, self.times[number])
             plotter.render()
-            pictures.append(Image.fromarray(plotter.screenshot(None, return_img=True)))
+            picture = Image.fromarray(plotter.screenshot(None, return_img=True))
+            _write_scale(picture, 2 * plotter.camera.parallel_scale / self.panel[1])
+            pictures.append(picture)
         plotter.close()
         return pictures
 
@@ -183,17 +206,31 @@ def _write(picture: Image.Image, at: tuple[float, float], text: str) -> None:
     ImageDraw.Draw(picture).text(at, text, fill="black", font=ImageFont.load_default(13))
 
 
-def _mosaic(pages: list[Image.Image]) -> Image.Image:
-    """Some of the pages in one, so that a palette serves them all."""
+def _write_scale(picture: Image.Image, pixel: float) -> None:
+    """A bar of a round length at the lower left. pixel: its size (m)."""
+    length = round_length(0.25 * picture.width * pixel)
+    left, right, bottom = 8, 8 + length / pixel, picture.height - 8
+    ImageDraw.Draw(picture).line([(left, bottom), (right, bottom)], fill="black", width=3)
+    _write(picture, (left, bottom - 19), f"{significant(length)} m")
+
+
+def _mosaic(pages: list[Image.Image], lines: list[str]) -> Image.Image:
+    """Some of the pages in one, so that a palette serves them all, above the colours of the scale and the lines, which are
+    too few of the pixels to be kept by themselves."""
     some = pages[:: max(1, len(pages) // 8)]
-    whole = Image.new("RGB", (some[0].width, len(some) * some[0].height))
+    width, height = some[0].size
+    whole = Image.new("RGB", (width, len(some) * height + 2 * _SWATCH), "white")
     for number, page in enumerate(some):
-        whole.paste(page, (0, number * page.height))
+        whole.paste(page, (0, number * height))
+    for row, colours in enumerate((colormaps[_MAP](np.linspace(0, 1, 32)), to_rgba_array(lines))):
+        swatches = np.repeat(np.uint8(255 * colours[None, :, :3]), _SWATCH, axis=0)
+        at = (0, len(some) * height + row * _SWATCH)
+        whole.paste(Image.fromarray(swatches).resize((width, _SWATCH), Image.Resampling.NEAREST), at)
     return whole
 
 
 def draw_film(
-    file: Path, runs: dict[str, Run], n_frames: int = 40, seconds: float = 4, times: Array | None = None
+    file: Path, runs: dict[str, Run], n_frames: int = 30, seconds: float = 4, times: Array | None = None
 ) -> None:
     """Writes a GIF of the runs side by side above their volume curves.
 
@@ -202,7 +239,7 @@ def draw_film(
     RunError where nothing moves.
     """
     times = _shared_times(runs, n_frames) if times is None else times
-    camera = _Camera(runs, times)
+    camera = _Camera(runs, times, _HEIGHT)
     width, height = camera.panel
     shots = {name: camera.shots(name) for name in runs}
     footer, at = camera.footer(runs, len(runs) * width, times)
@@ -217,7 +254,8 @@ def draw_film(
             [(at[number], _TITLE + height + 10), (at[number], _TITLE + height + 100)], fill="grey"
         )
         pages.append(page)
-    palette = _mosaic(pages).quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
+    lines = [style_of(name, number).colour for number, name in enumerate(runs)]
+    palette = _mosaic(pages, lines).quantize(_COLOURS, Image.Quantize.MEDIANCUT)
     frames = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in pages]
     duration = int(1000 * seconds / len(frames))
     durations = [duration] * (len(frames) - 1) + [1000]  # rest at the end
@@ -227,7 +265,7 @@ def draw_film(
 def draw_strip(file: Path, runs: dict[str, Run], n_frames: int = 5) -> None:
     """Writes a PNG with a row of frames for each run, evenly in time, above their volume curves."""
     times = _shared_times(runs, n_frames)
-    camera = _Camera(runs, times)
+    camera = _Camera(runs, times, _HEIGHT // 2)
     width, height = camera.panel
     row = _TITLE + height
     page = Image.new("RGB", (len(times) * width, len(runs) * row + _FOOTER), "white")

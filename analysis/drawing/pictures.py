@@ -1,19 +1,24 @@
-"""Pictures of surfaces, drawn without a screen."""
+"""What every picture of a body shares, drawn without a screen: view, light, smooth shading, outline and floor."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 import pyvista as pv
 
-from ..compare import deformation, vertex_areas
-from ..runs import Array, Frame
+from ..runs import Array
 
 _VISIBLE = 0.08  # of the bounding box's diagonal: smaller displacements are drawn larger
 _VIEW = (0.7, 0.45, 1.0)  # from where the camera looks, y up
-_PANEL = (500, 560)  # pixels
-_ROOM = (0.9, 0.66)  # of a panel's width and height, left to the body by title and colour bar
+PANEL = (480, 520)  # pixels of a picture
+_ROOM = (0.94, 0.94)  # of a panel's width and height, left to the body
+_CREASE = 40.0  # degrees: sharper edges are not smoothed over
+# Where lamps stand as the camera sees it, and how bright they are: key, fill and rim.
+_LAMPS = (((2, 4, 4), 0.75), ((-4, -1, 3), 0.4), ((0, 3, -4), 0.3))
+_SUN = np.array([-0.35, -1.0, -0.25])  # direction in which shadows fall
+_STANDS = 0.25  # of the height: what is held below stands on a floor
+_SINKS = 0.1  # of the height: what sinks deeper does not
 
 
 def surface_of(X: Array, F: Array) -> pv.PolyData:
@@ -30,7 +35,7 @@ def magnification(X: Array, u: Array) -> float:
     return float(power * max(step for step in (1, 2, 5) if step * power <= wanted))
 
 
-def _view_axes() -> Array:
+def view_axes() -> Array:
     """Rows: to the right, up and towards the camera."""
     towards = np.array(_VIEW) / np.linalg.norm(_VIEW)
     right = np.cross((0, 1, 0), towards)
@@ -40,73 +45,144 @@ def _view_axes() -> Array:
 
 def seen_size(points: Array) -> tuple[float, float]:
     """Width and height (m) of the points as the camera sees them."""
-    width, height, _ = np.ptp(points @ _view_axes().T, axis=0)
+    width, height, _ = np.ptp(points @ view_axes().T, axis=0)
     return float(width), float(height)
 
 
 def aim(
-    camera: pv.Camera, points: Array, panel: tuple[int, int] = _PANEL, room: tuple[float, float] = _ROOM
+    camera: pv.Camera, points: Array, panel: tuple[int, int] = PANEL, room: tuple[float, float] = _ROOM
 ) -> None:
     """Parallel view along _VIEW in which all points fill that share of the panel's (pixels) width or height."""
-    axes = _view_axes()
+    axes = view_axes()
     seen = points @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     width, height, depth = high - low
     camera.parallel_projection = True
     camera.parallel_scale = max(height / room[1], width / room[0] * panel[1] / panel[0]) / 2
-    below_middle = 0.04 if room == _ROOM else 0
-    camera.focal_point = (low + high) / 2 @ axes - below_middle * camera.parallel_scale * axes[1]
-    camera.position = camera.focal_point + 2 * (depth + camera.parallel_scale) * axes[2]
+    camera.focal_point = (low + high) / 2 @ axes
+    camera.position = camera.focal_point + 4 * (depth + camera.parallel_scale) * axes[2]
     camera.up = (0, 1, 0)
-    camera.clipping_range = (1e-3 * camera.parallel_scale, 10 * (depth + camera.parallel_scale))
+    camera.clipping_range = (1e-3 * camera.parallel_scale, 20 * (depth + camera.parallel_scale))
 
 
-def draw_comparison(file: Path, springs: Frame, reference: Frame, is_free: bool, label: str) -> None:
-    """Draws both deformed surfaces side by side and the error painted on the rest shape (PNG).
+def light(plotter: pv.Plotter) -> None:
+    """Puts up the lamps, the same for every picture."""
+    for position, intensity in _LAMPS:
+        plotter.add_light(pv.Light(position=position, intensity=intensity, light_type="camera light"))
 
-    Both are coloured by displacement on one scale; the error is given in % of the root mean square of the reference's
-    displacement, as displacement_error. Rigid motion is removed where the body is free.
-    """
-    X, F = reference.X, reference.F
-    u, u_reference = (deformation(frame, is_free) for frame in (springs, reference))
-    factor = magnification(X, u_reference)
-    length, length_reference = (np.linalg.norm(field, axis=1) for field in (u, u_reference))
-    mean_square = np.average(length_reference**2, weights=vertex_areas(X, F))
-    error = 100 * np.linalg.norm(u - u_reference, axis=1) / np.sqrt(mean_square)
 
-    enlarged = "" if factor == 1 else f", drawn {factor:g} x"
-    panels = (
-        (f"finite elements{enlarged}", X + factor * u_reference, length_reference, "displacement (m)"),
-        (f"{label}{enlarged}", X + factor * u, length, "displacement (m) "),
-        ("error on the shape at rest", X, error, "error (% of mean displacement)"),
-    )
-    plotter = pv.Plotter(off_screen=True, shape=(1, 3), window_size=[3 * _PANEL[0], _PANEL[1]], border=False)
-    shown = np.vstack([X, *(points for _, points, _, _ in panels)])
-    for column, (title, points, values, unit) in enumerate(panels):
-        is_error = column == 2
-        plotter.subplot(0, column)
-        plotter.add_mesh(
-            surface_of(points, F),
-            scalars=values,
-            cmap="inferno" if is_error else "viridis",
-            ambient=0.3,
-            clim=(0, max(error.max(), 1e-12) if is_error else max(length.max(), length_reference.max())),
-            scalar_bar_args={
-                "title": unit,
-                "n_labels": 2,
-                "fmt": "{:.3g}",
-                "color": "black",
-                "title_font_size": 17,
-                "label_font_size": 15,
-                "position_x": 0.15,
-                "width": 0.7,
-            },
-        )
-        if not is_error:
-            plotter.add_mesh(surface_of(X, F), color="grey", opacity=0.2)
-        plotter.add_text(title, font_size=10, color="black", position="upper_edge")
-        aim(plotter.camera, shown)
+def stage(panel: tuple[int, int], is_smooth: bool = True) -> pv.Plotter:
+    """An empty lit picture on white. is_smooth: edges are, which takes several times as long."""
+    plotter = pv.Plotter(off_screen=True, window_size=list(panel), lighting="none")
     plotter.set_background("white")
-    plotter.enable_anti_aliasing("ssaa")
-    plotter.screenshot(file)
-    plotter.close()
+    light(plotter)
+    if is_smooth:
+        plotter.enable_anti_aliasing("ssaa")
+    return plotter
+
+
+@dataclass(frozen=True)
+class Skin:
+    """A surface whose points are split along creases, so that it is shaded smoothly between them."""
+
+    mesh: pv.PolyData
+    ids: Array  #: of the surface's vertex at each point of the mesh
+
+    def move(self, points: Array) -> None:
+        """points: of the surface's vertices (n, 3)."""
+        self.mesh.points = points[self.ids]
+        self.mesh.compute_normals(
+            cell_normals=False, split_vertices=False, consistent_normals=False, inplace=True
+        )
+
+
+def skin_of(X: Array, F: Array) -> Skin:
+    """Creases are those at rest, so that a body's folds stay smooth."""
+    mesh = surface_of(X, F)
+    mesh["id"] = np.arange(len(X))
+    mesh = mesh.compute_normals(
+        cell_normals=False, split_vertices=True, feature_angle=_CREASE, consistent_normals=False
+    )
+    return Skin(mesh, np.asarray(mesh["id"]))
+
+
+def outline_of(X: Array, F: Array) -> pv.PolyData:
+    """Edges of a body as the camera sees them: its contours, hidden ones included, and creases; before all else.
+
+    The view is parallel, so that lines moved towards the camera look the same, and nothing covers them.
+    """
+    normals = np.cross(X[F[:, 1]] - X[F[:, 0]], X[F[:, 2]] - X[F[:, 0]])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    towards = view_axes()[2]
+    ends = np.sort(np.concatenate([F[:, [0, 1]], F[:, [1, 2]], F[:, [2, 0]]]), axis=1)
+    triangle = np.tile(np.arange(len(F)), 3)
+    order = np.lexsort(ends.T)
+    ends, triangle = ends[order], triangle[order]
+    # Of a closed surface every edge stands here twice.
+    first, second = normals[triangle[::2]], normals[triangle[1::2]]
+    is_contour = (first @ towards > 0) != (second @ towards > 0)
+    is_crease = (first * second).sum(axis=1) < np.cos(np.radians(_CREASE))
+    lines = np.insert(ends[::2][is_contour | is_crease], 0, 2, axis=1)
+    moved = X + 2 * np.linalg.norm(np.ptp(X, axis=0)) * towards
+    return pv.PolyData(moved, lines=lines.ravel())
+
+
+def add_outline(plotter: pv.Plotter, X: Array, F: Array) -> None:
+    plotter.add_mesh(outline_of(X, F), color="#30343a", line_width=3, opacity=0.7, lighting=False)
+
+
+def tiles(middle: Array, normal: Array, size: float) -> pv.PolyData:
+    """A square floor of that size (m), in grey tiles of a round length, coloured by "tile"."""
+    n = int(np.ceil(size / round_length(size / 9)))
+    side = n * round_length(size / 9)
+    plane = pv.Plane(
+        center=middle, direction=normal, i_size=side, j_size=side, i_resolution=n, j_resolution=n
+    )
+    cells = np.arange(n * n)
+    is_dark = (cells + (cells // n if n % 2 == 0 else 0)) % 2 == 1
+    plane["tile"] = np.where(is_dark[:, None], (226, 228, 232), (240, 241, 243)).astype(np.uint8)
+    return plane
+
+
+@dataclass(frozen=True)
+class Floor:
+    """What a body stands on: the plane y = height, drawn below a box of the points that are shown."""
+
+    height: float
+    low: Array
+    high: Array
+
+    def add_to(self, plotter: pv.Plotter) -> None:
+        middle = (self.low + self.high) / 2
+        middle[1] = self.height
+        size = 1.5 * float((self.high - self.low)[[0, 2]].max())
+        plotter.add_mesh(
+            tiles(middle, np.array([0.0, 1.0, 0.0]), size), scalars="tile", rgb=True, lighting=False
+        )
+
+    def shadow_of(self, points: Array) -> Array:
+        """Where the points' shadows fall."""
+        down = (self.height - points[:, 1]) / _SUN[1]
+        shadow = points + down[:, None] * _SUN
+        shadow[:, 1] = self.height + 1e-3 * float(np.ptp([self.low, self.high]))
+        return shadow
+
+
+def round_length(wanted: float) -> float:
+    """1, 2 or 5 times a power of ten, at most what is wanted."""
+    power = 10 ** np.floor(np.log10(wanted))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= wanted * (1 + 1e-9)))
+
+
+def floor_of(X: Array, u: Array, shown: Array) -> Floor | None:
+    """The floor of a body held at its bottom, which is where it does not move at all; None for others.
+
+    shown: points that the picture holds; none of them may lie below the floor by much.
+    """
+    lengths = np.linalg.norm(u, axis=1)
+    held = X[lengths <= 1e-12 * lengths.max()]
+    low, high = X[:, 1].min(), X[:, 1].max()
+    is_held_low = len(held) > 2 and held[:, 1].max() <= low + _STANDS * (high - low)
+    if not is_held_low or shown[:, 1].min() < low - _SINKS * (high - low):
+        return None
+    return Floor(float(low), shown.min(axis=0), shown.max(axis=0))

@@ -93,7 +93,9 @@ def plot_errors(errors: dict[str, tuple[float, float]], of_reference: float | No
     axes.set_xscale("log")
     drawn = [max(100 * error, SMALLEST) for pair in errors.values() for error in pair] or [1, 100]
     band = 100 * (of_reference or 0)
-    low = min(drawn) / 5  # room for the figure beside the first point
+    low = (
+        min(drawn) * (min(drawn) / max(*drawn, 10 * min(drawn))) ** 0.25
+    )  # room for the figure beside the first point
     if band > SMALLEST:
         low = min(low, band / 2)
         axes.axvspan(low, band, color="grey", alpha=0.25, linewidth=0)
@@ -103,6 +105,37 @@ def plot_errors(errors: dict[str, tuple[float, float]], of_reference: float | No
     axes.set_ylim(max(len(errors), 1) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("displacement error (%)")
+    return svg_of(figure)
+
+
+def plot_errors_over_surface(errors: dict[str, Array], areas: Array, least: float) -> str:
+    """A curve for every method: the share of the surface on which it errs by more than what stands below.
+
+    errors: method -> error (%) at each vertex; areas: of the vertices (m2); least: error from which curves start.
+    """
+    figure = Figure(figsize=(7, 2.6))
+    axes = figure.subplots()
+    for name, values in errors.items():
+        if values.max() <= least:
+            continue  # its curve would lie on the axis
+        order = np.argsort(values)
+        worse = 100 * (1 - np.cumsum(areas[order]) / areas.sum())
+        colour, marker = style_of(name)
+        axes.plot(
+            np.maximum(values[order], least),
+            worse,
+            color=colour,
+            marker=marker,
+            markevery=0.25,
+            label=label_of(name),
+        )
+    axes.set_xscale("log")
+    axes.set_xlim(left=least)
+    axes.set_ylim(0, 100)
+    axes.xaxis.set_major_formatter(lambda value, _: significant(value))
+    axes.set_xlabel("displacement error (%)")
+    axes.set_ylabel("surface that errs\nby more (%)")
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
     return svg_of(figure)
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ..paths import ROOT
 from ..runs import RunError
-from . import accuracy, cost, kernels, paper, scaling, stability, work_precision
+from . import accuracy, cost, gallery, kernels, paper, scaling, stability, work_precision
 from .result import Result, protocol_of, text_of, write
 
 
@@ -55,6 +55,7 @@ STUDIES = {
         paper.study,
         frozenset({"scenes", "quick", "repetitions"}),
     ),
+    "gallery": Study("every shipped scene run, and its picture for the gallery page", gallery.study),
     "accuracy": Study(
         "every spring model against exact fields and quadratic elements, beside linear elements: most of an hour",
         accuracy.study,

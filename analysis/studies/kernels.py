@@ -62,6 +62,24 @@ CASES = [
     Case("bar_sag, quadratic elements", "fem_reference", "bar_sag"),
     Case("bar_swing, `node_averaged`, midpoint", "massspring", "bar_swing", ("time.integrator=midpoint",)),
     Case("bar_swing, quadratic elements, Newmark", "fem_reference", "bar_swing"),
+    *(
+        Case(
+            f"bar_swing, {name} elements, central differences",
+            "fem_reference",
+            "bar_swing",
+            (f"reference.degree={degree}", "reference.integrator=central_differences", "time.step=0"),
+        )
+        for degree, name in ((1, "linear"), (2, "quadratic"))
+    ),
+    *(
+        Case(
+            f"bar_swing, `{name}`, symplectic Euler",
+            "massspring",
+            "bar_swing",
+            (_springs(name), "time.integrator=symplectic_euler", "time.step=0"),
+        )
+        for name in ("edge_coupled", "node_averaged")
+    ),
     Case(
         "static solve of 5e4 nodes, `node_averaged`",
         "massspring",

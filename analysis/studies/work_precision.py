@@ -31,7 +31,7 @@ from ..compare import compare_runs, trajectory_error
 from ..drawing.plots import SMALLEST
 from ..drawing.style import style_of, svg_of
 from ..front import seconds_for
-from ..methods import FEM_P1, FEM_P2, label_of
+from ..methods import ELEMENTS, FEM_P1, FEM_P1_EXPLICIT, FEM_P2, FEM_P2_EXPLICIT, label_of
 from ..paths import SCENES
 from ..points import Outcome, Point, Store, say
 from ..report import Table
@@ -46,6 +46,7 @@ CALIBRATIONS = [
 _DYNAMIC = ["uniform", "edge_coupled", "node_averaged"]
 _INTEGRATORS = {"symplectic_euler": ":", "implicit_euler": "--", "midpoint": "-"}
 _EXPLICIT = {"symplectic_euler"}
+_EXPLICIT_STEPS = tuple(2.0**-k for k in range(1, 7))  # over the scene's step; the longer ones may diverge
 _LEVELS = (0.1, 0.03, 0.01, 0.003, 0.001)  # errors at which methods are compared in words
 _TOLERANCE = (
     1e-4  # of linear statics, of every method alike: changes displacements by less than 1e-6, measured
@@ -154,12 +155,16 @@ def methods_of(scene: dict[str, Any]) -> list[Method]:
     springs = [
         Method(
             f"{name}, {scheme}", "massspring", (f"network.calibration={name}", f"time.integrator={scheme}"), name, line,
-            tuple(2.0**-k for k in range(1, 7)) if scheme in _EXPLICIT else (),
+            _EXPLICIT_STEPS if scheme in _EXPLICIT else (),
         )
         for name in _DYNAMIC
         for scheme, line in _INTEGRATORS.items()
     ]  # fmt: skip
-    return springs + elements
+    explicit = [
+        Method(name, m.program, (*m.overrides, "reference.integrator=central_differences"), m.model, ":", _EXPLICIT_STEPS)
+        for name, m in zip((FEM_P1_EXPLICIT, FEM_P2_EXPLICIT), elements, strict=True)
+    ]  # fmt: skip
+    return springs + elements + explicit
 
 
 class SceneStudy:
@@ -330,7 +335,7 @@ def winners(curves: Curves) -> list[tuple[str, float, float]]:
     return parts
 
 
-def in_words(curves: Curves, elements: Sequence[str] = (FEM_P1, FEM_P2)) -> list[str]:
+def in_words(curves: Curves, elements: Sequence[str] = ELEMENTS) -> list[str]:
     """Sentences: who is fastest where, and the best springs against the best elements at round errors."""
     sentences = []
     parts = winners(curves)

@@ -159,8 +159,11 @@ struct Forces {
     for (int q = 0; q < view.n_points; ++q) {
       V H[3][3], P[3][3], p[4][3];
       batch.gradient(q, H);
-      LawAt<law, Lanes<double>>(H, batch.shrinkage_at(q), view.lambda, view.mu).stress(P);
-      const V w = batch.weight(q);
+      const LawAt<law, Lanes<double>> at(H, batch.shrinkage_at(q), view.lambda, view.mu);
+      at.stress(P);
+      V w = batch.weight(q);
+      if constexpr (law == ElasticLaw::NeoHookean)
+        w = at.J > 0 ? w : V{} + std::numeric_limits<double>::quiet_NaN();
       for (int c = 0; c < 3; ++c) {
         for (int i = 1; i < 4; ++i)
           p[i][c] = w * (P[c][0] * batch.g(i, 0) + P[c][1] * batch.g(i, 1) + P[c][2] * batch.g(i, 2));
@@ -487,7 +490,7 @@ double TetBatches::energy(const Matrix3Xd& u) const {
   return std::accumulate(std::begin(sums), std::end(sums), 0.);
 }
 
-void TetBatches::forces(const Matrix3Xd& u, Matrix3Xd& f) const {
+void TetBatches::forces(const Eigen::Ref<const Matrix3Xd>& u, Matrix3Xd& f) const {
   const View at = view();
   f.setZero(3, u.cols());
   for_each_part([&](int begin, int end, int) { add_forces(at, begin, end, u.data(), f.data()); });

@@ -33,8 +33,8 @@ class TetBatches {
 
   /// Elastic energy of displacements u, 3 x n (J); infinite where the law has none.
   double energy(const Eigen::Matrix3Xd& u) const;
-  /// Its gradient, 3 x n (N).
-  void forces(const Eigen::Matrix3Xd& u, Eigen::Matrix3Xd& f) const;
+  /// Its gradient, 3 x n (N); not a number where the energy is infinite.
+  void forces(const Eigen::Ref<const Eigen::Matrix3Xd>& u, Eigen::Matrix3Xd& f) const;
   /// Adds its second derivative to blocks of the pattern, 9 numbers each by columns: that of two nodes to
   /// either of their two blocks [symmetrise].
   void add_tangent(const Eigen::Matrix3Xd& u, float* blocks) const;

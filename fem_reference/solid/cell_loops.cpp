@@ -224,18 +224,24 @@ double ElasticSolid::Implementation::max_strain(const Matrix3Xd& at) const {
   return largest_over_processes(largest);
 }
 
-Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,
-                                      bool with_tangent) const {
+void ElasticSolid::find_forces(const Eigen::Ref<const Matrix3Xd>& displacement, double load_factor,
+                               Matrix3Xd& force) const {
   Implementation& s = *self_;
-  Linearisation result;
   s.shrink(load_factor);
-  result.energy = s.tets.energy(displacement);
-  Matrix3Xd force;
   s.tets.forces(displacement, force);
   s.for_each_follower(s.nodes.faces.rows(), displacement, load_factor,
                       [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
                         for (int a = 0; a < face.size(); ++a) force.col(face(a)) += p * v.gradient.col(a);
                       });
+}
+
+Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,
+                                      bool with_tangent) const {
+  Implementation& s = *self_;
+  Linearisation result;
+  Matrix3Xd force;
+  find_forces(displacement, load_factor, force);
+  result.energy = s.tets.energy(displacement);
   result.force = force.reshaped();
   if (!with_tangent) return result;
   meshing::BlockMatrix K = s.tets.pattern();

@@ -105,7 +105,7 @@ struct TimeIntegrator::Factor {
 };
 
 TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme)
-    : system_(std::move(system)), h_(h), scheme_(scheme), factor_(std::make_unique<Factor>()) {
+    : Motion(std::move(system), h), scheme_(scheme), factor_(std::make_unique<Factor>()) {
   const auto n = system_.K.rows();
   free_ = all_but(system_.held, n);
   restart(Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n));
@@ -114,17 +114,13 @@ TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& sche
 
 TimeIntegrator::~TimeIntegrator() = default;
 
-Linearisation TimeIntegrator::respond(const Eigen::VectorXd& u, bool with_tangent) const {
+Linearisation Motion::respond(const Eigen::VectorXd& u, bool with_tangent) const {
   if (system_.linearise) return system_.linearise(u, with_tangent);
   const Eigen::VectorXd force = system_.K * u;
   return {force, {}, u.dot(force) / 2};
 }
 
-double TimeIntegrator::elastic_energy() const {
-  return respond(u_, false).energy;
-}
-
-TimeIntegrator::HeldState TimeIntegrator::held_at(double t) const {
+Motion::HeldState Motion::held_at(double t) const {
   if (!system_.held_motion) {
     const Eigen::VectorXd zero = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(system_.held.size()));
     return {u_(system_.held), zero, zero};
@@ -144,14 +140,19 @@ bool TimeIntegrator::factorise(const Sparse& tangent) {
   return fem::factorise(restricted(A, free_), factor_->cholesky);
 }
 
-void TimeIntegrator::restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
+Motion::HeldState Motion::start_at(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
   u_ = u;
   v_ = v;
   n_steps_ = 0;
-  const HeldState held = held_at(0);
-  a_ = Eigen::VectorXd::Zero(u.size());
+  HeldState held = held_at(0);
   u_(system_.held) = held.u;
   v_(system_.held) = held.v;
+  return held;
+}
+
+void TimeIntegrator::restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
+  const HeldState held = start_at(u, v);
+  a_ = Eigen::VectorXd::Zero(u.size());
   a_(system_.held) = held.a;
   f_ = respond(u_, false).force;
   Cholesky mass;

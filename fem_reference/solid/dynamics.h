@@ -49,40 +49,58 @@ struct Dynamics {
   std::function<Eigen::VectorXd(double t)> held_motion;
   /// f and its tangent (if asked for) at finite strain; empty: K u.
   std::function<Linearisation(const Eigen::VectorXd& u, bool with_tangent)> linearise;
+  /// The same f alone, which explicit steps ask for; empty: from the others.
+  std::function<void(const Eigen::VectorXd& u, Eigen::Matrix3Xd& force)> forces = {};
 };
 
-/// Steps of h from rest, each solved by sparse Cholesky: with one factor where f is linear, else by Newton's
-/// method, whose factor is renewed where it converges slowly.
-class TimeIntegrator {
+/// A body in motion by steps of h, from rest.
+class Motion {
  public:
-  TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme);
-  ~TimeIntegrator();
+  virtual ~Motion() = default;
 
-  /// Whether it converged; else nothing has moved.
-  bool step();
+  /// Whether it found a state; else the motion has ended.
+  virtual bool step() = 0;
   /// Starts again from a displacement and a velocity, with the acceleration that belongs to them.
-  void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v);
+  virtual void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) = 0;
   double t() const { return n_steps_ * h_; }                            ///< s
   const Eigen::VectorXd& u() const { return u_; }                       ///< m
   const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
   double kinetic_energy() const { return v_.dot(system_.M * v_) / 2; }  ///< J
-  double elastic_energy() const;                                        ///< J
+  double elastic_energy() const { return respond(u_, false).energy; }   ///< J
   int n_newton_iterations() const { return n_newton_iterations_; }      ///< of all steps
   int n_factorisations() const { return n_factorisations_; }
 
- private:
+ protected:
+  Motion(Dynamics system, double h) : system_(std::move(system)), h_(h) {}
   struct HeldState {
     Eigen::VectorXd u, v, a;
   };
   HeldState held_at(double t) const;
+  /// Takes over where a motion starts, but for what is held, whose state it returns.
+  HeldState start_at(const Eigen::VectorXd& u, const Eigen::VectorXd& v);
   Linearisation respond(const Eigen::VectorXd& u, bool with_tangent) const;
-  bool factorise(const Eigen::SparseMatrix<double>& tangent);
 
   Dynamics system_;
   double h_;
-  TimeScheme scheme_;
-  Eigen::VectorXd u_, v_, a_, f_;  // f_: f(u_)
+  Eigen::VectorXd u_, v_;
   int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0;
+};
+
+/// The generalised-alpha method. Each step is solved by sparse Cholesky: with one factor where f is linear,
+/// else by Newton's method, whose factor is renewed where it converges slowly.
+class TimeIntegrator : public Motion {
+ public:
+  TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme);
+  ~TimeIntegrator() override;
+
+  bool step() override;
+  void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
+
+ private:
+  bool factorise(const Eigen::SparseMatrix<double>& tangent);
+
+  TimeScheme scheme_;
+  Eigen::VectorXd a_, f_;  // f_: f(u_)
   std::vector<int> free_;
   struct Factor;
   std::unique_ptr<Factor> factor_;

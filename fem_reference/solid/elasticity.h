@@ -98,6 +98,9 @@ class ElasticSolid {
   /// Of a displacement (3 x n_nodes) at a load factor; without its tangent where that is not wanted.
   Linearisation linearise(const Eigen::Matrix3Xd& displacement, double load_factor = 1,
                           bool with_tangent = true) const;
+  /// The force alone, 3 x n_nodes.
+  void find_forces(const Eigen::Ref<const Eigen::Matrix3Xd>& displacement, double load_factor,
+                   Eigen::Matrix3Xd& force) const;
   /// Stiffness at rest (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing held.
   Eigen::SparseMatrix<double> stiffness() const;
   /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].

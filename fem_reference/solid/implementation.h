@@ -63,7 +63,8 @@ struct ElasticSolid::Implementation {
   /// Calls use(follower pressure at a load factor, nodes, their EnclosedVolume at `at`) for every boundary
   /// triangle of 3 or 6 nodes that has one.
   template <class Use>
-  void for_each_follower(Eigen::Index n_nodes, const Matrix3Xd& at, double load_factor, Use use) const {
+  void for_each_follower(Eigen::Index n_nodes, const Eigen::Ref<const Matrix3Xd>& at, double load_factor,
+                         Use use) const {
     for (int f = 0; loads.follower_pressure && f < nodes.faces.cols(); ++f) {
       const double p = load_factor * loads.follower_pressure(f);
       const Eigen::VectorXi face = nodes.faces.col(f).head(n_nodes);

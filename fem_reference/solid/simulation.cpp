@@ -1,8 +1,10 @@
 #include "fem_reference/solid/simulation.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 
+#include "fem_reference/solid/central_differences.h"
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/initial_motion.h"
 
@@ -17,15 +19,16 @@ Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const Tet
   if (scene.time.mode == TimeMode::Dynamic) set_in_motion();
 }
 
-/// Full loads from rest at t = 0.
+MassMatrix Simulation::mass() const {
+  return is_explicit() ? MassMatrix::Lumped : scene_.reference.mass;
+}
+
+/// Full loads from t = 0 on.
 void Simulation::set_in_motion() {
-  const TimeOptions& time = scene_.time;
-  step_ = time.step > 0 ? time.step : time.end / kDefaultSteps;
-  n_steps_ = meshing::n_steps(time, step_);
   timer_.start("assemble");
   Dynamics system;
   system.K = solid_.stiffness();
-  system.M = solid_.mass(scene_.reference.mass);
+  system.M = solid_.mass(mass());
   system.damping = scene_.material.damping;
   system.stiffness_damping = scene_.material.stiffness_damping;
   system.load = solid_.load();
@@ -41,19 +44,36 @@ void Simulation::set_in_motion() {
     system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[modes.n_rigid];
   }
   damping_ = system.damping;
-  system.held_motion = [this, held](double t) {
-    Eigen::VectorXd u(static_cast<Eigen::Index>(held.size()));
-    Eigen::Index i = 0;
-    for (const auto& [unknown, k] : held) u(i++) = solid_.held_displacement(k, t);
-    return u;
-  };
+  const bool is_driven = std::any_of(scene_.supports.begin(), scene_.supports.end(), [](const Support& s) {
+    return !s.motion.empty() || !s.displacement.isZero(0);
+  });
+  if (is_driven)
+    system.held_motion = [this, held](double t) {
+      Eigen::VectorXd u(static_cast<Eigen::Index>(held.size()));
+      Eigen::Index i = 0;
+      for (const auto& [unknown, k] : held) u(i++) = solid_.held_displacement(k, t);
+      return u;
+    };
   if (law_of(scene_) != MaterialLaw::SmallStrain)
     system.linearise = [this](const Eigen::VectorXd& u, bool with_tangent) {
       return solid_.linearise(u.reshaped(3, solid_.X().cols()), 1, with_tangent);
     };
+  const TimeOptions& time = scene_.time;
+  constexpr double kSafety = 0.5;  // of the stability limit of the body at rest, which strain lowers
+  step_ = time.step;
+  if (step_ == 0) step_ = is_explicit() ? kSafety * stable_step(system) : time.end / kDefaultSteps;
+  n_steps_ = meshing::n_steps(time, step_);
   timer_.start("solve");
   const std::optional<double> radius = scene_.reference.spectral_radius;
-  motion_.emplace(std::move(system), step_, radius ? generalised_alpha(*radius) : kNewmark);
+  if (is_explicit()) {
+    system.forces = [this](const Eigen::VectorXd& u, Eigen::Matrix3Xd& force) {
+      solid_.find_forces(u.reshaped(3, solid_.X().cols()), 1, force);
+    };
+    motion_ = std::make_unique<CentralDifferences>(std::move(system), step_);
+  } else {
+    motion_ = std::make_unique<TimeIntegrator>(std::move(system), step_,
+                                               radius ? generalised_alpha(*radius) : kNewmark);
+  }
   if (scene_.initial.empty()) return;
   const Eigen::VectorXd mass = solid_.mass(MassMatrix::Lumped).diagonal();
   const Eigen::Matrix3Xd v = initial_velocity(scene_, solid_.X(), mass(Eigen::seq(0, Eigen::last, 3)));
@@ -97,6 +117,7 @@ Snapshot Simulation::snapshot() const {
 
 std::string Simulation::solver() const {
   if (!motion_) return equilibrium_.solver;
+  if (is_explicit()) return "central differences";
   return std::string(scene_.reference.spectral_radius ? "generalised-alpha"
                                                       : "Newmark (average acceleration)") +
          (law_of(scene_) == MaterialLaw::SmallStrain ? "" : ", Newton") + ", Cholesky";

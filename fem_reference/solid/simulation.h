@@ -1,7 +1,7 @@
 // A scene's solid under growing load or in time. Knows no files and no command line.
 #pragma once
 
-#include <optional>
+#include <memory>
 #include <string>
 
 #include "fem_reference/solid/dynamics.h"
@@ -27,14 +27,16 @@ class Simulation {
   Snapshot snapshot() const;
 
   const ElasticSolid& solid() const { return solid_; }
-  const ElasticReport& equilibrium() const { return equilibrium_; }        ///< of statics: sums over steps
-  const std::optional<TimeIntegrator>& motion() const { return motion_; }  ///< in time
-  double step() const { return step_; }                                    ///< of time (s)
-  double damping() const { return damping_; }                              ///< mass-proportional (1/s)
+  const ElasticReport& equilibrium() const { return equilibrium_; }  ///< of statics: sums over steps
+  const Motion* motion() const { return motion_.get(); }             ///< in time
+  double step() const { return step_; }                              ///< of time (s)
+  double damping() const { return damping_; }                        ///< mass-proportional (1/s)
+  MassMatrix mass() const;
   std::string solver() const;
 
  private:
   void set_in_motion();
+  bool is_explicit() const { return scene_.reference.integrator == ReferenceScheme::CentralDifferences; }
   double load_factor() const { return static_cast<double>(n_done_) / n_steps_; }
 
   const Scene scene_;
@@ -44,7 +46,7 @@ class Simulation {
   int n_steps_, n_done_ = 0;
   double step_ = 0, damping_ = 0;
   ElasticReport equilibrium_;
-  std::optional<TimeIntegrator> motion_;
+  std::unique_ptr<Motion> motion_;
 };
 
 }  // namespace testbed::fem

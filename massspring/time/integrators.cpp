@@ -1,12 +1,12 @@
 #include "massspring/time/integrators.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
 
 #include "meshing/algebra/block_matrix.h"
+#include "meshing/algebra/largest_eigenvalue.h"
 #include "meshing/base/random.h"
 
 namespace testbed::massspring {
@@ -173,32 +173,10 @@ double stable_step(const MassSpringModel& model, const Forces& forces, const Sta
   };
 
   Random random(1);
-  Matrix3Xd q(3, state.x.cols()), q_before = Matrix3Xd::Zero(3, state.x.cols());
+  Matrix3Xd q(3, state.x.cols());
   for (double& c : q.reshaped()) c = random.uniform() - 0.5;
   filter(forces.constraints, q);
-  q.normalize();
-  constexpr int kMaxIterations = 60;
-  constexpr double kTolerance = 1e-3;
-  std::vector<double> alpha, beta;
-  double largest = 0;
-  for (int j = 0; j < kMaxIterations; ++j) {
-    Matrix3Xd r = product(q) - (j > 0 ? beta.back() : 0.) * q_before;
-    alpha.push_back(r.cwiseProduct(q).sum());
-    r -= alpha.back() * q;
-    beta.push_back(r.norm());
-    const int m = static_cast<int>(alpha.size());
-    Eigen::MatrixXd T = Eigen::MatrixXd::Zero(m, m);
-    for (int i = 0; i < m; ++i) {
-      T(i, i) = alpha[i];
-      if (i > 0) T(i, i - 1) = T(i - 1, i) = beta[i - 1];
-    }
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> ritz(T);
-    const double residual = beta.back() * std::abs(ritz.eigenvectors()(m - 1, m - 1));
-    largest = ritz.eigenvalues()(m - 1) + residual;  // the Ritz value alone errs on the unstable side
-    if (residual <= kTolerance * largest) break;
-    q_before = q;
-    q = r / beta.back();
-  }
+  const double largest = largest_eigenvalue(product, q);
   const double c = forces.mass_damping;
   return 4 / (c + std::sqrt(c * c + 4 * largest));
 }

@@ -35,6 +35,9 @@ void check_scene(const Scene& scene, const std::string& file) {
       expect(false, error.what());
     }
   }
+  if (scene.reference.integrator == ReferenceScheme::CentralDifferences && scene.reference.spectral_radius)
+    expect(false, "reference.spectral_radius = ", *scene.reference.spectral_radius,
+           ", expected none with reference.integrator = central_differences, which has no such parameter");
   if (scene.skin && scene.skin->relaxation > 0)
     expect(scene.skin->bending > 0, "skin.relaxation = ", scene.skin->relaxation,
            ", expected skin.bending > 0 to drive it");
@@ -56,6 +59,10 @@ std::string unmodelled_part(const Scene& scene) {
     return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
   if (law_of(scene) != MaterialLaw::SmallStrain && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping at finite strain: it would hold back rotations";
+  if (scene.reference.integrator == ReferenceScheme::CentralDifferences &&
+      scene.material.stiffness_damping > 0)
+    return "material.stiffness_damping with reference.integrator = central_differences: explicit steps would "
+           "have to be shorter than it";
   return "";
 }
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import pyvista as pv
 from pages import fetched
 from PIL import Image
 from solvers import calls, make_solvers
@@ -16,13 +15,12 @@ from synthetic import write_run
 from analysis import experiment as experiments
 from analysis.__main__ import parse_arguments
 from analysis.__main__ import run as run_command
-from analysis.compare import vertex_areas
-from analysis.drawing.pictures import draw_comparison, magnification, seen_size
+from analysis.drawing.pictures import magnification
 from analysis.drawing.plots import plot_errors
 from analysis.experiment import Experiment, default_folder, refinement, run_solvers
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
-from analysis.runs import Frame, RunError
+from analysis.runs import RunError
 from analysis.verdict import conclusion, finding
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
@@ -80,8 +78,8 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
     assert html.escape(finding(comparison)) in page
     assert html.escape(" ".join(conclusion(comparison))) in page
     assert not fetched(page)
-    assert page.count("data:image/svg+xml") == 3
-    assert page.count("data:image/png") == 2
+    assert page.count("data:image/svg+xml") == 5
+    assert page.count("data:image/png") == 3
     assert "not converged" in page
     for part in (
         "libraries",
@@ -226,51 +224,18 @@ def test_errors_have_a_band_for_the_reference():
     assert "displacement error (%)" in without
 
 
-def test_pictures_show_the_body(experiment):
+def test_every_method_has_a_picture_and_its_figure_in_the_report(experiment):
     write_results(experiment)
-    pixels = pv.read(experiment.folder / "error_affine.png").active_scalars
-    assert len(pixels) == 1500 * 560
-    # A part of the white ground is covered by three balls in colour, and not all.
-    share = (np.ptp(pixels, axis=1) > 40).mean()
-    assert 0.1 < share < 0.7
-
-
-@pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 2, 1), (3, 1, 3)])
-def test_pictures_show_the_body_whole_and_in_its_proportions(stretch, ball, tmp_path):
-    X, F = ball[0] * stretch, ball[1]
-    frames = [Frame(X, factor * X, F) for factor in (0.33, 0.3)]  # large enough to be drawn as they are
-    draw_comparison(tmp_path / "picture.png", *frames, is_free=False, label="springs")
-    picture = np.asarray(Image.open(tmp_path / "picture.png").convert("RGB"), dtype=int)
-    assert picture.shape == (560, 1500, 3)
-    covered = (picture < 250).any(axis=2)
-    width, height = seen_size(1.33 * X)
-    per_metre = min(0.9 * 500 / width, 0.66 * 560 / height)
-    for column, size in enumerate((1.3, 1.33, 1)):
-        panel = covered[45:470, 500 * column : 500 * (column + 1)]  # without title and colour bar
-        rows, columns = panel.any(axis=1).nonzero()[0], panel.any(axis=0).nonzero()[0]
-        assert np.ptp(rows) == pytest.approx(size / 1.33 * height * per_metre, abs=4)
-        assert np.ptp(columns) == pytest.approx(size / 1.33 * width * per_metre, abs=4)
-
-
-def test_error_is_painted_in_percent_of_the_references_mean_displacement(ball, tmp_path, monkeypatch):
-    painted = []
-    add_mesh = pv.Plotter.add_mesh
-
-    def spy(plotter, mesh, **more):
-        painted.append(np.array(more.get("scalars")))
-        return add_mesh(plotter, mesh, **more)
-
-    monkeypatch.setattr(pv.Plotter, "add_mesh", spy)
-    X, F = ball[0] * [2, 1, 1], ball[1]
-    # The springs' body is shifted, too, which means nothing where it is free.
-    frames = [Frame(X, 0.3 * X + [0, 5, 0], F), Frame(X, 0.2 * X, F)]
-    draw_comparison(tmp_path / "picture.png", *frames, is_free=True, label="springs")
-    length = np.linalg.norm(X, axis=1)
-    reference, springs, error = (values for values in painted if values.shape == length.shape)
-    np.testing.assert_allclose(reference, 0.2 * length, rtol=1e-6)
-    np.testing.assert_allclose(springs, 0.3 * length, rtol=1e-6)
-    mean = np.sqrt(np.average((0.2 * length) ** 2, weights=vertex_areas(X, F)))
-    np.testing.assert_allclose(error, 100 * 0.1 * length / mean, rtol=1e-6)
+    for name in ("fem_reference", "affine", "node_averaged"):
+        pixels = np.asarray(Image.open(experiment.folder / f"body_{name}.png").convert("RGB"), dtype=int)
+        assert 0.3 < (pixels < 250).any(axis=2).mean() < 0.9
+        is_coloured = (np.ptp(pixels, axis=2) > 40).mean() > 0.1
+        assert is_coloured == (name != "fem_reference")
+    report = (experiment.folder / "report.html").read_text()
+    panels = re.findall("<figcaption><b>(.*?)</b><br>(.*?)</figcaption>", report)
+    assert panels[:2] == [("finite elements", "the reference"), ("springs, affine", "error 20 %")]
+    assert [name for name, _ in panels[2:]] == ["springs, node_averaged"]
+    assert Image.open(experiment.folder / "thumbnail.jpg").width > 300
 
 
 def test_failed_model_of_the_scene_is_the_status(experiment):
@@ -377,7 +342,8 @@ def test_first_plot_of_a_scene_that_keeps_its_volume_is_that_of_its_tip(ball, ex
     written = json.loads((experiment.folder / "comparison.json").read_text())
     assert written["volume_change_error"] is None and written["reference"]["keeps_volume"]
     captions = re.findall("<figcaption>(.*?)</figcaption>", (experiment.folder / "report.html").read_text())
-    assert captions[0].startswith("Displacement of the tip")
+    plots = captions[captions.index("How the error is spread over the surface.") + 1 :]
+    assert plots[0].startswith("Displacement of the tip")
     assert not [caption for caption in captions if "olume" in caption]
 
 
@@ -391,7 +357,7 @@ def test_what_springs_reached_before_they_stopped_is_compared_there(ball, experi
     assert (model["status"], model["reached"]) == ("not_converged, why", 0.5)
     assert model["displacement_error_l2"] == pytest.approx(1)
     page = (experiment.folder / "report.html").read_text()
-    assert "springs, moment, up to 0.5 of the load" in page and "moment springs at load factor 0.5." in page
+    assert "springs, moment, up to 0.5 of the load" in page and "error 100 % at load factor 0.5<" in page
     # What an earlier run left is not what this one reached.
     assert write_results(experiment)["models"]["moment"] == {"status": "not converged"}
 

@@ -63,12 +63,12 @@ def cells_of(table, row=0):
 
 
 def test_a_number_that_is_withdrawn_is_printed_nowhere():
-    page = render(comparison_of(), {}, {}, {})
+    page = render(comparison_of(), None, {}, {}, {})
     assert "their volume change by 102 %" in finding(comparison_of()) and page.count("102 %") == 2
     assert "is left out" not in page
     models = {"affine": model_of(volume_change_error=math.nan)}
     comparison = comparison_of(models, keeps_volume=True)
-    page = render(comparison, {}, {}, {})
+    page = render(comparison, None, {}, {}, {})
     assert "volume" not in finding(comparison)
     assert (
         "The volume changes by less than a hundredth of what the surface sweeps, so its error is left out."
@@ -212,7 +212,7 @@ def test_conclusion_is_the_second_sentence_of_page_and_terminal():
     comparison = comparison_of(estimated_error_l2=0.001)
     words = " ".join(conclusion(comparison))
     assert text_of(comparison).splitlines()[:2] == [finding(comparison), words]
-    page = render(comparison, {}, {}, {})
+    page = render(comparison, None, {}, {}, {})
     assert page.index(">bend, bar: the affine") < page.index(words) < page.index("<table>")
 
 

@@ -50,6 +50,21 @@ def test_ball_pressure(tmp_path):
     check_drift(comparison)
 
 
+def test_default_scene_tells_averaged_strain_from_the_papers_network(tmp_path):
+    """At a large strain, where both find a balance; under more pressure the paper's network finds none."""
+    few = "surface.n_vertices=300"
+    comparison = write_results(run_pair("torus_inflates", tmp_path, few))
+    assert comparison["status"] == "ok"
+    assert comparison["reference"]["largest_volume_change"] > 0.3
+    errors = {name: model["displacement_error_l2"] for name, model in comparison["models"].items()}
+    assert errors["node_averaged"] < 0.05 < 0.8 < errors["uniform"]
+    for model, status in (("node_averaged", 0), ("uniform", 2)):
+        command = [PROGRAMS / "massspring", SCENES / "torus_inflates.toml", "--quiet", "--no-diagnostics"]
+        for override in (few, "loads.0.pressure=-4e4", f"network.calibration={model}"):
+            command += ["--set", override]
+        assert subprocess.run([*command, "--out", tmp_path / "more" / model]).returncode == status
+
+
 def stretches_of_neo_hookean_body(E, nu, pressures):
     """Equal stretches s under dead pressure bear P(s) = mu s + (lambda (s^6 - 1) / 2 - mu) / s [Ciarlet & Geymonat 1982].
 

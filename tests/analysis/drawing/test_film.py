@@ -5,6 +5,7 @@ import pytest
 from PIL import Image
 from synthetic import write_run
 
+from analysis.drawing import film as film_module
 from analysis.drawing.film import draw_film, draw_strip, main
 from analysis.runs import RunError, load_run
 
@@ -29,14 +30,28 @@ def test_film_has_a_moving_body_for_each_run(runs, tmp_path):
     assert film.n_frames == N_FRAMES
     width = film.width // 2
     film.seek(0)
-    first = film.convert("RGB").crop((0, 20, width, 260))
+    first = film.convert("RGB").crop((0, 24, width, 500))
     film.seek(N_FRAMES - 1)
     last = film.convert("RGB")
-    left, right = last.crop((0, 20, width, 260)), last.crop((width, 20, film.width, 260))
+    left, right = last.crop((0, 24, width, 500)), last.crop((width, 24, film.width, 500))
     assert np.abs(np.asarray(left, dtype=int) - np.asarray(first, dtype=int)).max() > 100
     # The springs' ball grows in all directions, to 1.3; the other's in one of them, so that it covers less.
     assert coloured(first) == pytest.approx(coloured(left) / 1.3**2, rel=0.05)
     assert 0.2 < coloured(right) < coloured(left) < 0.9
+
+
+def test_a_body_of_a_film_has_480_pixels_and_a_bar_tells_its_size(ball, tmp_path):
+    X, F = ball[0] * 0.1, ball[1]
+    run = load_run(write_run(tmp_path / "run", X, F, lambda X: 0.6 * X, calibration="affine"))
+    draw_film(tmp_path / "film.gif", {"affine": run}, n_frames=2)
+    film = Image.open(tmp_path / "film.gif")
+    film.seek(1)
+    panel = np.asarray(film.convert("RGB"), dtype=int)[24:502]
+    assert min(panel.shape[:2]) > 470
+    bar = (panel[-9:-4] < 60).all(axis=2)[2].sum()
+    body = np.ptp((np.ptp(panel, axis=2) > 40).any(axis=0).nonzero()[0])
+    # The ball ends 0.32 m wide; 0.05 m is the longest round length within a quarter of the picture.
+    assert 0.32 * bar / body == pytest.approx(0.05, rel=0.05)
 
 
 def test_strip_has_a_row_for_each_run(runs, tmp_path):
@@ -59,7 +74,7 @@ def test_film_ends_with_the_run_that_ends_first(ball, runs, tmp_path):
     film.seek(film.n_frames - 1)
     last, middle = film.convert("RGB"), film.width // 2
     # Both grow alike, so that they look alike at every time that both have.
-    left, right = last.crop((0, 22, middle, 262)), last.crop((middle, 22, film.width, 262))
+    left, right = last.crop((0, 22, middle, 502)), last.crop((middle, 22, film.width, 502))
     assert np.abs(np.asarray(left, dtype=int) - np.asarray(right, dtype=int)).max() == 0
 
 
@@ -117,7 +132,9 @@ def test_obstacles_move_as_the_scene_says(runs, tmp_path):
     assert more[[0, 2]] == pytest.approx([0, 0], abs=1e-3)
 
 
-def test_small_motion_is_enlarged_but_among_obstacles(ball, tmp_path):
+def test_small_motion_is_enlarged_but_among_obstacles(ball, tmp_path, monkeypatch):
+    for mark in ("add_outline", "_write_scale"):  # which cover a part of the picture, too
+        monkeypatch.setattr(film_module, mark, lambda *_: None)
     run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0.01 * X, calibration="affine"))
     # Enlarged, the ball grows to 1.2: by 20, the round number below 0.08 of the box's diagonal over 0.01.
     first, last = covered(run, tmp_path, 2)

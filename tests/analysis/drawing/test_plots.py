@@ -69,3 +69,12 @@ def test_seconds_are_one_bar_a_method_of_its_stages(drawn):
     assert [label.get_text() for label in axes.get_yticklabels()] == [label_of("affine"), label_of(REFERENCE)]
     assert axes.get_xscale() == "linear" and axes.get_xlim() == (0, pytest.approx(11.5))
     assert axes.yaxis_inverted()
+
+
+def test_errors_over_the_surface_are_shares_of_its_area(drawn):
+    areas = np.array([1.0, 1, 6, 2])
+    errors = {"affine": np.array([5.0, 40, 20, 0.001]), "lloyd": np.full(4, 1e-9)}
+    (axes,) = drawn(plots).plot_errors_over_surface(errors, areas, 0.1).axes
+    (line,) = axes.lines  # what lies below the least is on the axis
+    assert points_of(line) == ([0.1, 5, 20, 40], pytest.approx([80, 70, 10, 0]))
+    assert line.get_label() == "springs, affine"

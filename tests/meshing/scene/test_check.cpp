@@ -75,6 +75,16 @@ TEST(CheckScene, RefusesSmallStrainWhereAPartGoesBeyondIt) {
   EXPECT_EQ(refusal_of(scene), "");
 }
 
+TEST(CheckScene, RefusesASpectralRadiusOfCentralDifferences) {
+  Scene scene = moving_ball();
+  scene.reference.spectral_radius = 0.5;
+  EXPECT_EQ(refusal_of(scene), "");
+  scene.reference.integrator = ReferenceScheme::CentralDifferences;
+  EXPECT_EQ(refusal_of(scene),
+            "a.toml: reference.spectral_radius = 0.5, expected none with reference.integrator = "
+            "central_differences, which has no such parameter");
+}
+
 TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
   EXPECT_EQ(unmodelled_part(ball()), "");
   EXPECT_EQ(unmodelled_part(moving_ball()), "");
@@ -97,6 +107,12 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
   EXPECT_EQ(part_with(ball(), [](Scene& s) { s.reference.inertia_relief = true; }), "");
   EXPECT_EQ(part_with(moving_ball(), [](Scene& s) { s.reference.inertia_relief = true; }),
             "reference.inertia_relief");
+  EXPECT_EQ(part_with(moving_ball(),
+                      [](Scene& s) {
+                        s.reference.integrator = ReferenceScheme::CentralDifferences;
+                        s.material.stiffness_damping = 0.1;
+                      }),
+            "material.stiffness_damping with reference.integrator = central_differences");
   const auto damp_at_finite_strain = [](Scene& s) {
     s.material.law = MaterialLaw::NeoHookean;
     s.material.stiffness_damping = 0.1;

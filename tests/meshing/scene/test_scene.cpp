@@ -466,6 +466,7 @@ std::vector<std::string> others_than(const std::string& value) {
                             all_names<Connectivity>(),
                             all_names<SpringLaw>(),
                             all_names<MaterialLaw>(),
+                        all_names<ReferenceScheme>(),
                             all_names<MassMatrix>(),
                             kWarps,
                             {"x", "some text"}})

@@ -1,0 +1,82 @@
+#include "fem_reference/solid/central_differences.h"
+
+#include <cmath>
+
+#include "meshing/algebra/largest_eigenvalue.h"
+#include "meshing/algebra/subdomains.h"
+#include "meshing/base/random.h"
+
+namespace testbed::fem {
+namespace {
+
+using Eigen::VectorXd;
+
+VectorXd inverse_of_free(const Dynamics& system) {
+  VectorXd inverse = system.M.diagonal().cwiseInverse();
+  inverse(system.held).setZero();
+  return inverse;
+}
+
+}  // namespace
+
+CentralDifferences::CentralDifferences(Dynamics system, double h)
+    : Motion(std::move(system), h), inverse_mass_(inverse_of_free(system_)) {
+  const auto n = system_.M.rows();
+  restart(VectorXd::Zero(n), VectorXd::Zero(n));
+}
+
+/// The acceleration that u_ has without damping, and the velocity that it gives within a time.
+void CentralDifferences::accelerate(double time) {
+  if (system_.forces)
+    system_.forces(u_, f_);
+  else
+    f_ = respond(u_, false).force.reshaped(3, u_.size() / 3);
+  a_.resize(u_.size());
+  meshing::for_each_chunk(f_.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+    const auto first = 3 * begin, m = 3 * (end - begin);
+    auto a = a_.segment(first, m), v = v_.segment(first, m);
+    a = inverse_mass_.segment(first, m).cwiseProduct(system_.load.segment(first, m) -
+                                                     f_.reshaped().segment(first, m));
+    v = (v + time * a) / (1 + time * system_.damping);
+  });
+}
+
+void CentralDifferences::restart(const VectorXd& u, const VectorXd& v) {
+  start_at(u, v);
+  accelerate(0);
+}
+
+bool CentralDifferences::step() {
+  const HeldState held = held_at(t() + h_);
+  // Damping is taken at the mean of the velocities in the middle of two steps.
+  meshing::for_each_chunk(f_.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+    const auto first = 3 * begin, m = 3 * (end - begin);
+    auto u = u_.segment(first, m), v = v_.segment(first, m);
+    v += h_ / 2 * (a_.segment(first, m) - system_.damping * v);
+    u += h_ * v;
+  });
+  u_(system_.held) = held.u;
+  accelerate(h_ / 2);
+  v_(system_.held) = held.v;
+  ++n_steps_;
+  constexpr double kRunaway = 1e30;  // m/s: energies, areas and strains are still numbers
+  return v_.squaredNorm() < kRunaway * kRunaway;
+}
+
+double stable_step(const Dynamics& system) {
+  const VectorXd scale = inverse_of_free(system).cwiseSqrt();
+  const auto n = scale.size() / 3;
+  Random random(1);
+  Eigen::Matrix3Xd start(3, n);
+  for (double& s : start.reshaped()) s = random.uniform() - 0.5;
+  start.reshaped().array() *= (scale.array() > 0).cast<double>();
+  const double largest = meshing::largest_eigenvalue(
+      [&](const Eigen::Matrix3Xd& q) -> Eigen::Matrix3Xd {
+        const VectorXd scaled = scale.cwiseProduct(q.reshaped());
+        return scale.cwiseProduct(system.K * scaled).reshaped(3, n);
+      },
+      start);
+  return 2 / std::sqrt(largest);
+}
+
+}  // namespace testbed::fem

@@ -1,0 +1,148 @@
+"""Bodies of a comparison are drawn whole, in proportion, on one scale, and cut open where they are hollow."""
+
+import numpy as np
+import pytest
+import pyvista as pv
+from PIL import Image
+from synthetic import write_run
+
+from analysis.compare import vertex_areas
+from analysis.drawing.bodies import Body, bodies_of, cut_plane, draw_bodies, has_cavity, scale_of
+from analysis.drawing.pictures import PANEL, floor_of, outline_of, round_length, seen_size, skin_of
+from analysis.runs import load_run
+
+
+def pixels_of(file):
+    return np.asarray(Image.open(file).convert("RGB"), dtype=int)
+
+
+def extent(picture):
+    """Rows and columns (pixels) over which a picture is not white."""
+    covered = (picture < 245).any(axis=2)
+    return np.ptp(covered.any(axis=1).nonzero()[0]), np.ptp(covered.any(axis=0).nonzero()[0])
+
+
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 2, 1), (3, 1, 3)])
+def test_bodies_are_whole_and_in_their_proportions(stretch, ball, tmp_path):
+    X, F = ball[0] * stretch, ball[1]
+    files = [tmp_path / "a.png", tmp_path / "b.png"]
+    draw_bodies(files, [Body(X, F, 0.33 * X), Body(X, F, 0.3 * X)], None, 1)
+    width, height = seen_size(1.33 * X)
+    per_metre = min(0.94 * PANEL[0] / width, 0.94 * PANEL[1] / height)
+    for file, size in zip(files, (1.33, 1.3), strict=True):
+        rows, columns = extent(pixels_of(file))
+        assert rows == pytest.approx(size / 1.33 * height * per_metre, abs=5)
+        assert columns == pytest.approx(size / 1.33 * width * per_metre, abs=5)
+
+
+def test_a_body_that_bursts_does_not_make_the_others_small(ball, tmp_path):
+    X, F = ball
+    files = [tmp_path / "a.png", tmp_path / "b.png"]
+    draw_bodies(files, [Body(X, F, 0.1 * X), Body(X, F, 90 * X)], None, 1)
+    assert min(extent(pixels_of(files[0]))) > 0.3 * PANEL[0]
+
+
+def test_outline_at_rest_is_seen_before_a_body_that_grows(ball, tmp_path):
+    X, F = ball
+    for name, rest in (("with", X), ("without", 1.5 * X)):
+        draw_bodies([tmp_path / f"{name}.png"], [Body(rest, F, 1.5 * X - rest)], None, 1)
+    within = np.abs(pixels_of(tmp_path / "with.png") - pixels_of(tmp_path / "without.png")).max(axis=2) > 30
+    rows, columns = within.nonzero()
+    middle = (PANEL[1] / 2, PANEL[0] / 2)
+    radii = np.hypot(rows - middle[0], columns - middle[1])
+    # Of the circle of radius 1 within that of 1.5, which fills the picture's width.
+    share = radii / (0.94 * PANEL[0] / 2)
+    is_inner = np.abs(share - 1 / 1.5) < 0.03
+    assert is_inner.sum() > 500
+    assert set(np.round(np.arctan2(rows - middle[0], columns - middle[1])[is_inner])) == {
+        -3,
+        -2,
+        -1,
+        0,
+        1,
+        2,
+        3,
+    }
+
+
+def test_outline_of_a_cube_is_its_edges():
+    cube = pv.Cube().triangulate().clean()
+    outline = outline_of(np.array(cube.points, dtype=float), cube.regular_faces)
+    assert outline.n_lines == 12
+
+
+def test_creases_stay_sharp_and_all_else_is_smooth(ball):
+    X, F = ball
+    assert len(skin_of(X, F).ids) == len(X)
+    cube = pv.Cube().triangulate().clean()
+    skin = skin_of(np.array(cube.points, dtype=float), cube.regular_faces)
+    assert len(skin.ids) == 24  # each corner belongs to three sides
+
+
+def runs_of(ball, folder, **more):
+    X, F = ball
+    springs = write_run(folder / "springs", X, F, lambda P: 0.3 * P + [0, 5, 0], n_patches=1)
+    reference = write_run(folder / "reference", X, F, lambda P: 0.2 * P, program="fem_reference")
+    return load_run(springs), load_run(reference)
+
+
+def test_error_is_in_percent_of_the_references_mean_displacement(ball, tmp_path):
+    """The springs' body is shifted, too, which means nothing where it is free."""
+    X, F = ball[0] * [2, 1, 1], ball[1]
+    springs, reference = runs_of((X, F), tmp_path)
+    of_reference, body = bodies_of(springs, reference, 1.0, is_free=True, is_cut=False)
+    length = np.linalg.norm(X, axis=1)
+    np.testing.assert_allclose(of_reference.u, 0.2 * X, atol=1e-6)
+    np.testing.assert_allclose(body.u, 0.3 * X, atol=1e-6)
+    mean = np.sqrt(np.average((0.2 * length) ** 2, weights=vertex_areas(X, F)))
+    np.testing.assert_allclose(body.error, 100 * 0.1 * length / mean, rtol=1e-5)
+    assert body.inside is None
+
+
+def test_cut_moves_with_its_surface(ball, tmp_path):
+    springs, reference = runs_of(ball, tmp_path)
+    for body, stretch in zip(bodies_of(springs, reference, 1.0, True, True), (0.2, 0.3), strict=True):
+        cut = body.inside
+        assert cut.n_points >= 3
+        np.testing.assert_allclose(cut["u"], stretch * cut.points, atol=1e-6)
+        origin, normal = cut_plane(body.X)
+        np.testing.assert_allclose((cut.points - origin) @ normal, 0, atol=1e-6)
+
+
+def test_a_cavity_is_told_from_a_second_body(ball):
+    X, F = ball
+    hollow = np.vstack([X, X / 2]), np.vstack([F, F[:, ::-1] + len(X)])
+    two = np.vstack([X, X + 5]), np.vstack([F, F + len(X)])
+    assert has_cavity(*hollow)
+    assert not has_cavity(*two) and not has_cavity(X, F)
+
+
+@pytest.mark.parametrize(
+    "errors, low, high",
+    [([30.0, 2.0], 1, 100), ([100.0, 1e-9] * 5, 0.01, 100), ([1e-12], 1e-6, 0.01), ([50.0, 50.0], 10, 100)],
+)
+def test_scale_is_of_whole_decades_four_at_most(errors, low, high):
+    scale = scale_of([np.array(errors)])
+    assert (scale.low, scale.high) == pytest.approx((low, high))
+    assert "displacement error" in scale.svg()
+
+
+def test_a_floor_is_where_a_body_is_held_at_its_bottom(ball):
+    X, _ = ball
+    is_low = X[:, 1] < -0.8
+    u = np.where(is_low[:, None], 0.0, [0.1, 0, 0])
+    floor = floor_of(X, u, X)
+    assert floor.height == pytest.approx(-1)
+    assert floor_of(X, u + 0.1, X) is None  # free
+    assert floor_of(X, np.where((X[:, 1] > 0.8)[:, None], 0.0, u + 0.1), X) is None  # hangs
+    assert (
+        floor_of(X, np.where(is_low[:, None], 0.0, [0, -2.0, 0]), X - np.array([0, 2, 0])) is None
+    )  # falls through
+    # Light falls at a slant: a point h above the floor throws its shadow h times as far aside as the sun leans.
+    shadow = floor.shadow_of(np.array([[0.0, 1.0, 0.0]]))
+    assert shadow[0] == pytest.approx([-0.7, -1, -0.5], abs=0.01)
+
+
+@pytest.mark.parametrize("wanted, got", [(1, 1), (1.9, 1), (0.02, 0.02), (7e-4, 5e-4), (340, 200)])
+def test_round_lengths_are_one_two_or_five(wanted, got):
+    assert round_length(wanted) == pytest.approx(got)
