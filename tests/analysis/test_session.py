@@ -130,6 +130,7 @@ def test_plots_show_themselves_in_a_notebook(experiment):
     plots = experiment.plot()
     assert all("<svg" in svg for svg in plots.values())
     assert plots._repr_html_().count("<img") == len(plots) >= 2
+    assert len(repr(plots)) < 1000 and all(caption in repr(plots) for caption in plots)
 
 
 def test_bodies_are_shown_side_by_side_and_the_models_error_is_painted(experiment, tmp_path, monkeypatch):
@@ -198,9 +199,8 @@ def test_package_asks_for_what_the_analysis_imports_and_nothing_that_testbed_doe
             else []
         )
     }
-    packages = {"trame_vtk": "trame-vtk", "vtkmodules": "vtk"}  # of other names than what they hold
-    names = {packages.get(name, name) for name in names}
-    imported = names - set(sys.stdlib_module_names) - {"analysis", "PIL"}  # pillow comes with matplotlib
+    names -= set(sys.stdlib_module_names) | {"analysis", "PIL"}  # pillow comes with matplotlib
+    imported = {"vtk" if name == "vtkmodules" else name.replace("_", "-") for name in names}
     pinned = set(
         re.findall(r"^([\w-]+)==", (ROOT / "analysis" / "requirements.txt").read_text(), re.MULTILINE)
     )
