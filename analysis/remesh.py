@@ -136,8 +136,9 @@ def sentence_of(scene: dict[str, Any], folder: Path) -> str:
     record = json.loads((folder / RECORD).read_text())
     done = Remeshed(**record["done"])
     return (
-        f"Both methods solved a remeshed surface instead of {record['wanted']['surface']}: {done.after['vertices']} vertices, "
-        f"from it at most {significant(done.to_old)}, it from them at most {significant(done.to_new)} (in the file's unit)."
+        f"Both methods solved a remeshed surface of {done.after['vertices']} vertices. It lies at most "
+        f"{significant(done.to_old)} from {record['wanted']['surface']}, and that at most {significant(done.to_new)} "
+        "from it, in the file's unit."
     )
 
 
