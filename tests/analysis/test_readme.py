@@ -10,12 +10,13 @@ import analysis
 from analysis.paths import ROOT
 
 README = (ROOT / "README.md").read_text()
+PYTHON = (ROOT / "analysis" / "PYTHON.md").read_text()
 
 
 def test_notebook_lines_run(ball, tmp_path):
     write_run(tmp_path / "massspring" / "node_averaged", *ball, lambda X: -0.012 * X)
     write_run(tmp_path / "fem_reference", *ball, lambda X: -0.01 * X)
-    code = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
+    code = re.findall(r"```python\n(.*?)```", PYTHON, re.DOTALL)[-1]
     names = {}
     exec(code.replace("out/ball_pressure", str(tmp_path)), names)
     assert names["displacement_error"] is analysis.displacement_error
