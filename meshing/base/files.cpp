@@ -1,5 +1,7 @@
 #include "meshing/base/files.h"
 
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
@@ -17,10 +19,11 @@ std::string read_file(const std::filesystem::path& file) {
 
 void write_file(const std::filesystem::path& file, const std::string& text) {
   const std::filesystem::path temporary = file.string() + ".tmp";
+  errno = 0;
   std::ofstream out(temporary, std::ios::binary);
   out << text;
   out.close();
-  if (!out) throw std::runtime_error(temporary.string() + ": cannot be written");
+  if (!out) throw std::runtime_error(temporary.string() + ": cannot be written: " + std::strerror(errno));
   std::filesystem::rename(temporary, file);
 }
 

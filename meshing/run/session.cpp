@@ -44,7 +44,10 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       is_forced_(options.is_forced),
       is_first_(is_first) {
   if (!is_first) return;
-  std::filesystem::create_directories(out_);
+  std::error_code error;
+  std::filesystem::create_directories(out_, error);
+  if (error)
+    throw std::runtime_error("--out " + out_.string() + ": cannot be made a folder: " + error.message());
   write_file(out_ / "scene.toml", to_toml(this->scene));
 }
 

@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from analysis.paths import PROGRAMS
+from analysis.paths import PROGRAMS, SCENES
 
 SCENE = """
 [surface]
@@ -99,6 +99,16 @@ def test_of_an_error_is_1_and_leaves_no_result(run, tmp_path, program):
         assert done.returncode == 1, done.stderr
     assert run(program, "material.nu=0.7").returncode == 1
     assert not (tmp_path / program / "run.json").exists()
+
+
+@pytest.mark.parametrize("program", BOTH)
+def test_of_a_folder_that_cannot_be_made_is_1_and_the_folder_is_named(tmp_path, program):
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "out"
+    words = [PROGRAMS / program, SCENES / "ball_pressure.toml", "--quiet", "--out", out]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == f"error: --out {out}: cannot be made a folder: Not a directory\n"
 
 
 def test_of_meshings_command_line_is_1_where_it_is_wrong():

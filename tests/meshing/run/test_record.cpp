@@ -12,6 +12,7 @@
 #include <fstream>
 #include <thread>
 
+#include "meshing/base/child_process.h"
 #include "meshing/base/files.h"
 #include "meshing/run/hash.h"
 #include "meshing/run/record.h"
@@ -175,6 +176,23 @@ TEST_F(RecorderTest, ItsFramesAreReadAsTheSurfaceTheyShow) {
   EXPECT_EQ(volume(again.X, again.F), volume(ball.X, ball.F));
   write_file(folder / "broken.vtu", "<VTKFile");
   EXPECT_THROW(read_surface(folder / "broken.vtu"), std::runtime_error);
+}
+
+TEST(WriteFile, SaysWhyAFileCannotBeWritten) {
+  const TemporaryFolder folder;
+  const auto message = [](const std::filesystem::path& file) -> std::string {
+    try {
+      write_file(file, "text");
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const std::string full = (folder.path() / "full").string(), lost = (folder.path() / "none/lost").string();
+  std::filesystem::create_symlink("/dev/full", full + ".tmp");
+  EXPECT_EQ(message(full), full + ".tmp: cannot be written: No space left on device");
+  EXPECT_EQ(message(lost), lost + ".tmp: cannot be written: No such file or directory");
+  EXPECT_FALSE(std::filesystem::exists(full));
 }
 
 TEST(Hash, DependsOnEveryByte) {
