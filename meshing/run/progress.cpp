@@ -41,7 +41,7 @@ void Progress::stage(const std::string& name) {
 }
 
 void Progress::update(double fraction) {
-  constexpr double kTerminalPause = 0.2, kPlainPause = 30;
+  constexpr double kTerminalPause = 0.2, kPlainPause = 5;
   const auto now = Clock::now();
   if (is_quiet_ || fraction <= 0 || seconds(now - shown_) < (is_terminal_ ? kTerminalPause : kPlainPause))
     return;
