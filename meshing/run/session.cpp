@@ -1,5 +1,6 @@
 #include "meshing/run/session.h"
 
+#include <ctime>
 #include <iostream>
 
 #include "meshing/base/files.h"
@@ -42,6 +43,7 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       out_(options.out),
       is_forced_(options.is_forced),
       is_first_(is_first) {
+  timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
   if (!is_first) return;
   std::filesystem::create_directories(out_);
   write_file(out_ / "scene.toml", to_toml(this->scene));
