@@ -72,7 +72,7 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
     if "no_reference" in comparison:
         return (_table_alone(comparison["models"]),)
     reference, models = comparison["reference"], comparison["models"]
-    stages = ["mesh", "setup", "assemble", "solve", "output"]
+    stages = ["start-up", "mesh", "setup", "assemble", "solve", "output"]
     unit, size_of_unit = unit_of_length(reference["largest_displacement"])
 
     def times(seconds: dict[str, float]) -> list[str]:

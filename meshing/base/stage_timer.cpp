@@ -10,15 +10,17 @@ void StageTimer::start(const std::string& stage) {
 
 void StageTimer::stop() {
   if (current_.empty()) return;
-  const double seconds = std::chrono::duration<double>(Clock::now() - since_).count();
+  add(current_, std::chrono::duration<double>(Clock::now() - since_).count());
+  current_.clear();
+}
+
+void StageTimer::add(const std::string& stage, double seconds) {
   for (auto& [name, total] : stages_)
-    if (name == current_) {
+    if (name == stage) {
       total += seconds;
-      current_.clear();
       return;
     }
-  stages_.emplace_back(current_, seconds);
-  current_.clear();
+  stages_.emplace_back(stage, seconds);
 }
 
 }  // namespace testbed::meshing

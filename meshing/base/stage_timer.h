@@ -15,6 +15,7 @@ class StageTimer {
  public:
   void start(const std::string& stage);  ///< ends the stage before it
   void stop();
+  void add(const std::string& stage, double seconds);  ///< that were measured otherwise
   const std::vector<std::pair<std::string, double>>& seconds() const { return stages_; }
 
  private:

@@ -1,5 +1,6 @@
 #include "meshing/run/session.h"
 
+#include <ctime>
 #include <iostream>
 
 #include "meshing/base/files.h"
@@ -43,6 +44,7 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       out_(options.out),
       is_forced_(options.is_forced),
       is_first_(is_first) {
+  timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
   if (!is_first) return;
   std::error_code error;
   std::filesystem::create_directories(out_, error);

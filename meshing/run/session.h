@@ -29,7 +29,8 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
 
 class Session {
  public:
-  /// Writes the scene with all its keys to the output folder.
+  /// Writes the scene with all its keys to the output folder. The stage "start-up" is the CPU time so far:
+  /// what loading libraries costs, which the clock of the first stage has not seen.
   /// @param is_first  of the processes that solve it together: it alone writes and speaks
   Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first = true);
 

@@ -23,5 +23,14 @@ TEST(StageTimer, AddsUpStagesThatRunTwice) {
   EXPECT_GE(seconds[1].second, kPause);
 }
 
+TEST(StageTimer, AddsWhatWasMeasuredOtherwise) {
+  StageTimer timer;
+  timer.add("start-up", 0.25);
+  timer.add("mesh", 1);
+  timer.add("start-up", 0.5);
+  const std::vector<std::pair<std::string, double>> expected{{"start-up", 0.75}, {"mesh", 1}};
+  EXPECT_EQ(timer.seconds(), expected);
+}
+
 }  // namespace
 }  // namespace testbed::meshing
