@@ -237,9 +237,9 @@ TEST(Scene, LawIsThatOfSmallStrainUnlessAPartGoesBeyondIt) {
 }
 
 TEST(Scene, ShippedScenesHaveTheLawOfTheirStrain) {
-  const std::set<std::string> large{"ball_deflates", "ball_inflates",  "bar_bend",
-                                    "handle_folds",  "head_crushes",   "inflate",
-                                    "squash",        "torus_implodes", "hollow_ball_inflates"};
+  const std::set<std::string> large{
+      "ball_deflates", "ball_inflates", "bar_bend",       "handle_folds",   "head_crushes",
+      "inflate",       "squash",        "torus_implodes", "torus_inflates", "hollow_ball_inflates"};
   for (const auto& entry : fs::directory_iterator(SCENE_FOLDER)) {
     if (entry.path().extension() != ".toml") continue;
     const bool is_large = *read_scene(entry.path()).material.law == MaterialLaw::NeoHookean;
@@ -476,7 +476,7 @@ std::vector<std::string> others_than(const std::string& value) {
                             all_names<Connectivity>(),
                             all_names<SpringLaw>(),
                             all_names<MaterialLaw>(),
-                        all_names<ReferenceScheme>(),
+                            all_names<ReferenceScheme>(),
                             all_names<MassMatrix>(),
                             all_names<UpAxis>(),
                             all_names<LengthUnit>(),
