@@ -212,6 +212,7 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
   springs.volume.conservativeResize(n_before + n_new);
   springs.lambda.conservativeResize(n_before + n_new);
+  springs.lambda.tail(n_new).setZero();
 
   const Occurrences in_patch = occurrences(patches.reshaped(), n_new);
   std::vector<int> order = order_of_patches(X, T, patches, in_patch);
@@ -257,7 +258,8 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
     springs.b.middleCols(begin, n) /= volume;
     springs.weight.segment(begin, n) /= volume;
     springs.volume[n_before + q] = volume;
-    springs.lambda[n_before + q] = lambda + whole * whole_volume / volume;
+    if (volume > 0)  // a node may belong to no tetrahedron
+      springs.lambda[n_before + q] = lambda + whole * whole_volume / volume;
   }
 }
 

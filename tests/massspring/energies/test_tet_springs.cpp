@@ -270,6 +270,19 @@ TEST(TetSprings, EnergyIsThatOfSquaredLengthsAmongThePatch) {
   }
 }
 
+TEST(CoupleSprings, ANodeOfNoTetrahedronHasNoEnergy) {
+  const TetMesh mesh = box_tets(2, 1, 1, 1, 0.2);
+  TetMesh lonely = mesh;
+  const int node = 1;  // between others, so that its patch is empty
+  lonely.X.resize(3, mesh.X.cols() + 1);
+  lonely.X << mesh.X.leftCols(node), Eigen::Vector3d(5, 5, 5), mesh.X.rightCols(mesh.X.cols() - node);
+  for (int& i : lonely.T.reshaped()) i += i >= node;
+  const auto energy_of = [](const TetMesh& body) {
+    return energy(couple_springs(body.X, body.T, kSoft, kNodeAveraged), 1.1 * body.X);
+  };
+  EXPECT_NEAR(energy_of(lonely), energy_of(mesh), kRounding * energy_of(mesh));
+}
+
 TEST(CoupleSprings, AveragedGradientsByBruteForce) {
   const TetMesh mesh = box_tets(4, 2, 1, 1, 0.2);
   const Blend blend{0, 0.6, 0.4};
