@@ -170,7 +170,7 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
         limits.append(
             f"{listed(mechanisms)} {_verb(mechanisms, 'is a mechanism', 'are mechanisms')}, whose error another load may change."
         )
-    limits.append("Seconds are of single runs of solvers that are not tuned alike.")
+    limits.append("Seconds are of single runs, whose errors differ.")
     return limits
 
 

@@ -157,7 +157,7 @@ def test_conclusion_names_models_to_use_and_not_to_use_and_the_seconds_saved():
     assert fourth == "node_averaged took 2 s and the finite elements 6 s: it saves 4 s."
     assert rest == [
         "The finite elements' own error of some 1.5 % limits this.",
-        "Seconds are of single runs of solvers that are not tuned alike.",
+        "Seconds are of single runs, whose errors differ.",
     ]
     sure = conclusion(comparison_of(models, estimated_error_l2=1e-14))
     assert sure[0] == "Use node_averaged (1 %) or edge_coupled (4 %) here, not affine (30 %)."

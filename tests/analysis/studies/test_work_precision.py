@@ -260,7 +260,11 @@ LARGE = {
     "hollow_ball_inflates",
     "inflate",
 }
-LARGE |= {"squash", "torus_implodes", "torus_inflates"}  # as the solvers have it, ShippedScenesHaveTheLawOfTheirStrain
+LARGE |= {
+    "squash",
+    "torus_implodes",
+    "torus_inflates",
+}  # as the solvers have it, ShippedScenesHaveTheLawOfTheirStrain
 
 
 def test_scenes_are_linear_where_the_solvers_take_small_strain():
