@@ -54,7 +54,6 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     scene.add_argument(
         "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl .vtp .vtu)"
     )
-
     scene.add_argument(
         "--up", choices=["y", "z"], help="axis of the surface that points up: z is turned to y"
     )
@@ -89,7 +88,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "remesh", [],
         "Makes an even, closed surface of any triangles (CAD, scans, soups), whose parts it unites, and tells how far it "
         "lies from them.",
-        "example:\n  ./testbed remesh plate.stl plate.off --edge 2 --tolerance 0.1\n",
+        _REMESH_EXAMPLES,
     )  # fmt: skip
     new.add_argument("surface", type=Path, metavar="IN", help="triangles (.obj .off .ply .stl .vtp .vtu)")
     new.add_argument("out", type=Path, metavar="OUT", help="file to write (.obj or .off)")
