@@ -9,7 +9,8 @@ alone, none of it the surface's distance from a smooth shape. How far that refer
 its own refinements. The error of the change of volume stands beside it.
 
 A network of springs on random nodes is one of many: a figure is the median of ten seeds with its range, of coupled springs of
-three. Elements are run as often as these, with nothing random. Static solves of both programs take one load step, shortened
+three. Networks take no more vertices than the scene, as their error does not fall. Elements are run as often as coupled
+springs, with nothing random. Static solves of both programs take one load step, shortened
 by both where it fails, and stop at one residual: 1e-4 of load plus internal forces at small strain, 1e-6 at large. A table
 tells how much a hundredth of these would change each error.
 
@@ -219,7 +220,8 @@ class SceneStudy:
 
     def _ladder(self, method: Method) -> list[Rung]:
         if not is_dynamic(self.scene):
-            return [Rung(factor) for factor in self.effort.factors]
+            finest = 1.0 if method.model in _NETWORKS else max(self.effort.factors)
+            return [Rung(factor) for factor in self.effort.factors if factor <= finest]
         return [Rung(size, step) for size in self.effort.sizes for step in method.steps or self.effort.steps]
 
     @property
