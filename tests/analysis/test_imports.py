@@ -55,7 +55,7 @@ ALLOWED = {
     "scene": {"paths", "runs"},
     "tables": {"compare", "comparison", "drawing", "exhibits", "methods", "report", "runs"},
     "foreign": {"runs"},
-    "pair": {"compare", "drawing", "foreign", "paths", "report", "runs", "wording"},
+    "pair": {"compare", "drawing", "foreign", "methods", "paths", "report", "runs", "wording"},
     "session": {"experiment", "grid", "paths", "runs", "scene"},
     "grid": {
         "compare",
