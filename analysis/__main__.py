@@ -7,7 +7,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from . import grid, pair, remesh
+from . import grid, pair, remesh, reproduce
 from .experiment import default_folder, run_solvers, surface_file, surface_overrides
 from .index import write_index
 from .paths import OUT, SCENES
@@ -129,6 +129,16 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     compare.add_argument("model", type=Path, metavar="A", help="the model")
     compare.add_argument("reference", type=Path, metavar="B", help="the reference")
     compare.add_argument("--out", type=Path, metavar="DIR", help="default: out/compare/A-B")
+    again = add(
+        "reproduce", [],
+        "Makes published tables and figures again and shows what differs from the stored ones, by analysis/manifest.toml. "
+        "What is finished is not run again; the exit status is 1 where anything differs.",
+        "example:\n  ./testbed reproduce readme statics\n",
+    )  # fmt: skip
+    again.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"of: {', '.join(reproduce.entries())}; default: all"
+    )
+    again.add_argument("--write", action="store_true", help="write tables and figures anew")
     study.add_arguments(
         add(
             "study",
@@ -161,7 +171,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main}
+_COMMANDS = {
+    "run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main,
+    "reproduce": reproduce.main,
+}  # fmt: skip
 
 
 def main() -> int:

@@ -68,6 +68,7 @@ ALLOWED = {
         "verdict",
         "wording",
     },
+    "reproduce": {"comparison", "experiment", "machine", "paths", "points", "runs", "wording"},
     "studies": {
         "compare",
         "drawing",
@@ -91,6 +92,7 @@ ALLOWED = {
         "paths",
         "remesh",
         "report",
+        "reproduce",
         "results",
         "runs",
         "studies",
