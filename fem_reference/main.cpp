@@ -95,7 +95,7 @@ void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann
   for (const HeldComponent& h : solid.held()) held.push_back(3 * h.node + h.component);
   const Modes modes = natural_modes(solid.stiffness(), solid.mass(mass), held, n);
   record["natural_frequencies"] = std::vector<double>(modes.frequency.begin(), modes.frequency.end());
-  record["n_rigid_modes"] = modes.n_rigid;
+  record["n_zero_frequencies"] = modes.n_rigid;
 }
 
 ExitStatus run(const Arguments& arguments) {

@@ -98,12 +98,9 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
 /// What decides how long a scene takes, for who plans its runs.
 nlohmann::ordered_json extent_of(const Scene& scene, const SurfaceMesh& surface) {
   const TimeOptions& time = scene.time;
-  nlohmann::ordered_json extent{{"n_vertices", surface.X.cols()},
-                                {"models", models_of(scene)},
-                                {"degree", scene.reference.degree},
-                                {"refine", scene.reference.refine},
-                                {"law", name_of(law_of(scene))},
-                                {"mode", name_of(time.mode)}};
+  nlohmann::ordered_json extent{{"n_vertices", surface.X.cols()},   {"models", models_of(scene)},
+                                {"degree", scene.reference.degree}, {"refine", scene.reference.refine},
+                                {"law", name_of(law_of(scene))},    {"mode", name_of(time.mode)}};
   if (time.mode == TimeMode::Dynamic && time.step > 0) extent["n_steps"] = std::lround(time.end / time.step);
   return extent;
 }
@@ -152,9 +149,10 @@ ExitStatus run(const Arguments& arguments) {
   describe(simulation, scene, session.record);
   if (!arguments.is_undiagnosed) add_diagnostics(model, session);
   if (arguments.n_frequencies > 0) {
-    const Eigen::VectorXd found =
+    const auto [frequency, n_zero] =
         natural_frequencies(model, simulation.forces().constraints, arguments.n_frequencies);
-    session.record["natural_frequencies"] = std::vector<double>(found.begin(), found.end());
+    session.record["natural_frequencies"] = std::vector<double>(frequency.begin(), frequency.end());
+    session.record["n_zero_frequencies"] = n_zero;
   }
   take_steps(simulation, session);
   report(simulation, scene, session.record);

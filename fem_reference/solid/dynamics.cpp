@@ -1,13 +1,12 @@
 #include "fem_reference/solid/dynamics.h"
 
-#include <Spectra/MatOp/SparseSymMatProd.h>
-#include <Spectra/SymGEigsShiftSolver.h>
-
 #include <Eigen/CholmodSupport>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "meshing/algebra/lowest_modes.h"
 
 namespace testbed::fem {
 namespace {
@@ -25,25 +24,6 @@ bool factorise(const Sparse& A, Cholesky& factor) {
 [[noreturn]] void refuse_indefinite() {
   throw std::runtime_error("the matrix is not positive definite, expected sound tetrahedra and mass");
 }
-
-/// (K - sigma M)^-1 as Spectra asks for it.
-class ShiftInvert {
- public:
-  using Scalar = double;
-  ShiftInvert(const Sparse& K, const Sparse& M) : K_(K), M_(M) {}
-  Eigen::Index rows() const { return K_.rows(); }
-  Eigen::Index cols() const { return K_.cols(); }
-  void set_shift(double sigma) {
-    if (!factorise(K_ - sigma * M_, factor_)) refuse_indefinite();
-  }
-  void perform_op(const double* x, double* y) const {
-    Eigen::Map<Eigen::VectorXd>(y, rows()) = factor_.solve(Eigen::Map<const Eigen::VectorXd>(x, rows()));
-  }
-
- private:
-  const Sparse &K_, &M_;
-  Cholesky factor_;
-};
 
 /// Rows and columns `keep` of A.
 Sparse restricted(const Sparse& A, const std::vector<int>& keep) {
@@ -75,28 +55,19 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
   const std::vector<int> free = all_but(held, stiffness.rows());
   const Sparse K = restricted(stiffness, free), M = restricted(full_mass, free);
   // Far below the first elastic eigenvalue, far above rounding.
-  constexpr double kShift = 1e-8, kZero = 1e-6;
+  constexpr double kShift = 1e-8, kZero = 1e-12;
   const double highest = (K.diagonal().array() / M.diagonal().array()).maxCoeff();
-  ShiftInvert inverse(K, M);
-  Spectra::SparseSymMatProd<double> mass(M);
-  const int n_krylov = std::min<int>(static_cast<int>(K.rows()), std::max(2 * n + 10, 30));
-  Spectra::SymGEigsShiftSolver<ShiftInvert, Spectra::SparseSymMatProd<double>,
-                               Spectra::GEigsMode::ShiftInvert>
-      solver(inverse, mass, n, n_krylov, -kShift * highest);
-  solver.init();
-  solver.compute(Spectra::SortRule::LargestMagn, 1000, 1e-10, Spectra::SortRule::SmallestAlge);
-  if (solver.info() != Spectra::CompInfo::Successful)
-    throw std::runtime_error("natural frequencies: the Lanczos iteration has not converged");
-  const Eigen::VectorXd squared = solver.eigenvalues();
-  Modes modes{Eigen::VectorXd::Zero(n), Eigen::MatrixXd::Zero(stiffness.rows(), n), 0};
-  modes.shape(free, Eigen::all) = solver.eigenvectors();
-  for (int k = 0; k < n; ++k) {
-    if (squared(k) < kZero * kShift * highest + 1e-6 * squared(n - 1)) {
-      ++modes.n_rigid;
-    } else {
-      modes.frequency(k) = std::sqrt(squared(k)) / (2 * M_PI);
-    }
-  }
+  Cholesky factor;
+  if (!factorise(K + kShift * highest * M, factor)) refuse_indefinite();
+  using Eigen::MatrixXd;
+  const LowestModes found =
+      lowest_modes({[&](const MatrixXd& x) -> MatrixXd { return K * x; },
+                    [&](const MatrixXd& x) -> MatrixXd { return M * x; },
+                    [&](const MatrixXd& x) -> MatrixXd { return factor.solve(x); }, K.rows(), kZero* highest},
+                   n);
+  Modes modes{found.eigenvalue.cwiseSqrt() / (2 * M_PI), MatrixXd::Zero(stiffness.rows(), found.shape.cols()),
+              found.n_zero};
+  modes.shape(free, Eigen::all) = found.shape;
   return modes;
 }
 

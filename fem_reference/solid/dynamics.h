@@ -13,14 +13,13 @@ namespace testbed::fem {
 
 /// The lowest undamped modes, K x = w^2 M x.
 struct Modes {
-  Eigen::VectorXd frequency;  ///< Hz, ascending; 0 for rigid motions
+  Eigen::VectorXd frequency;  ///< Hz, ascending, of vibrations
   Eigen::MatrixXd shape;      ///< a column each, M-orthonormal (1/sqrt(kg))
-  int n_rigid = 0;            ///< how many of them are rigid motions
+  int n_rigid = 0;            ///< motions without energy besides
 };
 
-/// The n lowest modes by Lanczos iteration on (K + s M)^-1, s > 0 small,
-/// so that free bodies are no exception. K may be singular, M must be
-/// positive definite; the unknowns `held` (ascending) stay where they are.
+/// The n lowest vibrations by lowest_modes, fewer where there are no more. K may be singular, as that of a free
+/// body, M must be positive definite; the unknowns `held` (ascending) stay where they are.
 /// @throws std::runtime_error when it does not converge.
 Modes natural_modes(const Eigen::SparseMatrix<double>& K, const Eigen::SparseMatrix<double>& M,
                     const std::vector<int>& held, int n);

@@ -72,9 +72,8 @@ void Simulation::set_in_motion() {
   n_held_ = held.size();
   for (const auto& [unknown, k] : held) system.held.push_back(unknown);
   if (scene_.material.damping_ratio > 0) {
-    constexpr int kOneVibration = 7;  // behind at most six rigid motions
-    const Modes modes = natural_modes(system.K, system.M, system.held, kOneVibration);
-    system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[modes.n_rigid];
+    const Modes modes = natural_modes(system.K, system.M, system.held, 1);
+    system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[0];
   }
   damping_ = system.damping;
   system.held_motion = motion_of(held);

@@ -1,67 +1,36 @@
 #include "massspring/statics/frequencies.h"
 
-#include <Spectra/SymGEigsShiftSolver.h>
-
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
 #include "meshing/algebra/cholesky.h"
+#include "meshing/algebra/lowest_modes.h"
 
 namespace testbed::massspring {
 namespace {
 
 using Eigen::Matrix3Xd;
-using NodeVectors = Eigen::Map<const Matrix3Xd>;
+using Eigen::MatrixXd;
 
-/// (K + s M)^-1 on the free directions, as Spectra asks for it.
-class Inverse {
- public:
-  using Scalar = double;
-  Inverse(const BlockCholesky& factor, int n_nodes, const std::vector<Constraint>& constraints)
-      : factor_(factor), n_nodes_(n_nodes), constraints_(constraints) {}
-  Eigen::Index rows() const { return 3 * n_nodes_; }
-  Eigen::Index cols() const { return rows(); }
-  void set_shift(double) {}  // in the factor already
-  void perform_op(const double* x, double* y) const {
-    Matrix3Xd b = NodeVectors(x, 3, n_nodes_), solution;
-    filter(constraints_, b);
-    factor_.solve(b, solution);
-    filter(constraints_, solution);
-    Eigen::Map<Matrix3Xd>(y, 3, n_nodes_) = solution;
-  }
-
- private:
-  const BlockCholesky& factor_;
-  int n_nodes_;
-  const std::vector<Constraint>& constraints_;
-};
-
-/// M, likewise.
-class Mass {
- public:
-  using Scalar = double;
-  explicit Mass(const MassSpringModel& model) : model_(model) {}
-  Eigen::Index rows() const { return 3 * model_.mass.size(); }
-  Eigen::Index cols() const { return rows(); }
-  void perform_op(const double* x, double* y) const {
-    Eigen::Map<Matrix3Xd>(y, 3, model_.mass.size()) = momenta(model_, NodeVectors(x, 3, model_.mass.size()));
-  }
-
- private:
-  const MassSpringModel& model_;
-};
+/// `apply` to every column, as a field of nodes.
+template <class Apply>
+MatrixXd to_each(const MatrixXd& x, const Apply& apply) {
+  MatrixXd y(x.rows(), x.cols());
+  for (Eigen::Index k = 0; k < x.cols(); ++k)
+    y.col(k) = Matrix3Xd(apply(Matrix3Xd(x.col(k).reshaped(3, x.rows() / 3)))).reshaped();
+  return y;
+}
 
 }  // namespace
 
-Eigen::VectorXd natural_frequencies(const MassSpringModel& model, const std::vector<Constraint>& constraints,
-                                    int n) {
-  constexpr double kShift = 1e-8;  // of the highest eigenvalue: far below the first elastic one
-  constexpr double kZero = 1e-6;   // of the last eigenvalue found
-  constexpr double kTolerance = 1e-10;
-  constexpr int kMaxRestarts = 1000;
+NaturalFrequencies natural_frequencies(const MassSpringModel& model,
+                                       const std::vector<Constraint>& constraints, int n) {
+  // Of the highest eigenvalue: far below the first elastic one, far above rounding.
+  constexpr double kShift = 1e-8, kZero = 1e-12;
   BlockMatrix K = stiffness_pattern(model);
   add_stiffness(model, initial_state(model), K);
+  const BlockMatrix stiffness = K;
   double highest = 0;
   for (int i = 0; i < K.rows(); ++i)
     highest = std::max(highest, K.block[K.diagonal[i]].trace() / model.mass(i));
@@ -72,29 +41,32 @@ Eigen::VectorXd natural_frequencies(const MassSpringModel& model, const std::vec
   const BlockCholesky factor(K);
   if (!factor.is_ok())
     throw std::runtime_error("the stiffness has no Cholesky factor, expected a positive definite model");
-  Inverse inverse(factor, K.rows(), constraints);
-  Mass mass(model);
-  const int n_krylov = std::min<int>(static_cast<int>(inverse.rows()), std::max(2 * n + 10, 30));
-  Spectra::SymGEigsShiftSolver<Inverse, Mass, Spectra::GEigsMode::ShiftInvert> solver(inverse, mass, n,
-                                                                                      n_krylov, -shift);
-  solver.init();
-  solver.compute(Spectra::SortRule::LargestMagn, kMaxRestarts, kTolerance, Spectra::SortRule::SmallestAlge);
-  if (solver.info() != Spectra::CompInfo::Successful)
-    throw std::runtime_error("natural frequencies: the Lanczos iteration has not converged");
-  const Eigen::VectorXd squared = solver.eigenvalues();
-  Eigen::VectorXd frequencies = Eigen::VectorXd::Zero(n);
-  for (int k = 0; k < n; ++k)
-    if (squared(k) > kZero * squared(n - 1)) frequencies(k) = std::sqrt(squared(k)) / (2 * M_PI);
-  return frequencies;
+  const auto filtered = [&](Matrix3Xd x) {
+    filter(constraints, x);
+    return x;
+  };
+  const LowestModes modes = lowest_modes(
+      {[&](const MatrixXd& x) {
+         return to_each(x, [&](const Matrix3Xd& u) {
+           Matrix3Xd f;
+           multiply(stiffness, u, f);
+           return f;
+         });
+       },
+       [&](const MatrixXd& x) { return to_each(x, [&](const Matrix3Xd& v) { return momenta(model, v); }); },
+       [&](const MatrixXd& x) { return to_each(factor.solve_columns(to_each(x, filtered)), filtered); },
+       3 * stiffness.rows(), kZero * highest},
+      n);
+  return {modes.eigenvalue.cwiseSqrt() / (2 * M_PI), modes.n_zero};
 }
 
 double damping_of_ratio(const MassSpringModel& model, const std::vector<Constraint>& constraints,
                         double ratio) {
-  constexpr int kTried = 24;
-  for (double f : natural_frequencies(model, constraints, kTried))
-    if (f > 0) return 2 * ratio * 2 * M_PI * f;
-  throw std::runtime_error("material.damping_ratio = " + std::to_string(ratio) + ": the lowest " +
-                           std::to_string(kTried) + " motions cost no energy, expected a vibration");
+  const NaturalFrequencies found = natural_frequencies(model, constraints, 1);
+  if (found.frequency.size() == 0)
+    throw std::runtime_error("material.damping_ratio = " + std::to_string(ratio) +
+                             ": no motion costs energy, expected a vibration");
+  return 2 * ratio * 2 * M_PI * found.frequency(0);
 }
 
 }  // namespace testbed::massspring

@@ -183,19 +183,18 @@ TEST(ThickPlate, VibratesAsExactElasticity) {
 // refinement, as elasticity has no displacement under a line force. Mode 8 moves in the plane.
 TEST(ThickPlate, VibratesInItsPlaneAsNafemsFv52) {
   const Eigen::VectorXd f = ThickPlate(8).frequencies(
-      8, [](const Vector3d& x, int c) { return c == 2 && x(2) == 0 && (is_edge(x(0)) || is_edge(x(1))); });
-  EXPECT_EQ(f(2), 0);  // it slides and turns
-  EXPECT_NEAR(f(7) / 193.59, 1, 0.01);
+      5, [](const Vector3d& x, int c) { return c == 2 && x(2) == 0 && (is_edge(x(0)) || is_edge(x(1))); });
+  EXPECT_NEAR(f(4) / 193.59, 1, 0.01);
 }
 
 // Held over its edge faces instead. Only the first is further from the benchmark's closed form, of a plate
 // whose edges cannot twist: solid elements elsewhere have 0.976 of it (OptiStruct OS-V 0455).
 TEST(ThickPlate, VibratesAsNafemsFv52) {
   const Eigen::VectorXd f = ThickPlate(8).frequencies(
-      10, [](const Vector3d& x, int c) { return c == 2 && (is_edge(x(0)) || is_edge(x(1))); });
-  EXPECT_NEAR(f(3) / 45.897, 0.976, 0.01);
+      7, [](const Vector3d& x, int c) { return c == 2 && (is_edge(x(0)) || is_edge(x(1))); });
+  EXPECT_NEAR(f(0) / 45.897, 0.976, 0.01);
   const double nafems[] = {109.44, 109.44, 167.89, 193.59, 206.19, 206.19};
-  for (int mode = 0; mode < 6; ++mode) EXPECT_NEAR(f(4 + mode) / nafems[mode], 1, 0.01) << mode;
+  for (int mode = 0; mode < 6; ++mode) EXPECT_NEAR(f(1 + mode) / nafems[mode], 1, 0.01) << mode;
 }
 
 }  // namespace

@@ -59,13 +59,13 @@ TEST(NaturalModes, SatisfyTheirEquation) {
   }
 }
 
-TEST(NaturalModes, OfAFreeBodyBeginWithSixRigidMotions) {
+TEST(NaturalModes, OfAFreeBodyLieBesideSixRigidMotions) {
   const Bar bar;
   const Dynamics s = bar.system();
   const Modes modes = natural_modes(s.K, s.M, {}, 8);
   EXPECT_EQ(modes.n_rigid, 6);
-  EXPECT_EQ(modes.frequency(5), 0);
-  EXPECT_GT(modes.frequency(6), 0);
+  ASSERT_EQ(modes.frequency.size(), 8);
+  EXPECT_GT(modes.frequency(0), 0);
 }
 
 /// Largest distance from the exact motion of the first mode over two periods, damped to `damping` of what is

@@ -46,9 +46,9 @@ TEST(Ball, VibratesAsLambSays) {
   for (int n : {162, 642}) {
     ElasticSolid solid(tetrahedralize(make_shape("ball", n, {2, 2, 2})), 2);
     solid.assemble(material, ElasticLaw::SmallStrain, {}, {});
-    const Modes modes = natural_modes(solid.stiffness(), solid.mass(), {}, 16);
+    const Modes modes = natural_modes(solid.stiffness(), solid.mass(), {}, 10);
     ASSERT_EQ(modes.n_rigid, 6);
-    f.push_back({mean_of_five(modes, 6), mean_of_five(modes, 11)});
+    f.push_back({mean_of_five(modes, 0), mean_of_five(modes, 5)});
   }
   const auto [torsional, spheroidal] = lamb(material);
   const Eigen::Array2d exact(torsional, spheroidal), extrapolated = (4 * f[1] - f[0]) / 3;
