@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -104,9 +105,11 @@ def _is_closed(surface: pv.PolyData) -> bool:
 
 def _even(surface: pv.PolyData, n: int) -> pv.PolyData:
     """Triangles of about equal size on n vertices [Valette & Chassery 2004]."""
-    clusters = pyacvd.Clustering(_cut(surface, np.sqrt(surface.area / n) / 3))
-    clusters.cluster(n)
-    return _normalised(clusters.create_mesh())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what it takes from pyvista
+        clusters = pyacvd.Clustering(_cut(surface, np.sqrt(surface.area / n) / 3))
+        clusters.cluster(n)
+        return _normalised(clusters.create_mesh())
 
 
 def moments(X: Array, F: Array) -> tuple[float, Array, Array]:
