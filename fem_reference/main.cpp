@@ -128,7 +128,7 @@ ExitStatus run(const Arguments& arguments) {
   // The surface as it was given, refined or not, so that every run of it can be compared vertex by vertex.
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
   const ElasticSolid& solid = simulation.solid();
-  session.open(solid.X(), {{5, session.surface.F}, {vtk_type, solid.cells()}}, processes().n_threads);
+  session.open(simulation.X(), {{5, session.surface.F}, {vtk_type, solid.cells()}}, processes().n_threads);
   session.record.update(to_json(attempts));
   session.record["tetrahedra"] = to_json(tet_quality(mesh.X, mesh.T));
   describe(simulation, scene, session.record);

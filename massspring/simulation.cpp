@@ -1,6 +1,7 @@
 #include "massspring/simulation.h"
 
 #include <algorithm>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 
@@ -10,7 +11,6 @@
 #include "massspring/time/implicit_stage.h"
 #include "meshing/base/geometry.h"
 #include "meshing/scene/initial_motion.h"
-#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -20,10 +20,12 @@ namespace {
 MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const double share = scene.network.link_share;
+  const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F};
   std::vector<int> held;
-  for (const auto& [vertices, support] :
-       discretise(scene, {network.X.leftCols(network.n_surface), network.F}).held)
+  for (const Support& support : scene.supports) {
+    const std::vector<int> vertices = vertices_in(support.region, surface);
     held.insert(held.end(), vertices.begin(), vertices.end());
+  }
   MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share, held)
                                     : calibrate(network, scene.material, calibration, held);
   const bool is_explicit_run =
@@ -52,10 +54,18 @@ std::vector<int> driven_nodes(const std::vector<Constraint>& constraints) {
   return driven;
 }
 
+std::ptrdiff_t n_holding_at(const Scene& scene, double t) {
+  return std::count_if(scene.supports.begin(), scene.supports.end(),
+                       [t](const Support& support) { return holds_at(support, t); });
+}
+
 }  // namespace
 
 Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
-    : scene_(scene), model_(model_of(scene, network)), forces_(forces_of(scene, model_)) {
+    : scene_(scene),
+      model_(model_of(scene, network)),
+      forces_(forces_of(scene, model_)),
+      n_holding_(n_holding_at(scene, 0)) {
   const TetMesh& nodes = model_.network;
   contacts_ = contacts_of(scene, {nodes.X.leftCols(nodes.n_surface), nodes.F});
   if (model_.spread_mass) lump(driven_nodes(forces_.constraints), *model_.spread_mass);
@@ -66,7 +76,9 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   const TimeOptions& time = scene.time;
   if (law_of(scene) == MaterialLaw::SmallStrain) {
     // Statics hold floppy motions. In motion, linear forces would let them drift without bound.
-    const int n_floppy = time.mode == TimeMode::Dynamic ? n_floppy_motions(model_, forces_.constraints) : 0;
+    constexpr double kForever = std::numeric_limits<double>::infinity();
+    const int n_floppy =
+        time.mode == TimeMode::Dynamic ? n_floppy_motions(model_, constraints_of(scene, nodes, kForever)) : 0;
     if (n_floppy == 0)
       linearise(model_);
     else
@@ -89,16 +101,15 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
     step_ =
         integrator.is_explicit ? kSafety * stable_step(model_, forces_, state_) : time.end / kDefaultSteps;
   report_.n_steps = meshing::n_steps(time, step_);
-  IntegratorOptions options;
-  options.gradients = {time.volume_gradient, time.bend_gradient};
-  options.linear_solver = time.linear_solver;
-  options.tolerance = time.tolerance;
-  options.sleep_below = time.sleep_below;
-  stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options, contacts_);
+  options_.gradients = {time.volume_gradient, time.bend_gradient};
+  options_.linear_solver = time.linear_solver;
+  options_.tolerance = time.tolerance;
+  options_.sleep_below = time.sleep_below;
+  stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options_, contacts_);
   if (model_.linear && !integrator.is_explicit)
     report_.tolerance = ConstantMatrix::kTolerance;
   else if (integrator.is_linearised)
-    report_.tolerance = options.linear_tolerance;
+    report_.tolerance = options_.linear_tolerance;
   else if (integrator.minimises())
     report_.tolerance = ImplicitStage::kStepTolerance;
 }
@@ -116,6 +127,16 @@ void Simulation::set_target_volume(double t) {
     state_.target_volume = volume(state_.x, model_.network.F);
 }
 
+/// Where supports have ended, steps begin anew with those that are left.
+void Simulation::release_nodes() {
+  const auto n_holding = n_holding_at(scene_, state_.t);
+  if (n_holding == n_holding_) return;
+  n_holding_ = n_holding;
+  forces_.constraints = constraints_of(scene_, model_.network, state_.t);
+  stepper_ = std::make_unique<TimeStepper>(model_, forces_, scene_.time.integrator, scene_.time.end, options_,
+                                           contacts_);
+}
+
 StepReport Simulation::take_step() {
   if (is_static()) {
     const double load_factor = static_cast<double>(report_.n_done + 1) / report_.n_steps;
@@ -126,6 +147,7 @@ StepReport Simulation::take_step() {
     state_.t = load_factor;
     return step;
   }
+  release_nodes();
   if (scene_.collapse) collapse(*scene_.collapse, model_, step_, state_);
   if (scene_.skin && scene_.skin->relaxation > 0)
     relax_surface(scene_.skin->relaxation, model_, step_, state_);

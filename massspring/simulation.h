@@ -52,6 +52,7 @@ class Simulation {
  private:
   void set_target_volume(double t);
   StepReport take_step();
+  void release_nodes();
 
   Scene scene_;
   MassSpringModel model_;
@@ -62,7 +63,9 @@ class Simulation {
   double step_ = 0;
   SimulationReport report_;
   std::unique_ptr<QuasiStaticSolver> equilibrium_;
+  IntegratorOptions options_;
   std::unique_ptr<TimeStepper> stepper_;
+  std::ptrdiff_t n_holding_;  ///< supports that hold nodes in the step at hand
 };
 
 }  // namespace testbed::massspring

@@ -324,7 +324,7 @@ def sections_of(rows: list[Row]) -> list[Section]:
             {"loads": table(loads, ["half", "kind", "nu"])},
         ),
         Section(
-            "By load, triangles and family",
+            "By load and triangles",
             [],
             {},
             {f"by_{key}": table(loads, ["half", key, "nu"]) for key in ("load", "triangles")},

@@ -19,10 +19,14 @@ VectorXd inverse_of_free(const Dynamics& system) {
 
 }  // namespace
 
-CentralDifferences::CentralDifferences(Dynamics system, double h)
-    : Motion(std::move(system), h), inverse_mass_(inverse_of_free(system_)) {
+CentralDifferences::CentralDifferences(Dynamics system, double h) : Motion(std::move(system), h) {
+  find_free();
   const auto n = system_.M.rows();
   restart(VectorXd::Zero(n), VectorXd::Zero(n));
+}
+
+void CentralDifferences::find_free() {
+  inverse_mass_ = inverse_of_free(system_);
 }
 
 /// The acceleration that u_ has without damping, and the velocity that it gives within a time.
@@ -41,7 +45,7 @@ void CentralDifferences::accelerate(double time) {
   });
 }
 
-void CentralDifferences::restart(const VectorXd& u, const VectorXd& v) {
+void CentralDifferences::go_on(const VectorXd& u, const VectorXd& v) {
   start_at(u, v);
   accelerate(0);
 }

@@ -13,9 +13,10 @@ class CentralDifferences : public Motion {
   CentralDifferences(Dynamics system, double h);
 
   bool step() override;
-  void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
 
  private:
+  void find_free() override;
+  void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
   void accelerate(double time);
 
   Eigen::VectorXd inverse_mass_;  // 0 of held unknowns

@@ -107,8 +107,12 @@ struct TimeIntegrator::Factor {
 TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme)
     : Motion(std::move(system), h), scheme_(scheme), factor_(std::make_unique<Factor>()) {
   const auto n = system_.K.rows();
-  free_ = all_but(system_.held, n);
+  find_free();
   restart(Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n));
+}
+
+void TimeIntegrator::find_free() {
+  free_ = all_but(system_.held, system_.K.rows());
   if (!factorise(system_.K)) refuse_indefinite();
 }
 
@@ -140,17 +144,24 @@ bool TimeIntegrator::factorise(const Sparse& tangent) {
   return fem::factorise(restricted(A, free_), factor_->cholesky);
 }
 
+void Motion::hold(const std::vector<int>& held, std::function<Eigen::VectorXd(double t)> motion) {
+  system_.held = held;
+  system_.held_motion = std::move(motion);
+  find_free();
+  const Eigen::VectorXd u = u_, v = v_;
+  go_on(u, v);
+}
+
 Motion::HeldState Motion::start_at(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
   u_ = u;
   v_ = v;
-  n_steps_ = 0;
-  HeldState held = held_at(0);
+  HeldState held = held_at(t());
   u_(system_.held) = held.u;
   v_(system_.held) = held.v;
   return held;
 }
 
-void TimeIntegrator::restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
+void TimeIntegrator::go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
   const HeldState held = start_at(u, v);
   a_ = Eigen::VectorXd::Zero(u.size());
   a_(system_.held) = held.a;

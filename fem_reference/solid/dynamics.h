@@ -61,7 +61,12 @@ class Motion {
   /// Whether it found a state; else the motion has ended.
   virtual bool step() = 0;
   /// Starts again from a displacement and a velocity, with the acceleration that belongs to them.
-  virtual void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) = 0;
+  void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
+    n_steps_ = 0;
+    go_on(u, v);
+  }
+  /// Goes on from here with other unknowns held, and their motion as in Dynamics.
+  void hold(const std::vector<int>& held, std::function<Eigen::VectorXd(double t)> motion);
   double t() const { return n_steps_ * h_; }                            ///< s
   const Eigen::VectorXd& u() const { return u_; }                       ///< m
   const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
@@ -79,6 +84,10 @@ class Motion {
   /// Takes over where a motion starts, but for what is held, whose state it returns.
   HeldState start_at(const Eigen::VectorXd& u, const Eigen::VectorXd& v);
   Linearisation respond(const Eigen::VectorXd& u, bool with_tangent) const;
+  /// Takes over what is held.
+  virtual void find_free() = 0;
+  /// From a displacement and a velocity at t().
+  virtual void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) = 0;
 
   Dynamics system_;
   double h_;
@@ -94,9 +103,10 @@ class TimeIntegrator : public Motion {
   ~TimeIntegrator() override;
 
   bool step() override;
-  void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
 
  private:
+  void find_free() override;
+  void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
   bool factorise(const Eigen::SparseMatrix<double>& tangent);
 
   TimeScheme scheme_;

@@ -33,6 +33,7 @@ struct ElasticLoads {
 struct HeldComponent {
   int node, component;
   double displacement;
+  int support = 0;  ///< of the scene, that prescribes it
 };
 
 struct ElasticReport {

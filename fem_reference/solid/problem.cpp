@@ -1,5 +1,6 @@
 #include "fem_reference/solid/problem.h"
 
+#include <Eigen/Geometry>
 #include <set>
 #include <stdexcept>
 
@@ -47,15 +48,38 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, const Surf
   return loads;
 }
 
+/// The loads on the body as its frame's axes see it.
+ElasticLoads seen_from(const Eigen::Matrix3d& frame, const ElasticLoads& loads) {
+  using Eigen::Vector3d;
+  ElasticLoads seen = loads;
+  if (loads.body_force)
+    seen.body_force = [=, force = loads.body_force](const Vector3d& x) -> Vector3d {
+      return frame.transpose() * force(frame * x);
+    };
+  if (loads.traction)
+    seen.traction = [=, traction = loads.traction](const Vector3d& x, int f) -> Vector3d {
+      return frame.transpose() * traction(frame * x, f);
+    };
+  if (loads.shrinkage)
+    seen.shrinkage = [=, shrinkage = loads.shrinkage](const Vector3d& x, double load_factor) {
+      return shrinkage(frame * x, load_factor);
+    };
+  return seen;
+}
+
 /// Supports go into the loads where they move in time, and into `held`.
 /// @param boundaries  boundary triangles with the middles of their edges (6 nodes), from the coarsest mesh to
 /// the finest
 std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceProblem& problem,
-                                   const std::vector<Eigen::MatrixXi>& boundaries, ElasticLoads& loads) {
+                                   const std::vector<Eigen::MatrixXi>& boundaries,
+                                   const Eigen::Matrix3d& frame, ElasticLoads& loads) {
+  constexpr double kHalf = 0.5;  // between the parts of an axis that are held, all of it or none
   std::vector<HeldComponent> held;
-  std::vector<int> support_of;
   for (size_t s = 0; s < problem.held.size(); ++s) {
     const auto& [vertices, support] = problem.held[s];
+    Eigen::Vector3d part = Eigen::Vector3d::Zero();  // of each axis
+    for (const Eigen::Vector3d& direction : held_directions(support))
+      part += (frame.transpose() * direction).cwiseAbs2();
     std::set<int> nodes(vertices.begin(), vertices.end());
     for (const Eigen::MatrixXi& faces : boundaries)
       for (const auto& face : faces.colwise())
@@ -63,13 +87,11 @@ std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceProblem& pro
           if (nodes.count(face(e)) && nodes.count(face((e + 1) % 3))) nodes.insert(face(3 + e));
     for (int node : nodes)
       for (int c = 0; c < 3; ++c)
-        if (support.fixed[c]) {
-          held.push_back({node, c, support.displacement(c)});
-          support_of.push_back(static_cast<int>(s));
-        }
+        if (part(c) > kHalf)
+          held.push_back({node, c, frame.col(c).dot(support.displacement), static_cast<int>(s)});
   }
-  loads.motion = [supports = scene.supports, time = scene.time, support_of, held](int k, double t) {
-    return displacement_at(supports[support_of[k]], time, t)(held[k].component);
+  loads.motion = [supports = scene.supports, time = scene.time, frame, held](int k, double t) {
+    return frame.col(held[k].component).dot(displacement_at(supports[held[k].support], time, t));
   };
   return held;
 }
@@ -87,7 +109,9 @@ Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine
 }  // namespace
 
 ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh) {
+  const Eigen::Matrix3d frame = frame_of(scene.supports).value();
   TetMesh fine = mesh;
+  fine.X = frame.transpose() * mesh.X;
   std::vector<Eigen::MatrixXi> boundaries;
   int n_children = 1;
   for (int r = 0; r < scene.reference.refine; ++r, n_children *= 4) {
@@ -98,8 +122,8 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   ElasticSolid solid(fine, scene.reference.degree);
   if (scene.reference.degree == 2) boundaries.push_back(solid.faces());
   const SurfaceProblem problem = discretise(scene, surface);
-  ElasticLoads loads = loads_of(scene, surface, problem, n_children);
-  const std::vector<HeldComponent> held = held_by(scene, problem, boundaries, loads);
+  ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
+  const std::vector<HeldComponent> held = held_by(scene, problem, boundaries, frame, loads);
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads, held);
   if (scene.reference.inertia_relief) solid.relieve_inertia();

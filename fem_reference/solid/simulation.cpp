@@ -7,12 +7,14 @@
 #include "fem_reference/solid/central_differences.h"
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/initial_motion.h"
+#include "meshing/scene/surface_problem.h"
 
 namespace testbed::fem {
 
 Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh, StageTimer& timer)
     : scene_(scene),
       timer_(timer),
+      frame_(frame_of(scene.supports).value()),
       solid_(assemble_scene(scene, surface, mesh)),
       is_proportional_(is_proportional(scene)),
       n_steps_(scene.time.load_steps) {
@@ -21,6 +23,40 @@ Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const Tet
 
 MassMatrix Simulation::mass() const {
   return is_explicit() ? MassMatrix::Lumped : scene_.reference.mass;
+}
+
+/// The last of the held components of each unknown that supports hold at t.
+std::map<int, int> Simulation::held_at(double t) const {
+  std::map<int, int> held;
+  for (size_t k = 0; k < solid_.held().size(); ++k) {
+    const HeldComponent& h = solid_.held()[k];
+    if (holds_at(scene_.supports[h.support], t)) held[3 * h.node + h.component] = static_cast<int>(k);
+  }
+  return held;
+}
+
+/// Of those unknowns; empty where they stay.
+std::function<Eigen::VectorXd(double t)> Simulation::motion_of(const std::map<int, int>& held) const {
+  const bool is_driven = std::any_of(scene_.supports.begin(), scene_.supports.end(), [](const Support& s) {
+    return !s.motion.empty() || !s.displacement.isZero(0);
+  });
+  if (!is_driven) return {};
+  return [this, held](double t) {
+    Eigen::VectorXd u(static_cast<Eigen::Index>(held.size()));
+    Eigen::Index i = 0;
+    for (const auto& [unknown, k] : held) u(i++) = solid_.held_displacement(k, t);
+    return u;
+  };
+}
+
+/// Where supports have ended, the motion goes on with those that are left.
+void Simulation::release_nodes() {
+  const auto held = held_at(motion_->t());
+  if (held.size() == n_held_) return;
+  n_held_ = held.size();
+  std::vector<int> unknowns;
+  for (const auto& [unknown, k] : held) unknowns.push_back(unknown);
+  motion_->hold(unknowns, motion_of(held));
 }
 
 /// Full loads from t = 0 on.
@@ -32,11 +68,8 @@ void Simulation::set_in_motion() {
   system.damping = scene_.material.damping;
   system.stiffness_damping = scene_.material.stiffness_damping;
   system.load = solid_.load();
-  std::map<int, int> held;  // the last of the held components of an unknown
-  for (size_t k = 0; k < solid_.held().size(); ++k) {
-    const HeldComponent& h = solid_.held()[k];
-    held[3 * h.node + h.component] = static_cast<int>(k);
-  }
+  const std::map<int, int> held = held_at(0);
+  n_held_ = held.size();
   for (const auto& [unknown, k] : held) system.held.push_back(unknown);
   if (scene_.material.damping_ratio > 0) {
     constexpr int kOneVibration = 7;  // behind at most six rigid motions
@@ -44,16 +77,7 @@ void Simulation::set_in_motion() {
     system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[modes.n_rigid];
   }
   damping_ = system.damping;
-  const bool is_driven = std::any_of(scene_.supports.begin(), scene_.supports.end(), [](const Support& s) {
-    return !s.motion.empty() || !s.displacement.isZero(0);
-  });
-  if (is_driven)
-    system.held_motion = [this, held](double t) {
-      Eigen::VectorXd u(static_cast<Eigen::Index>(held.size()));
-      Eigen::Index i = 0;
-      for (const auto& [unknown, k] : held) u(i++) = solid_.held_displacement(k, t);
-      return u;
-    };
+  system.held_motion = motion_of(held);
   if (law_of(scene_) != MaterialLaw::SmallStrain)
     system.linearise = [this](const Eigen::VectorXd& u, bool with_tangent) {
       return solid_.linearise(u.reshaped(3, solid_.X().cols()), 1, with_tangent);
@@ -76,12 +100,14 @@ void Simulation::set_in_motion() {
   }
   if (scene_.initial.empty()) return;
   const Eigen::VectorXd mass = solid_.mass(MassMatrix::Lumped).diagonal();
-  const Eigen::Matrix3Xd v = initial_velocity(scene_, solid_.X(), mass(Eigen::seq(0, Eigen::last, 3)));
+  const Eigen::Matrix3Xd v =
+      frame_.transpose() * initial_velocity(scene_, X(), mass(Eigen::seq(0, Eigen::last, 3)));
   motion_->restart(Eigen::VectorXd::Zero(v.size()), v.reshaped());
 }
 
 bool Simulation::advance() {
   if (motion_) {
+    release_nodes();
     is_converged_ = motion_->step();
   } else if (n_done_ == 0 || !is_proportional_) {
     const double factor = is_proportional_ ? 1 : static_cast<double>(n_done_ + 1) / n_steps_;
@@ -100,16 +126,16 @@ Snapshot Simulation::snapshot() const {
     const Eigen::Matrix3Xd u = motion_->u().reshaped(3, solid_.X().cols());
     return {motion_->t(),
             1,
-            u,
+            frame_ * u,
             motion_->kinetic_energy(),
             motion_->elastic_energy(),
             {{"max_strain", solid_.max_strain(u)}},
-            {{"velocity", motion_->v().reshaped(3, u.cols())}}};
+            {{"velocity", frame_ * motion_->v().reshaped(3, u.cols())}}};
   }
   const double scale = is_proportional_ ? load_factor() : 1;  // of the solution at full load
   return {load_factor(),
           load_factor(),
-          scale * solid_.displacement(),
+          frame_ * (scale * solid_.displacement()),
           0,
           scale * scale * equilibrium_.elastic_energy,
           {{"max_strain", scale * equilibrium_.max_strain}}};

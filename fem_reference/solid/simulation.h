@@ -1,6 +1,8 @@
 // A scene's solid under growing load or in time. Knows no files and no command line.
 #pragma once
 
+#include <functional>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -26,7 +28,9 @@ class Simulation {
   int n_steps() const { return n_steps_; }
   Snapshot snapshot() const;
 
+  /// Its coordinates are those of assemble_scene.
   const ElasticSolid& solid() const { return solid_; }
+  Eigen::Matrix3Xd X() const { return frame_ * solid_.X(); }  ///< 3 x n_nodes at rest, along x, y and z (m)
   const ElasticReport& equilibrium() const { return equilibrium_; }  ///< of statics: sums over steps
   const Motion* motion() const { return motion_.get(); }             ///< in time
   double step() const { return step_; }                              ///< of time (s)
@@ -36,14 +40,19 @@ class Simulation {
 
  private:
   void set_in_motion();
+  std::map<int, int> held_at(double t) const;
+  std::function<Eigen::VectorXd(double t)> motion_of(const std::map<int, int>& held) const;
+  void release_nodes();
   bool is_explicit() const { return scene_.reference.integrator == ReferenceScheme::CentralDifferences; }
   double load_factor() const { return static_cast<double>(n_done_) / n_steps_; }
 
   const Scene scene_;
   StageTimer& timer_;
+  Eigen::Matrix3d frame_;  ///< axes of the solid's coordinates, in columns
   ElasticSolid solid_;
   bool is_proportional_, is_converged_ = true;
   int n_steps_, n_done_ = 0;
+  size_t n_held_ = 0;  ///< unknowns in the step at hand
   double step_ = 0, damping_ = 0;
   ElasticReport equilibrium_;
   std::unique_ptr<Motion> motion_;

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <map>
+#include <sstream>
 #include <stdexcept>
 
 #include "massspring/energies/tractions.h"
@@ -24,6 +25,47 @@ State initial_state(const MassSpringModel& model) {
   for (int s = 0; s < E.cols(); ++s)
     state.rest_length(s) = (state.x.col(E(0, s)) - state.x.col(E(1, s))).norm();
   return state;
+}
+
+std::vector<Constraint> constraints_of(const Scene& scene, const TetMesh& network, double t) {
+  struct Held {
+    Constraint constraint;
+    bool is_oblique, is_moved;
+  };
+  std::map<int, Held> of_node;
+  for (const auto& [vertices, support] :
+       discretise(scene, {network.X.leftCols(network.n_surface), network.F}).held) {
+    if (!holds_at(support, t)) continue;
+    const auto motion = support.motion.empty() ? nullptr : std::make_shared<const Path>(support.motion);
+    const bool is_oblique = support.normal || support.along;
+    const bool is_moved = motion || !support.displacement.isZero(0);
+    for (const int i : vertices) {
+      const auto [found, is_first] = of_node.try_emplace(
+          i, Held{{i, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()}, is_oblique, is_moved});
+      auto& [c, was_oblique, was_moved] = found->second;
+      was_oblique |= is_oblique;
+      was_moved |= is_moved;
+      if (!is_first && was_oblique && was_moved) {
+        std::ostringstream what;
+        what << "two supports hold the node at (" << network.X.col(i).transpose()
+             << ") m, one by normal or along, expected that neither moves it";
+        throw std::runtime_error(what.str());
+      }
+      for (const Eigen::Vector3d& direction : held_directions(support)) {
+        constexpr double kNone = 1e-6;  // of a direction that is still free
+        const Eigen::Vector3d free = c.S * direction;
+        if (free.norm() > kNone) c.S -= free * free.transpose() / free.squaredNorm();
+      }
+      for (int k = 0; k < 3; ++k)
+        if (is_oblique || support.fixed[k]) {
+          c.displacement(k) = support.displacement(k);
+          c.motion[k] = motion;
+        }
+    }
+  }
+  std::vector<Constraint> constraints;
+  for (const auto& [node, held] : of_node) constraints.push_back(held.constraint);
+  return constraints;
 }
 
 Forces forces_of(const Scene& scene, const MassSpringModel& model) {
@@ -48,22 +90,7 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   for (const auto& [pressure, triangles] : followers)
     forces.followers.push_back({pressure, surface.F(Eigen::all, triangles)});
 
-  std::map<int, Constraint> of_node;
-  for (const auto& [vertices, support] : problem.held) {
-    const auto motion = support.motion.empty() ? nullptr : std::make_shared<const Path>(support.motion);
-    for (const int i : vertices) {
-      Constraint& c =
-          of_node.try_emplace(i, Constraint{i, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()})
-              .first->second;
-      for (int k = 0; k < 3; ++k)
-        if (support.fixed[k]) {
-          c.S(k, k) = 0;
-          c.displacement(k) = support.displacement(k);
-          c.motion[k] = motion;
-        }
-    }
-  }
-  for (const auto& [node, constraint] : of_node) forces.constraints.push_back(constraint);
+  forces.constraints = constraints_of(scene, network);
   return forces;
 }
 

@@ -124,6 +124,11 @@ struct Forces {
   std::vector<Constraint> constraints;      ///< at most one per node
 };
 
+/// What the scene's supports hold in a step that begins at t (s).
+/// @throws std::runtime_error when a support meets no node, or where supports in other directions than those
+/// of the axes overlap with others and one of them moves.
+std::vector<Constraint> constraints_of(const Scene& scene, const TetMesh& network, double t = 0);
+
 /// Dead loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.
 /// @throws std::runtime_error when a support or load meets no node or triangle, or a follower pressure a part
 /// of a component of the surface.

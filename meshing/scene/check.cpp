@@ -4,6 +4,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "meshing/scene/scene_keys.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/shells.h"
 #include "meshing/surface/surface_check.h"
@@ -150,6 +151,13 @@ void check_scene(const Scene& scene, const std::string& file) {
   const bool has_contacts = !scene.obstacles.empty() || scene.self_contact.is_on;
   const TimeOptions& time = scene.time;
   if (time.mode == TimeMode::Static) {
+    for (size_t s = 0; s < scene.supports.size(); ++s) {
+      const std::string key = "supports." + std::to_string(s) + ".end";
+      if (scene.supports[s].end)
+        throw std::runtime_error(place_of(scene, key, file) + key + " = " +
+                                 toml_text(*scene.supports[s].end) +
+                                 ", expected none with time.mode = static");
+    }
     expect(!has_contacts, "obstacles or self_contact, expected none with time.mode = static");
   } else {
     expect(time.tolerance == 0 || !has_contacts, "time.tolerance = ", time.tolerance,
@@ -171,6 +179,9 @@ void check_scene(const Scene& scene, const std::string& file) {
 std::string unmodelled_part(const Scene& scene) {
   if (!scene.obstacles.empty() || scene.self_contact.is_on)
     return "obstacles or self_contact: the reference has no contact";
+  if (!frame_of(scene.supports))
+    return "supports in directions neither parallel nor at right angles: the reference holds along three "
+           "axes";
   if (scene.volume || scene.skin) return "volume or skin: the reference is the solid alone";
   if (scene.collapse)
     for (const Pivot& pivot : scene.collapse->pivots)

@@ -129,6 +129,14 @@ class Reader {
     read_table(*node, full(key), value);
     shape = value;
   }
+  void at_most_one(const std::vector<const char*>& keys) const {
+    const char* given = nullptr;
+    for (const char* key : keys) {
+      const toml::node* node = table_.get(key);
+      if (node && given) fail(*node, path_ + " has both " + given + " and " + key + ", expected one of them");
+      if (node) given = key;
+    }
+  }
   void needs_alternative(const char* expected) const {
     if (chosen_.empty()) fail(table_, path_ + " has no shape, expected " + expected);
   }
@@ -357,6 +365,9 @@ std::string large_strain_part(const Scene& scene) {
   for (const Load& load : scene.loads)
     if (load.is_follower)
       return "a follower load: it acts on the surface where that is, not where it was at rest";
+  if (!scene.supports.empty() && std::all_of(scene.supports.begin(), scene.supports.end(),
+                                             [](const Support& s) { return s.end.has_value(); }))
+    return "supports that all end: the body moves freely from then on";
   if (scene.collapse && scene.time.mode == TimeMode::Dynamic)
     return "collapse with time.mode = \"dynamic\": it goes on from where the body is";
   for (const InitialMotion& initial : scene.initial)

@@ -68,8 +68,11 @@ Eigen::Vector3d position_at(const Path& path, double t);  ///< path not empty
 struct Support {
   Region region;
   std::array<bool, 3> fixed{{true, true, true}};  ///< which components are prescribed ("xyz" in the file)
+  std::optional<Eigen::Vector3d> normal;          ///< or this direction: nodes stay in the plane across it
+  std::optional<Eigen::Vector3d> along;           ///< or what is across this one: nodes move along it
   Eigen::Vector3d displacement{0, 0, 0};          ///< theirs at full load or at the end, grown evenly (m)
   Path motion;                                    ///< theirs over time, instead
+  std::optional<double> end;                      ///< s; nothing is prescribed from here on
 };
 
 /// A term of a polynomial stress field: exponents i, j, k and the stress xx, yy, zz, yz, xz, xy (Pa) that

@@ -125,11 +125,17 @@ void describe(V& v, Material& m) {
 template <class V>
 void describe(V& v, Support& s) {
   v.inline_table("region", s.region, "which surface nodes");
-  v.components("components", s.fixed, "prescribed components");
+  v("normal", s.normal, kAny, "instead of components: nodes stay in the plane across it through their rest");
+  v.check("normal", !s.normal || s.normal->norm() > 0, "a vector other than zero");
+  v("along", s.along, kAny, "instead of components: nodes move along this axis only");
+  v.check("along", !s.along || s.along->norm() > 0, "a vector other than zero");
+  v.at_most_one({"components", "normal", "along"});
+  if (!s.normal && !s.along) v.components("components", s.fixed, "prescribed components");
   v("displacement", s.displacement, kAny, "theirs at full load, or at the end (m)");
   v("motion", s.motion, kAny, "theirs over time instead [[s, m, m, m], ...]; static scenes: load factor");
   v.check("motion", is_ascending(s.motion), "ascending times");
   v.check("motion", s.motion.empty() || s.displacement.isZero(0), "no displacement besides");
+  v("end", s.end, kPositive, "s, of a dynamic scene: its nodes are free from then on");
 }
 
 template <class V>

@@ -87,6 +87,7 @@ class Writer {
   }
 
   void check(const char*, bool, const char*) {}
+  void at_most_one(const std::vector<const char*>&) {}
   void needs_alternative(const char*) {}
 
  private:

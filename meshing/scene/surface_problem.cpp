@@ -1,5 +1,8 @@
 #include "meshing/scene/surface_problem.h"
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 #include <sstream>
 #include <stdexcept>
 
@@ -61,6 +64,48 @@ Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time,
   return (time.mode == TimeMode::Dynamic ? t / time.end : t) * support.displacement;
 }
 
+std::vector<Eigen::Vector3d> held_directions(const Support& support) {
+  if (support.normal) return {support.normal->normalized()};
+  if (support.along) {
+    const Eigen::Vector3d across = support.along->unitOrthogonal();
+    return {across, support.along->normalized().cross(across)};
+  }
+  std::vector<Eigen::Vector3d> directions;
+  for (int c = 0; c < 3; ++c)
+    if (support.fixed[c]) directions.emplace_back(Eigen::Vector3d::Unit(c));
+  return directions;
+}
+
+bool holds_at(const Support& support, double t) {
+  constexpr double kRounding = 1e-9;  // of times that are sums of steps
+  return !support.end || t < *support.end * (1 - kRounding);
+}
+
+std::optional<Eigen::Matrix3d> frame_of(const std::vector<Support>& supports) {
+  constexpr double kRounding = 1e-9;
+  std::vector<Eigen::Vector3d> axes;
+  for (const Support& support : supports) {
+    const std::vector<Eigen::Vector3d> held = held_directions(support);
+    if (held.size() == 3) continue;  // in every frame
+    const Eigen::Vector3d axis = held.size() == 1 ? held[0] : held[0].cross(held[1]);
+    bool is_new = true;
+    for (const Eigen::Vector3d& other : axes) {
+      const double cosine = std::abs(axis.dot(other));
+      if (cosine > kRounding && cosine < 1 - kRounding) return {};
+      if (cosine >= 1 - kRounding) is_new = false;
+    }
+    if (is_new) axes.push_back(axis);
+  }
+  const bool is_aligned = std::all_of(axes.begin(), axes.end(), [](const Eigen::Vector3d& axis) {
+    return axis.cwiseAbs().maxCoeff() > 1 - kRounding;
+  });
+  if (is_aligned) return Eigen::Matrix3d::Identity();
+  if (axes.size() == 1) axes.emplace_back(axes[0].unitOrthogonal());
+  Eigen::Matrix3d frame;
+  frame << axes[0], axes[1], axes[0].cross(axes[1]);
+  return frame;
+}
+
 std::string bytes_of(const SurfaceProblem& problem) {
   std::string bytes;
   const auto add = [&](const auto* values, size_t n) {
@@ -68,7 +113,8 @@ std::string bytes_of(const SurfaceProblem& problem) {
   };
   for (const auto& [vertices, support] : problem.held) {
     add(vertices.data(), vertices.size());
-    add(support.fixed.data(), support.fixed.size());
+    for (const Eigen::Vector3d& direction : held_directions(support)) add(direction.data(), 3);
+    if (support.end) add(&*support.end, 1);
     add(support.displacement.data(), 3);
     for (const Eigen::Vector4d& point : support.motion) add(point.data(), 4);
   }

@@ -32,6 +32,16 @@ SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface);
 /// Displacement (m) that a support prescribes at a time (s), in static scenes at a load factor.
 Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time, double t);
 
+/// Orthonormal directions in which a support prescribes its nodes' displacement.
+std::vector<Eigen::Vector3d> held_directions(const Support& support);
+
+/// Whether the support still prescribes in a step that begins at t (s).
+bool holds_at(const Support& support, double t);
+
+/// Orthonormal axes, in columns, each of which every support either prescribes or leaves free: those of the
+/// coordinates where they do. Absent where there are none.
+std::optional<Eigen::Matrix3d> frame_of(const std::vector<Support>& supports);
+
 /// The numbers as bytes, to compare what two programs solve.
 std::string bytes_of(const SurfaceProblem& problem);
 

@@ -1,4 +1,4 @@
-// A scene's solid in motion: how it begins.
+// A scene's solid in motion: how it begins, and what its supports hold.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -96,6 +96,104 @@ TEST(InitialMotion, IsOverruledBySupports) {
     EXPECT_EQ(velocity(h.node)(h.component), 0);
   }
   EXPECT_GT(simulation.snapshot().u.col(free).norm(), 0);
+}
+
+/// The box clamped at one end. The other rolls: its nodes move across `held`, or with `is_axis` along it.
+Scene rolling(const Scene& scene, const Eigen::Matrix3d& turn, const Vector3d& held, bool is_axis) {
+  Scene rolling = scene;
+  rolling.initial.clear();
+  rolling.gravity = turn * Vector3d(1, -2, -9);
+  Support clamp, roller;
+  clamp.region.shape = HalfSpace{turn * Vector3d(0, 0, 0), turn * Vector3d(1, 0, 0)};
+  roller.region.shape = HalfSpace{turn * Vector3d(1, 0, 0), turn * Vector3d(-1, 0, 0)};
+  (is_axis ? roller.along : roller.normal) = turn * held;
+  roller.displacement = turn * (is_axis ? Vector3d(0.01, 0, 0.01) : Vector3d(0, 0, 0.01));
+  rolling.supports = {clamp, roller};
+  return rolling;
+}
+
+TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(M_PI / 4, Vector3d(1, 2, -1).normalized()).matrix();
+  const auto last_of = [](FreeBox& box) {
+    Simulation simulation = box.simulation();
+    while (!simulation.has_ended()) simulation.advance();
+    EXPECT_TRUE(simulation.is_converged());
+    return std::pair(simulation.X(), simulation.snapshot().u);
+  };
+  for (const TimeMode mode : {TimeMode::Static, TimeMode::Dynamic})
+    for (const ReferenceScheme scheme :
+         {ReferenceScheme::GeneralisedAlpha, ReferenceScheme::CentralDifferences})
+      for (const MaterialLaw law : {MaterialLaw::SmallStrain, MaterialLaw::NeoHookean})
+        for (const bool is_axis : {false, true}) {
+          FreeBox box;
+          box.scene.time.mode = mode;
+          box.scene.time.step = 1e-4;
+          box.scene.time.end = 2e-3;
+          box.scene.reference.integrator = scheme;
+          box.scene.material.law = law;
+          FreeBox other = box;
+          other.mesh.X = turn * box.mesh.X;
+          const Vector3d held = is_axis ? Vector3d(0, 1, 0) : Vector3d(0, 0, 1);
+          other.scene = rolling(box.scene, turn, held, is_axis);
+          box.scene = rolling(box.scene, Eigen::Matrix3d::Identity(), held, is_axis);
+          Support& roller = box.scene.supports[1];
+          roller.normal.reset();
+          roller.along.reset();
+          roller.fixed = {{is_axis, false, true}};
+          const auto [X, u] = last_of(box);
+          const auto [other_X, other_u] = last_of(other);
+          EXPECT_LT((other_X - turn * X).norm(), 1e-12 * X.norm());
+          EXPECT_LT((other_u - turn * u).norm(), 1e-7 * u.norm()) << is_axis;
+        }
+}
+
+TEST(Supports, LetABodySlideDownAnInclineAtTheAccelerationOfAPoint) {
+  FreeBox box;
+  const Vector3d normal = Vector3d(1, 0, 2).normalized(), gravity(0, 0, -9.81);
+  const Vector3d downhill = gravity - gravity.dot(normal) * normal;
+  box.scene.initial.clear();
+  box.scene.gravity = gravity;
+  Support base;
+  base.region.shape = HalfSpace{Vector3d(0, 0, 0), Vector3d(0, 0, 1)};
+  base.normal = normal;
+  box.scene.supports = {base};
+  for (const MaterialLaw law : {MaterialLaw::SmallStrain, MaterialLaw::NeoHookean}) {
+    box.scene.material.law = law;
+    Simulation simulation = box.simulation();
+    while (!simulation.has_ended()) simulation.advance();
+    const Matrix3Xd u = simulation.snapshot().u;
+    const Matrix3Xd p = (simulation.solid().mass() * Eigen::VectorXd(u.reshaped())).reshaped(3, u.cols());
+    const Vector3d way = 3 * p.rowwise().sum() / simulation.solid().mass().sum();
+    const double t = simulation.snapshot().time;
+    EXPECT_NEAR(way.dot(downhill), downhill.squaredNorm() * t * t / 2, 1e-7);
+    EXPECT_NEAR(way.dot(normal.cross(downhill)), 0, 1e-7);
+  }
+}
+
+TEST(Supports, LetGoAtTheirEnd) {
+  constexpr double kEnd = 0.04, kGravity = 9.81;
+  for (const ReferenceScheme scheme :
+       {ReferenceScheme::GeneralisedAlpha, ReferenceScheme::CentralDifferences})
+    for (const MaterialLaw law : {MaterialLaw::SmallStrain, MaterialLaw::NeoHookean}) {
+      FreeBox box;
+      box.scene.initial.clear();
+      box.scene.gravity = Vector3d(0, 0, -kGravity);
+      box.scene.reference.integrator = scheme;
+      box.scene.material.law = law;
+      box.scene.reference.degree = 1;  // all nodes are of the surface
+      box.scene.supports.resize(1);
+      box.scene.supports[0].fixed = {{false, false, true}};
+      box.scene.supports[0].end = kEnd;
+      Simulation simulation = box.simulation();
+      while (!simulation.has_ended()) {
+        simulation.advance();
+        const double t = simulation.motion()->t(), fall = std::max(0., t - kEnd);
+        const Matrix3Xd u = simulation.snapshot().u;
+        const Matrix3Xd expected = Vector3d(0, 0, -kGravity * fall * fall / 2).replicate(1, u.cols());
+        ASSERT_LT((u - expected).norm(), 1e-9) << t;
+      }
+      EXPECT_NEAR(simulation.motion()->t(), box.scene.time.end, 1e-12);
+    }
 }
 
 }  // namespace

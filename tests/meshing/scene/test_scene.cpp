@@ -13,6 +13,7 @@
 #include "meshing/scene/check.h"
 #include "meshing/scene/scene.h"
 #include "meshing/scene/scene_keys.h"
+#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface/surface_io.h"
@@ -527,7 +528,8 @@ box = { low = [0, 0, 0], high = [4, 4, 4] }
 [[obstacles]]
 mesh = { file = "one.obj" }
 )";
-  const std::vector<std::string> from_shape{"network.phi=0.1",
+  const std::vector<std::string> from_shape{"supports.1.normal=[1, 2, 3]",
+                                            "network.phi=0.1",
                                             "network.psi=0.2",
                                             "reference.interior_size=0.1",
                                             "reference.spectral_radius=0.7",
@@ -538,8 +540,10 @@ mesh = { file = "one.obj" }
                                             "playback.warp=custom",
                                             "playback.points=[[0, 0], [0.3, 0.2]]",
                                             "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
-  std::vector<std::string> from_file = from_shape;
+  std::vector<std::string> from_file(from_shape.begin() + 1, from_shape.end());
   from_file.push_back("initial=[{ velocity = [1, 0, -2], spin = [0, 3, 0] }]");  // which statics refuse
+  from_file.push_back("supports.1.along=[1, 2, 3]");
+  from_file.push_back("supports.1.end=2.0");
   from_file.push_back("surface.shape=''");
   from_file.push_back("surface.file=" + (test_folder() / "one.obj").string());
   std::set<std::string> keys, changed;
@@ -693,6 +697,35 @@ TEST(Region, RelativeOneIsInFractionsOfTheBoxAndItsBallOfTheSmallestSide) {
   EXPECT_EQ(n_in({Box{{0.9, 0, 0}, {1, 0.9, 1}}, true}), 2u);
   EXPECT_EQ(n_in({HalfSpace{{0, 0.9, 0}, {0, 2, 0}}, true}), 4u);
   EXPECT_EQ(n_in({HalfSpace{{0, 20, 0}, {0, 2, 0}}, false}), 4u);
+}
+
+TEST(Scene, SupportsTakeOneOfComponentsNormalAndAlong) {
+  const std::string head = "[surface]\nshape = \"ball\"\n[[supports]]\n";
+  const Scene scene = read_scene(write_scene(head + "normal = [0, 3, 4]\n"));
+  EXPECT_EQ(*scene.supports[0].normal, Eigen::Vector3d(0, 3, 4));
+  EXPECT_EQ(held_directions(scene.supports[0]).at(0), Eigen::Vector3d(0, 0.6, 0.8));
+  EXPECT_EQ(read_scene(write_scene(to_toml(scene))).supports[0].normal, scene.supports[0].normal);
+  EXPECT_EQ(error_of(head + "components = \"x\"\nalong = [1, 0, 0]\n"),
+            "scene.toml:5: supports.0 has both components and along, expected one of them");
+  EXPECT_EQ(error_of(head + "normal = [0, 0, 0]\n"),
+            "scene.toml:4: supports.0.normal = [ 0, 0, 0 ], expected a vector other than zero");
+  EXPECT_EQ(error_of(head + "end = 2\n"),
+            "scene.toml:4: supports.0.end = 2.0, expected none with time.mode = static");
+  EXPECT_EQ(error_of(head + "end = 2\n[time]\nmode = \"dynamic\"\n"), "");
+}
+
+TEST(Scene, SupportsShareAFrameWhereEachHoldsAlongItsAxesOnly) {
+  std::vector<Support> supports(3);
+  supports[1].fixed = {{true, false, true}};
+  supports[2].normal = Eigen::Vector3d(-2, 0, 0);
+  EXPECT_EQ(frame_of(supports), Eigen::Matrix3d(Eigen::Matrix3d::Identity()));
+  supports[2].normal = Eigen::Vector3d(3, 0, -4);
+  const Eigen::Matrix3d frame = frame_of(supports).value();
+  EXPECT_LT((frame.transpose() * frame - Eigen::Matrix3d::Identity()).norm(), 1e-15);
+  const Eigen::Array3d components = (frame.transpose() * Eigen::Vector3d(0.6, 0, -0.8)).cwiseAbs();
+  EXPECT_NEAR(components.maxCoeff(), 1, 1e-15);
+  supports[1].fixed = {{true, false, false}};
+  EXPECT_FALSE(frame_of(supports));
 }
 
 }  // namespace
