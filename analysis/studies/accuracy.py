@@ -296,6 +296,16 @@ def finding(rows: list[Row]) -> str:
     return f"Error of {SPRINGS} over that of linear elements on the same nodes, in the median: {', '.join(words)}."
 
 
+def measured(rows: list[Row]) -> str:
+    """How many of a half's cases there are so far."""
+    places = {place_of(row) for row in rows if row["kind"] != EXACT}
+    words = []
+    for half, is_kept_back in (("development", False), ("kept back", True)):
+        n_all = sum(case.body.is_kept_back == is_kept_back for case in cases(has_kept_back=True))
+        words.append(f"{sum(place[0] == half for place in places)} of {n_all} cases {half}")
+    return f"Measured are {' and '.join(words)}, in an order that a hash draws."
+
+
 def plot_ratios(rows: list[Row]) -> str:
     """Share of cases whose error over that of linear elements stays below a value."""
     figure = Figure(figsize=(7, 4.5))
@@ -348,7 +358,9 @@ _MODELS = (
 )
 _HEAD = """# Accuracy
 
-{finding} `./testbed study accuracy` measures the development half of the bodies and writes this page and
+{finding} {measured}
+
+`./testbed study accuracy` measures the development half of the bodies and writes this page and
 [its rows](accuracy.csv); with `--kept-back` it measures the other half, too. How it measures stands at the head of
 [the study](studies/accuracy.py).
 """
@@ -375,7 +387,7 @@ def read_rows() -> list[Row]:
 
 
 def write_page(rows: list[Row]) -> None:
-    parts = [_HEAD.format(finding=finding(rows))]
+    parts = [_HEAD.format(finding=finding(rows), measured=measured(rows))]
     for section in sections_of(rows):
         parts.append("\n\n".join([f"## {section.title}", *section.sentences]) + "\n")
         parts += [_markdown(*table) for table in section.tables.values()]
