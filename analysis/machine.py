@@ -18,7 +18,7 @@ _PROGRAMS = {"massspring", "fem_reference", "gmsh_worker", "tetgen_worker", "sta
 # Debian packages that the programs are linked with.
 _LIBRARIES = (
     "libdeal.ii-dev", "libgmsh-dev", "libtet1.5-dev", "libcgal-dev", "libvtk9-dev", "libeigen3-dev", "libsuitesparse-dev",
-    "libspectra-dev", "libopenblas0-pthread",
+    "libopenblas0-pthread",
 )  # fmt: skip
 
 

@@ -72,6 +72,8 @@ void add_diagnostics(const MassSpringModel& model, Session& session) {
     const Diagnostics diagnostics = diagnose(model);
     found = {{"pressure_error", diagnostics.pressure_error},
              {"uniaxial_error", diagnostics.uniaxial_error},
+             {"bending_error", diagnostics.bending_error},
+             {"torsion_error", diagnostics.torsion_error},
              {"bending_compliance", diagnostics.bending_compliance},
              {"torsion_compliance", diagnostics.torsion_compliance}};
     session.fields.push_back({"node_error", diagnostics.node_error.transpose()});

@@ -1,9 +1,10 @@
-"""Accuracy study: every spring model against exact elastic fields, and against quadratic elements where there is no exact
-field, beside linear finite elements on the same nodes.
+"""Accuracy study: bodies and loads that nobody chose, springs beside finite elements, against refined quadratic elements.
 
-Runs build/bin/accuracy, which continues an unfinished table, and at the same time the loads of accuracy_loads.py, whose
-finished runs are kept. Ratios are to the errors of linear elements in the same case; the figures show their distribution,
-and the error against the number of nodes.
+Each body of bodies.py bears one load while it is free and one while a part of it is held, at two Poisson's ratios. The
+yardstick is quadratic elements on tetrahedra that are split in eight, twice where a part is held and they are few; its own
+error is estimated by what the last split changed, as if it were of first order. Errors are relative ones of the surface's
+displacement in the L2 norm. Half of the bodies are for development; --kept-back measures the others, too. The exact fields
+are those of build/bin/accuracy, on the bodies of even triangles. What is finished is kept, and published in ACCURACY.md.
 """
 
 from __future__ import annotations
@@ -11,248 +12,415 @@ from __future__ import annotations
 import argparse
 import csv
 import subprocess
+import time
 from collections import defaultdict
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import numpy as np
+import pyvista as pv
 from matplotlib.figure import Figure
 
+from ..compare import displacement_error
 from ..drawing.style import style_of, svg_of
-from ..methods import label_of
-from ..paths import MESHES, PROGRAMS
+from ..grid import csv_of
+from ..methods import FEM_P2, label_of
+from ..paths import PACKAGE, PROGRAMS, write_text
+from ..points import Point, Store, say
 from ..report import Table
-from ..runs import RunError
-from .accuracy_loads import Loads
-from .result import Figures, Result, Section
+from ..runs import Run, RunError, load_run
+from .accuracy_loads import CUTTABLE, FREE, HELD, of_cut_surface, scene_of
+from .bodies import Body, bodies, random_of, write_body
+from .result import Result, Section
 
-LINEAR_ELEMENTS = "edge_coupled"
-PATCH_LOADS = {"pressure", "uniaxial", "shear"}  # linear fields: linear elements are exact
-_COUPLED = ["edge_coupled", "node_averaged"]
-_FAST = ["uniform", "affine", "van_gelder", "lloyd", *_COUPLED]  # the first two on completed PCP
+PAGE, DATA = PACKAGE / "ACCURACY.md", PACKAGE / "accuracy.csv"
+SPRINGS, LINEAR = "node_averaged", "edge_coupled"  # the latter are linear elements on the same nodes
+CUT = "node_averaged, equal nodes"  #: as many on the surface as the quadratic elements have
+RATIOS = ("0.25", "0.45")  # Poisson's
+EXACT = "exact field"
+_PATCH_FIELDS = {"pressure", "uniaxial", "shear"}  # linear elements are exact
+_EXACT_MODELS = (
+    "uniform",
+    "affine",
+    "van_gelder",
+    "lloyd",
+    LINEAR,
+    SPRINGS,
+)  # the first two on completed PCP
+_DECIDED = 3  # times the yardstick's own error
+_MOST_TETRAHEDRA = 80_000  # of a yardstick that is split twice
+_TOLERANCE = "time.residual=1e-9"
 
 Row = dict[str, str]
-Case = tuple[str, str, str, str, str]
 
 
-def batches(meshes: Path, quick: bool) -> list[dict[str, list[str]]]:
-    """Options of the accuracy program, one set for each part of the study. Real meshes only where they are."""
-    small = [
-        str(file) for name in ("torus.obj", "liver2.obj", "handle.off") if (file := meshes / name).exists()
-    ]
-    large = [
-        str(file)
-        for name in ("spot.ply", "bunny.obj", "fandisk.off", "hand_closed.obj")
-        if (file := meshes / name).exists()
-    ]
-    all_nu = ["0", "0.25", "0.3", "0.45", "0.49"]
-    if quick:
-        return [{"surface": ["ball:162", "ball:642", *small], "nu": ["0.25", "0.49"], "model": _FAST}]
-    levels = [f"{shape}:{n}" for shape, counts in _RESOLUTIONS.items() for n in counts]
-    study = [
-        {"surface": levels, "nu": ["0.25", "0.49"], "model": _FAST},
-        {"surface": ["ball:162"], "nu": ["0.25", "0.45"], "model": ["moment"]},
-        {"surface": ["ball:642", "bar:900", *small], "nu": all_nu, "seed": ["1", "2", "3"], "model": _FAST},
-        {"surface": large, "nu": all_nu, "model": ["van_gelder", *_COUPLED]},
-    ]
-    return [batch for batch in study if batch["surface"]]
+@dataclass(frozen=True)
+class Case:
+    body: Body
+    load: str
+    nu: str
+
+    @property
+    def kind(self) -> str:
+        return "held" if self.load in HELD else "free"
 
 
-_EXACT = "Error over that of linear elements on the same nodes (bending, torsion, cubic harmonic), and the worst patch test."
-_LOADS = (
-    "The same of other loads, against quadratic elements. A case is undecided within three times their own error; the last "
-    "column counts those that are at most a third whatever that error's direction."
-)
-_RESOLUTIONS = {"ball": (162, 642, 2562), "bar": (300, 1200, 4800), "torus": (400, 1600, 6400)}
+def cases(has_kept_back: bool = False, is_quick: bool = False) -> list[Case]:
+    """In an order that a hash draws, so that what is there of an unfinished study is a sample of all."""
+    found = []
+    for body in bodies():
+        if body.is_kept_back and not has_kept_back:
+            continue
+        random = random_of(f"loads of {body.name}")
+        loads = [random.choice(FREE), random.choice(HELD)]
+        found += [Case(body, str(load), nu) for load in loads for nu in RATIOS]
+    found.sort(key=lambda case: random_of(case.body.name).random())
+    return [case for case in found if case.body.triangulation == "cad"][:4] if is_quick else found
 
 
-def run_program(table: Path, quick: bool) -> None:
-    """Raises RunError when the program fails."""
-    for batch in batches(MESHES, quick):
-        options = [word for option, values in batch.items() for word in (f"--{option}", *values)]
-        # The program dies with this process, so that a killed study leaves nobody working.
-        command = ["setpriv", "--pdeathsig", "KILL", str(PROGRAMS / "accuracy"), "--out", str(table)]
-        if subprocess.run([*command, *options], check=False).returncode != 0:
-            raise RunError("the accuracy program failed; its message stands above")
+class Bench:
+    """Bodies, scenes and runs in a folder."""
 
+    def __init__(self, folder: Path, store: Store | None = None) -> None:
+        self.folder = folder
+        self.store = store or Store(folder / "points", time_limit=900)
+        (folder / "scenes").mkdir(parents=True, exist_ok=True)
 
-def read_table(file: Path) -> list[Row]:
-    with file.open(newline="") as lines:
-        return list(csv.DictReader(lines))
+    def _run(self, program: str, scene: Path, nu: str, *overrides: str) -> Run:
+        """Raises RunError for a run that is not ok."""
+        options = ("--no-diagnostics",) if program == "massspring" else ()
+        outcome = self.store.run(Point(program, scene, (f"material.nu={nu}", *overrides), options))
+        if outcome.status != "ok":
+            words = (program, outcome.status, outcome.message)
+            raise RunError(": ".join(word for word in words if word))
+        return load_run(outcome.folder)
 
+    def _elements(self, scene: Path, nu: str, refine: int) -> Run:
+        return self._run("fem_reference", scene, nu, f"reference.refine={refine}", _TOLERANCE)
 
-def case_of(row: Row) -> Case:
-    return row["surface"], row["spacing"], row["seed"], row["nu"], row["load"]
+    def _yardsticks(self, scene: Path, case: Case) -> tuple[Run, Run]:
+        """The finest, and the one before."""
+        runs = [self._elements(scene, case.nu, refine) for refine in (0, 1)]
+        if case.kind == "held" and 8 * runs[-1].record["n_tetrahedra"] <= _MOST_TETRAHEDRA:
+            runs.append(self._elements(scene, case.nu, 2))
+        return runs[-1], runs[-2]
 
+    def scenes(self, case: Case) -> tuple[Path, Path | None]:
+        """Files of the scene, and of the same on triangles cut in four."""
+        surface = write_body(case.body, self.folder / "bodies")
+        mesh = pv.read(surface)
+        X, F = mesh.points.astype(float), mesh.regular_faces
+        name = f"{case.body.name}-{case.load}"
+        scene, cut = (self.folder / "scenes" / f"{name}{end}.toml" for end in ("", "-cut"))
+        text = scene_of(case.load, name, surface, X, F)
+        write_text(scene, text)
+        if case.load not in CUTTABLE:
+            return scene, None
+        cut_surface = surface.with_name(f"{case.body.name}-cut.ply")
+        text, *finer = of_cut_surface(text, cut_surface, X, F)
+        if not cut_surface.exists():
+            pv.PolyData.from_regular_faces(*finer).save(cut_surface)
+        write_text(cut, text)
+        return scene, cut
 
-def summarise(rows: list[Row], by: str = "nu") -> list[dict[str, Any]]:
-    """Per model and value of the column `by`: error over linear elements' on the same nodes, worst patch test."""
-    errors = {
-        case_of(r): float(r["error_l2"]) for r in rows if r["model"] == LINEAR_ELEMENTS and r.get("error_l2")
-    }
-    linear = {
-        case_of(r): errors[case_of(r)] for r in rows if r["model"] == LINEAR_ELEMENTS and r["status"] == "ok"
-    }
-    ratios: dict[tuple[str, str], list[float]] = defaultdict(list)
-    patches: dict[tuple[str, str], list[float]] = defaultdict(list)
-    refused: dict[tuple[str, str], int] = defaultdict(int)
-    bounds: dict[tuple[str, str], list[float]] = defaultdict(list)
-    for row in rows:
-        key = row["model"], row[by]
-        if row["status"] == "undecided":
-            bounds[key].append(_largest_ratio(row, errors.get(case_of(row))))
-        elif row["status"] != "ok":
-            refused[key] += 1
-        elif row["load"] in PATCH_LOADS:
-            patches[key].append(float(row["error_l2"]))
-        elif case_of(row) in linear:
-            ratios[key].append(float(row["error_l2"]) / linear[case_of(row)])
-    return [
-        {
-            "model": model,
-            "of": value,
-            "cases": len(values),
-            "median": median(values) if values else None,
-            "at_most_third": float(np.mean(np.array(values) <= 1 / 3)) if values else None,
-            "largest": max(values, default=None),
-            "worst_patch": max(patches[model, value], default=None),
-            "refused": refused[model, value],
-            "undecided": len(bounds[model, value]),
-            "undecided_at_most_third": sum(bound <= 1 / 3 for bound in bounds[model, value]),
+    def measure(self, case: Case) -> list[Row]:
+        """A row for each method. What fails is a row that says why."""
+        scene, cut = self.scenes(case)
+        runs: dict[str, Callable[[], Run]] = {
+            SPRINGS: lambda: self._run("massspring", scene, case.nu, f"network.calibration={SPRINGS}"),
+            LINEAR: lambda: self._run("massspring", scene, case.nu, f"network.calibration={LINEAR}"),
+            FEM_P2: lambda: self._elements(scene, case.nu, 0),
         }
-        for model, value in sorted({(r["model"], r[by]) for r in rows})
-        for values in [ratios[model, value]]
+        if cut:
+            runs[CUT] = lambda: self._run("massspring", cut, case.nu, f"network.calibration={SPRINGS}")
+        row = _row_of(case.body, case.kind, case.load, case.nu)
+        try:
+            finest, before = self._yardsticks(scene, case)
+        except RunError as error:
+            return [{**row, "method": method, "status": str(error)} for method in runs]
+        own = error_of(before, finest)
+        rows = []
+        for method, run in runs.items():
+            try:
+                found = run()
+            except RunError as error:
+                rows.append({**row, "method": method, "status": str(error)})
+                continue
+            figures = {"n_nodes": str(found.record["n_nodes"]), "error": f"{error_of(found, finest):.5g}"}
+            rows.append({**row, "method": method, "status": "ok", **figures, "yardstick": f"{own:.5g}"})
+        return rows
+
+
+def error_of(run: Run, yardstick: Run) -> float:
+    """Over the vertices of the yardstick's surface, which are the run's first."""
+    X, u, F = yardstick.last.X, yardstick.last.u, yardstick.last.F
+    return displacement_error(X, F, run.last.u[: len(X)], u, yardstick.record["is_free"]).l2
+
+
+def exact_rows(folder: Path, of: list[Body]) -> list[Row]:
+    """Spring models against exact fields. Raises RunError when the program fails."""
+    table = folder / "exact_fields.csv"
+    files = {write_body(body, folder / "bodies"): body for body in of}
+    body_of = {file.name: body for file, body in files.items()}
+    # The program dies with this process, so that a killed study leaves nobody working.
+    command = ["setpriv", "--pdeathsig", "KILL", str(PROGRAMS / "accuracy"), "--out", str(table)]
+    command += ["--surface", *map(str, files), "--nu", *RATIOS, "--model", *_EXACT_MODELS]
+    if subprocess.run(command, check=False).returncode != 0:
+        raise RunError("the accuracy program failed; its message stands above")
+    rows = []
+    with table.open(newline="") as lines:
+        for found in csv.DictReader(lines):
+            body = body_of.get(found["surface"])
+            if body and found["load"] not in _PATCH_FIELDS:
+                row = _row_of(body, EXACT, found["load"], found["nu"])
+                figures = {"n_nodes": found["n_nodes"], "error": found["error_l2"], "yardstick": "0"}
+                rows.append({**row, "method": found["model"], "status": found["status"], **figures})
+    return rows
+
+
+def _row_of(body: Body, kind: str, load: str, nu: str) -> Row:
+    half = "kept back" if body.is_kept_back else "development"
+    place = {"half": half, "body": f"{body.family}-{body.seed}", "triangles": body.triangulation}
+    return {**place, "kind": kind, "load": load, "nu": nu}
+
+
+def place_of(row: Row) -> tuple[str, ...]:
+    """What a row has in common with those of other methods."""
+    return tuple(row[key] for key in ("half", "body", "triangles", "kind", "load", "nu"))
+
+
+def ratios(rows: list[Row], method: str, to: str) -> list[float]:
+    """Errors of a method over those of another in the same cases, where both have any."""
+    errors = {(place_of(row), row["method"]): float(row["error"]) for row in rows if row["status"] == "ok"}
+    return [
+        error / errors[place, to]
+        for (place, name), error in errors.items()
+        if name == method and errors.get((place, to), 0) > 0
     ]
 
 
-def _largest_ratio(row: Row, linear: float | None) -> float:
-    """That a model's error can have to linear elements' with the reference's own error against both."""
-    own = float(row["reference_error"])
-    return (float(row["error_l2"]) + own) / (linear - own) if linear and linear > own else np.inf
+def errors_of(rows: list[Row], method: str) -> list[float]:
+    return [float(row["error"]) for row in rows if row["method"] == method and row["status"] == "ok"]
 
 
-def slope_of(nodes: list[float], errors: list[float]) -> float:
-    """Order in the spacing h ~ n^(-1/3)."""
-    return float(-3 * np.polyfit(np.log(nodes), np.log(errors), 1)[0])
+def _grouped(rows: list[Row], keys: list[str]) -> dict[tuple[str, ...], list[Row]]:
+    groups: dict[tuple[str, ...], list[Row]] = defaultdict(list)
+    for row in rows:
+        groups[tuple(row[key] for key in keys)].append(row)
+    return dict(sorted(groups.items()))
 
 
-def table(by: str, summary: list[dict[str, Any]]) -> Table:
-    """A row for each model and value of the column `by`."""
+def table(rows: list[Row], keys: list[str]) -> Table:
+    """A line for each group of equal keys: the springs' errors, over linear and over quadratic elements' and their own."""
     head = [
-        "model", by, "cases", "median", "<= 1/3", "largest", "worst patch", "refused", "undecided", "of these <= 1/3"
-    ]  # fmt: skip
+        *keys,
+        "cases",
+        "no result",
+        "undecided",
+        "median",
+        "worst",
+        "<= 1/3",
+        "own error",
+        "linear",
+        "quadratic",
+    ]
+    lines = []
+    for group, of in _grouped(rows, keys).items():
+        found = ratios(of, SPRINGS, LINEAR)
+        # Without a yardstick it is all methods that have none.
+        n_failed = len({place_of(row) for row in of if row["status"] != "ok"})
+        n_near = sum(_is_undecided(row) for row in of if row["method"] == SPRINGS)
+        lines.append([*group, str(len(found)), str(n_failed), str(n_near)])
+        if found:
+            lines[-1] += [
+                f"{median(found):.2f}",
+                f"{max(found):.2f}",
+                f"{np.mean(np.array(found) <= 1 / 3):.0%}",
+            ]
+        own = (errors_of(of, method) for method in (SPRINGS, LINEAR, FEM_P2))
+        lines[-1] += [f"{100 * median(errors):.2g} %" if errors else "-" for errors in own]
+    return head, [line + ["-"] * (len(head) - len(line)) for line in lines]
 
-    def number(value: float | None, form: str) -> str:
-        return "-" if value is None else f"{value:{form}}"
 
-    return head, [
-        [
-            s["model"], s["of"], str(s["cases"]), number(s["median"], ".3f"), number(s["at_most_third"], ".0%"),
-            number(s["largest"], ".3f"), number(s["worst_patch"], ".0e"), str(s["refused"]), str(s["undecided"]),
-            str(s["undecided_at_most_third"]),
-        ]
-        for s in summary
-    ]  # fmt: skip
+def _is_undecided(row: Row) -> bool:
+    return row["status"] == "ok" and float(row["error"]) < _DECIDED * float(row["yardstick"])
+
+
+def table_of_equal_nodes(rows: list[Row]) -> Table:
+    """Springs on triangles cut in four over quadratic elements, whose nodes on the surface are as many."""
+    head = ["half", "kind", "nu", "cases", "over quadratic", "worst", "on the same surface", "own error"]
+    lines = []
+    for group, of in _grouped(rows, head[:3]).items():
+        if found := ratios(of, CUT, FEM_P2):
+            cut = {place_of(row) for row in of if row["method"] == CUT}
+            same = ratios([row for row in of if place_of(row) in cut], SPRINGS, FEM_P2)
+            numbers = [f"{value:.2f}" for value in (median(found), max(found), median(same))]
+            lines.append([*group, str(len(found)), *numbers, f"{100 * median(errors_of(of, CUT)):.2g} %"])
+    return head, lines
+
+
+def table_of_models(rows: list[Row]) -> Table:
+    """Every spring model against exact fields: error over linear elements', and its own."""
+    head = ["half", "model", "nu", "cases", "no result", "median", "worst", "own error"]
+    lines = []
+    for (half, model, nu), of in _grouped(
+        [r for r in rows if r["kind"] == EXACT], ["half", "method", "nu"]
+    ).items():
+        group = [r for r in rows if r["kind"] == EXACT and (r["half"], r["nu"]) == (half, nu)]
+        found = ratios(group, model, LINEAR)
+        failed = sum(row["status"] != "ok" for row in of)
+        numbers = [f"{median(found):.2f}", f"{max(found):.2f}"] if found else ["-", "-"]
+        own = errors_of(of, model)
+        lines.append(
+            [
+                half,
+                model,
+                nu,
+                str(len(found)),
+                str(failed),
+                *numbers,
+                f"{100 * median(own):.2g} %" if own else "-",
+            ]
+        )
+    return head, lines
 
 
 def finding(rows: list[Row]) -> str:
-    """The study in one sentence; rows: of the exact fields."""
-    summary = summarise([{**row, "all": ""} for row in rows], "all")
-    known = sorted((s["median"], s["model"]) for s in summary if s["median"] is not None)
-    words = ", ".join(f"{model} {ratio:.2g}" for ratio, model in known if model != LINEAR_ELEMENTS)
-    return f"Error against exact fields over that of linear finite elements on the same nodes, in the median: {words}."
+    """The study in one sentence."""
+    words = []
+    for (nu,), of in _grouped([row for row in rows if row["kind"] != EXACT], ["nu"]).items():
+        if found := ratios(of, SPRINGS, LINEAR):
+            words.append(f"{median(found):.2g} at nu = {nu}")
+    return f"Error of {SPRINGS} over that of linear elements on the same nodes, in the median: {', '.join(words)}."
 
 
-def convergence(
-    rows: list[Row], shape: str, nu: str, load: str
-) -> dict[str, tuple[list[float], list[float]]]:
-    """Model -> nodes and errors over the resolutions of a generated shape."""
-    points: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    wanted = {f"{shape}:{n}" for n in _RESOLUTIONS[shape]}
-    for r in rows:
-        if (r["surface"] in wanted and (r["nu"], r["load"], r["seed"]) == (nu, load, "1")
-                and r["status"] == "ok"):  # fmt: skip
-            points[r["model"]].append((float(r["n_nodes"]), float(r["error_l2"])))
-    return {model: tuple(map(list, zip(*sorted(p), strict=True))) for model, p in points.items()}  # type: ignore[misc]
-
-
-def plot_convergence(rows: list[Row]) -> str:
-    figure = Figure(figsize=(11, 7))
-    axes = figure.subplots(2, 3, sharex="col", sharey=True)
-    for column, shape in enumerate(_RESOLUTIONS):
-        for row, nu in enumerate(("0.25", "0.49")):
-            axis = axes[row, column]
-            for model, (nodes, errors) in convergence(rows, shape, nu, "torsion").items():
-                colour, marker = style_of(model)
-                label = label_of(model)
-                if len(nodes) > 1:
-                    label += f" ({slope_of(nodes, errors):.1f})"
-                axis.loglog(nodes, [100 * e for e in errors], color=colour, marker=marker, label=label)
-            axis.set_title(f"{shape}, torsion, nu = {nu}", fontsize=10)
-            if axis.lines:
-                axis.legend(fontsize=7, title="(order in the spacing)", title_fontsize=7)
-            if row == 1:
-                axis.set_xlabel("nodes")
-    for axis in axes[:, 0]:
-        axis.set_ylabel("error (%)")
-    return svg_of(figure)
+def measured(rows: list[Row]) -> str:
+    """How many of a half's cases there are so far."""
+    places = {place_of(row) for row in rows if row["kind"] != EXACT}
+    words = []
+    for half, is_kept_back in (("development", False), ("kept back", True)):
+        n_all = sum(case.body.is_kept_back == is_kept_back for case in cases(has_kept_back=True))
+        words.append(f"{sum(place[0] == half for place in places)} of {n_all} cases {half}")
+    return f"Measured are {' and '.join(words)}, in an order that a hash draws."
 
 
 def plot_ratios(rows: list[Row]) -> str:
     """Share of cases whose error over that of linear elements stays below a value."""
-    linear = {
-        case_of(r): float(r["error_l2"])
-        for r in rows
-        if r["model"] == LINEAR_ELEMENTS and r["status"] == "ok"
-    }
     figure = Figure(figsize=(7, 4.5))
     axis = figure.subplots()
-    for model in sorted({r["model"] for r in rows} - {LINEAR_ELEMENTS}):
-        values = sorted(
-            float(r["error_l2"]) / linear[case_of(r)]
-            for r in rows
-            if r["model"] == model
-            and r["status"] == "ok"
-            and r["load"] not in PATCH_LOADS
-            and case_of(r) in linear
-        )
-        if values:
-            share = 100 * np.arange(1, len(values) + 1) / len(values)
+    for kind, line in (("free", "-"), ("held", "--")):
+        for method in (SPRINGS, FEM_P2):
+            values = sorted(ratios([row for row in rows if row["kind"] == kind], method, LINEAR))
+            share = 100 * np.arange(1, len(values) + 1) / max(len(values), 1)
             axis.semilogx(
-                values, share, color=style_of(model).colour, label=f"{label_of(model)} ({len(values)} cases)"
+                values, share, line, color=style_of(method).colour, label=f"{label_of(method)}, {kind}"
             )
-    axis.axvline(1, color=style_of(LINEAR_ELEMENTS).colour, label="linear finite elements")
+    axis.axvline(1, color=style_of(LINEAR).colour, label="linear finite elements")
     axis.set_xlabel("error over that of linear finite elements on the same nodes")
     axis.set_ylabel("cases below (%)")
     axis.legend(fontsize=8)
     return svg_of(figure)
 
 
-def study(arguments: argparse.Namespace, folder: Path) -> Result:
-    """Every model against exact fields and against quadratic elements; --quick: a minute on a few small meshes."""
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / "accuracy.csv"
-    with ThreadPoolExecutor() as pool:  # the program on one core, the loads' runs on the other
-        exact = pool.submit(run_program, file, arguments.quick)
-        loads = Loads(folder, MESHES, arguments.quiet).run(arguments.quick)
-        exact.result()
-    rows = read_table(file)
-    figures: Figures = {
-        "ratios": (plot_ratios(rows), "Cases whose error over that of linear elements stays below a value."),
-        "convergence": (plot_convergence(rows), "Error in torsion over the number of nodes."),
-    }
-    sections = [
-        Section("Exact fields", [_EXACT], figures, {"exact_by_nu": table("nu", summarise(rows))}),
+def sections_of(rows: list[Row]) -> list[Section]:
+    loads = [row for row in rows if row["kind"] != EXACT]
+    return [
         Section(
-            "Other loads",
+            "Bodies and loads that nobody chose",
             [_LOADS],
             {},
-            {
-                "loads_by_nu": table("nu", summarise(loads)),
-                "loads_by_load": table("load", summarise(loads, "load")),
-            },
+            {"loads": table(loads, ["half", "kind", "nu"])},
         ),
+        Section(
+            "By load and triangles",
+            [],
+            {},
+            {f"by_{key}": table(loads, ["half", key, "nu"]) for key in ("load", "triangles")},
+        ),
+        Section("Equal nodes", [_EQUAL], {}, {"equal_nodes": table_of_equal_nodes(loads)}),
+        Section("Exact fields", [_MODELS], {}, {"exact": table_of_models(rows)}),
     ]
+
+
+_LOADS = (
+    "Errors of `node_averaged` over those of linear elements on the same nodes. "
+    "The last three columns are the median errors of springs, linear and quadratic elements on the same surface. "
+    "A case is undecided where the error is not three times the yardstick's own; it counts in the other columns."
+)
+_EQUAL = (
+    "Springs on triangles that are cut flat in four have as many nodes on the surface as quadratic elements. "
+    "Each median is of the springs' error over the quadratic elements'."
+)
+_MODELS = (
+    "Bending, torsion and a cubic harmonic, of every spring model, over linear elements on the same nodes."
+)
+_HEAD = """# Accuracy
+
+{finding} {measured}
+
+`./testbed study accuracy` measures the development half of the bodies and writes this page and
+[its rows](accuracy.csv); with `--kept-back` it measures the other half, too. How it measures stands at the head of
+[the study](studies/accuracy.py).
+"""
+_REFERENCES = """## References
+
+- [Maxwell 1870] On reciprocal figures, frames, and diagrams of forces.
+- [Radon 1948] Zur mechanischen Kubatur.
+- [Valette & Chassery 2004] Approximated centroidal Voronoi diagrams for uniform polygonal mesh coarsening.
+"""
+
+
+def publish(rows: list[Row]) -> None:
+    """Writes rows and page; rows of a half that has not been measured stay."""
+    halves = {row["half"] for row in rows}
+    if DATA.exists():
+        rows = [row for row in read_rows() if row["half"] not in halves] + rows
+    write_text(DATA, csv_of(rows))
+    write_page(rows)
+
+
+def read_rows() -> list[Row]:
+    with DATA.open(newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+def write_page(rows: list[Row]) -> None:
+    parts = [_HEAD.format(finding=finding(rows), measured=measured(rows))]
+    for section in sections_of(rows):
+        parts.append("\n\n".join([f"## {section.title}", *section.sentences]) + "\n")
+        parts += [_markdown(*table) for table in section.tables.values()]
+    parts.append(_REFERENCES)
+    write_text(PAGE, "\n".join(parts))
+
+
+def _markdown(head: list[str], rows: list[list[str]]) -> str:
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows)) + "\n"
+
+
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """--quick: four cases, a minute, and nothing is published."""
+    bench = Bench(folder)
+    wanted = cases(arguments.kept_back, arguments.quick)
+    rows: list[Row] = []
+    start = time.perf_counter()
+    for number, case in enumerate(wanted, 1):
+        rows += bench.measure(case)
+        hours = (time.perf_counter() - start) / 3600
+        left = hours / number * (len(wanted) - number)
+        name = f"{case.body.name}, {case.load}, nu = {case.nu}"
+        say(f"[{number}/{len(wanted)}] {name}: {hours:.2f} h, {left:.2f} h left", arguments.quiet)
+        write_text(folder / "rows.csv", csv_of(rows))
+    of_fields = {
+        case.body: None
+        for case in wanted
+        if case.body.triangulation == ("cad" if arguments.quick else "even")
+    }
+    rows += exact_rows(folder, list(of_fields))
+    if not arguments.quick:
+        publish(rows)
+    sections = sections_of(rows)
+    caption = "Cases whose error over that of linear elements stays below a value."
+    sections[0].figures = {"ratios": (plot_ratios(rows), caption)}
     return Result("Accuracy of the spring models", finding(rows), sections)

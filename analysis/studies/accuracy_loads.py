@@ -1,54 +1,47 @@
-"""Loads without an exact field: gravity on a clamped body, end shear, pressure on a patch and a localised collapse,
-against quadratic finite elements on refined tetrahedra of the same surface.
+"""Scenes of the accuracy study: bodies under loads whose places, directions and shapes a name draws.
 
-Bodies are scaled to a smallest side of 1 m. Gravity pulls across the longest side, whose first quarter is clamped. At the edge
-of a clamp stress has no bound and every element converges slowly, so the other loads leave the body free: tractions,
-constant in each eighth of its bounding box and as small as can be, balance them. References are refined once, clamped
-small ones twice; their own error is the difference that the last refinement made, as if it were of first order. A model's
-error is undecided where it is not three times that.
+A body is free, and what pulls it is balanced by a smooth traction all over its surface, or a part of it is held. Parts are
+spheres about the vertex that lies farthest in some direction. Everything is linear, so that magnitudes mean nothing.
 """
 
 from __future__ import annotations
 
+import re
+import tomllib
+from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ..compare import compare_runs, triangle_normals
-from ..grid import csv_of
-from ..paths import write_text
-from ..points import Outcome, Point, Store, say
-from ..runs import Array, Run, RunError, load_run
+from ..compare import triangle_normals
+from ..runs import Array
+from .bodies import moments, random_of
 
-SHAPES = ("ball:642", "bar:900", "torus.obj", "liver2.obj", "handle.off", "spot.ply")
-_OF_EVERY_NU = "torus.obj"
-MODELS = ("uniform", "affine", "van_gelder", "lloyd", "edge_coupled", "node_averaged")
-LOADS = ("clamp", "gravity", "end_shear", "patch", "collapse")
-DECIDED = 3  #: times the reference's own error
-_MOST_TETRAHEDRA = 250_000  # of a reference refined twice
-_TOLERANCE = "time.residual=1e-9"
-_FREE = """
+FREE = ("smooth", "gravity", "pressed", "opposite")
+HELD = ("held_gravity", "held_pressed", "held_pulled", "held_moved")
+#: Loads that mean the same on a surface whose triangles are cut in four.
+CUTTABLE = ("smooth", "held_gravity", "held_moved")
+_SCENE = """
 [material]
-E = 1e9 # Pa: strains near 1e-4, where all is linear and nothing lost in rounding
+E = 1e9 # Pa
+law = "small_strain"
 
 [time]
 load_steps = 1
 
-[network]
-connectivity = "completed_pcp" # the paper's own has motions without energy
-
 [output]
 frames_every = 0
 """
-_SPLIT = 0.47  # of the bounding box: no vertex of a symmetric body lies there
-Row = dict[str, str]
-
-
-def surface_of(shape: str, meshes: Path) -> str:
-    """The scene's surface: a file of the meshes, or SHAPE:VERTICES of a generated one."""
-    name, colon, n = shape.partition(":")
-    source = f'shape = "{name}"\nn_vertices = {n}' if colon else f'file = "{meshes / shape}"'
-    return f"[surface]\n{source}\nnormalise = true\n"
+_HELD, _LOADED = 0.15, 0.1  # shares of the vertices
+_GRAVITY, _STRESS, _MOVED = 100.0, 1e5, 1e-4  # m/s2, Pa, m
+_DENSITY = 1000.0  # kg/m3, the scene's own
+_DEGREE = 3  # of a smooth stress, the highest that a scene takes
+_ALL = "box = { low = [-1, -1, -1], high = [2, 2, 2] }, relative = true"
+_POINT = 1e-6  # m: the radius of a sphere that holds one vertex
+Terms = dict[
+    tuple[int, ...], Array
+]  #: of a polynomial stress: exponents of a monomial, and its six components (Pa)
 
 
 def resultant(X: Array, F: Array, tractions: Array) -> Array:
@@ -57,166 +50,149 @@ def resultant(X: Array, F: Array, tractions: Array) -> Array:
     return np.concatenate([forces.sum(axis=0), np.cross(X[F].mean(axis=1), forces).sum(axis=0)])
 
 
-def weight(X: Array, F: Array, acceleration: Array, density: float) -> Array:
-    """Force and torque about the origin (6) of gravity on the body within a surface."""
-    corners = X[F]  # of tetrahedra from the origin
-    volumes = np.linalg.det(corners) / 6
-    force = density * volumes.sum() * acceleration
-    return np.concatenate([force, np.cross(density * volumes @ corners.sum(axis=1) / 4, acceleration)])
+def balance(X: Array, F: Array, load: Array) -> Terms:
+    """A stress whose tractions all over the surface balance a force and torque about the origin.
+
+    Its divergence is a + w x r, so that tractions resist like the body's own inertia.
+    """
+    volume, first, second = moments(X, F)
+    turn = np.cross(np.eye(3), first)  # turn @ w = first x w
+    inertia = np.trace(second) * np.eye(3) - second
+    a, w = np.linalg.solve(np.block([[volume * np.eye(3), -turn], [turn, inertia]]), -load).reshape(2, 3)
+    terms: Terms = defaultdict(lambda: np.zeros(6))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for coefficient, axes in ((a[i], [i]), (w[j], [i, k]), (-w[k], [i, j])):
+            terms[tuple(int(axis in axes) for axis in range(3))][i] += coefficient
+    return terms
 
 
-def eighths(X: Array, F: Array) -> list[tuple[Array, Array, Array]]:
-    """Relative low and high corner, and triangles, of each eighth of the bounding box that has any."""
-    relative = (X - X.min(axis=0)) / np.ptp(X, axis=0)
-    parts = []
-    for corner in np.ndindex(2, 2, 2):
-        low, high = np.where(corner, _SPLIT, -0.1), np.where(corner, 1.1, _SPLIT)
-        inside = ((relative >= low) & (relative <= high)).all(axis=1)
-        if (triangles := inside[F].all(axis=1)).any():
-            parts.append((low, high, F[triangles]))
-    return parts
+def smooth_stress(random: np.random.Generator) -> Terms:
+    """Terms of a random polynomial stress in equilibrium, from three functions of stress [Maxwell 1870]."""
+    terms: Terms = defaultdict(lambda: np.zeros(6))
+    powers = [p for p in np.ndindex(*[_DEGREE + 3] * 3) if 2 <= sum(p) <= _DEGREE + 2]
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        for power in powers:
+            # The higher a power, the less it is of a body whose coordinates are about a half.
+            coefficient = random.normal() * 2.0 ** sum(power)
+            for first, second, component, sign in ((j, j, i, 1), (i, i, j, 1), (i, j, 3 + k, -1)):
+                left = list(power)
+                factor = sign * coefficient
+                for axis in (first, second):
+                    factor *= left[axis]
+                    left[axis] -= 1
+                if factor:
+                    terms[tuple(left)][component] += _STRESS * factor
+    return terms
 
 
-def balancing(X: Array, F: Array, load: Array) -> Array:
-    """Tractions (n, 3) on the eighths that balance a force and torque, of the least mean square over their area."""
-    columns = []
-    for _, _, part in eighths(X, F):
-        root = np.sqrt(np.linalg.norm(triangle_normals(X, part), axis=1).sum())
-        columns += [resultant(X, part, np.tile(axis, (len(part), 1))) / root for axis in np.eye(3)]
-    found = np.linalg.lstsq(np.array(columns).T, -load, rcond=None)[0].reshape(-1, 3)
-    roots = [np.sqrt(np.linalg.norm(triangle_normals(X, part), axis=1).sum()) for _, _, part in eighths(X, F)]
-    return found / np.array(roots)[:, None]
+@dataclass(frozen=True)
+class Part:
+    """The vertices within a sphere."""
+
+    centre: Array
+    radius: float
+    is_in: Array  #: by vertex
+
+    def triangles(self, F: Array) -> Array:
+        return F[self.is_in[F].all(axis=1)]
+
+    @property
+    def region(self) -> str:
+        return f"region = {{ sphere = {{ center = {_list(self.centre)}, radius = {self.radius!r} }} }}\n"
+
+
+def part_at(X: Array, F: Array, direction: Array, share: float) -> Part:
+    """About the vertex farthest in a direction: a share of the vertices, more where these hold no triangle."""
+    top = X[(X @ direction).argmax()]
+    distances = np.linalg.norm(X - top, axis=1)
+    ordered = np.sort(distances)
+    radius = max(ordered[round(share * len(X))], distances[F].max(axis=1).min())
+    beyond = ordered[np.searchsorted(ordered, radius * (1 + 1e-6))]
+    radius = float(radius + beyond) / 2  # no vertex lies on the sphere
+    return Part(top, radius, distances < radius)
+
+
+def scene_of(load: str, name: str, file: Path, X: Array, F: Array) -> str:
+    """The scene of a load on the surface of a file; name: what draws it."""
+    random = random_of(name)
+    direction, oblique = (v / np.linalg.norm(v) for v in random.normal(size=(2, 3)))
+    is_held, kind = load.startswith("held_"), load.removeprefix("held_")
+    near = part_at(X, F, direction, _HELD if is_held else _LOADED)
+    far = part_at(X, F, -direction, _HELD if kind == "moved" else _LOADED)
+    parts = [f'[surface]\nfile = "{file}"\n{_SCENE}']
+    force = np.zeros(6)  # to be balanced where nothing is held
+
+    def pull(part: Part, traction: Array, pressure: float = 0) -> None:
+        parts.append(f"[[loads]]\n{part.region}traction = {_list(traction)}\npressure = {pressure}\n")
+        on = part.triangles(F)
+        normals = triangle_normals(X, on)
+        unit = normals / np.linalg.norm(normals, axis=1)[:, None]
+        force[:] += resultant(X, on, traction - pressure * unit)
+
+    if is_held:
+        parts.append(_support(near))
+    if kind == "gravity":
+        volume, first, _ = moments(X, F)
+        weight = _DENSITY * volume * _GRAVITY * oblique
+        parts.insert(0, f"gravity = {_list(_GRAVITY * oblique)}\n")
+        if not is_held:  # it hangs
+            force[:] = [*weight, *np.cross(first / volume, weight)]
+            pull(near, -weight / _area(X, near.triangles(F)))
+    elif kind == "smooth":
+        parts.append(_stressed(smooth_stress(random)))
+    elif kind == "moved":
+        parts.append(_support(far, _MOVED * oblique))
+    elif kind == "pressed":
+        pull(far, np.zeros(3), _STRESS)
+    else:
+        pull(far, _STRESS * oblique)
+        if not is_held:
+            shared = _area(X, far.triangles(F)) / _area(X, near.triangles(F))
+            pull(near, -_STRESS * shared * oblique)
+    if not is_held and force.any():
+        parts.append(_stressed(balance(X, F, force)))
+    return "\n".join(parts)
+
+
+def of_cut_surface(scene: str, file: Path, X: Array, F: Array) -> tuple[str, Array, Array]:
+    """The same scene on that surface with triangles cut in four, which a file is to hold: supports hold the same edges.
+
+    The first vertices stay what they were.
+    """
+    edges, place = np.unique(
+        np.sort(F[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)), axis=0, return_inverse=True
+    )
+    middles = len(X) + place.reshape(-1, 3)
+    (a, b, c), (ab, bc, ca) = F.T, middles.T
+    corners = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    finer = np.vstack([X, X[edges].mean(axis=1)])
+    head, *supports = scene.split("[[supports]]\n")
+    lines = [re.sub(r'file = ".*"', f'file = "{file}"', head)]
+    for support in supports:
+        region, rest = support.split("\n", 1)
+        sphere = tomllib.loads(region)["region"]["sphere"]
+        held = np.linalg.norm(X - sphere["center"], axis=1) < sphere["radius"]
+        for x in finer[np.concatenate([held, held[edges].all(axis=1)])]:
+            lines.append(f"region = {{ sphere = {{ center = {_list(x)}, radius = {_POINT} }} }}\n{rest}")
+    return "[[supports]]\n".join(lines), finer, np.vstack([np.column_stack(t) for t in corners])
+
+
+def _area(X: Array, F: Array) -> float:
+    return float(np.linalg.norm(triangle_normals(X, F), axis=1).sum())
 
 
 def _list(values: Array) -> str:
     return str([float(value) for value in values])
 
 
-def _balance(X: Array, F: Array, load: Array) -> str:
-    """The loads that balance one."""
-    text = ""
-    for (low, high, _), traction in zip(eighths(X, F), balancing(X, F, load), strict=True):
-        text += f"\n[[loads]]\nregion = {{ box = {{ low = {_list(low)}, high = {_list(high)} }}, relative = true }}\n"
-        text += f"traction = {_list(traction)}\n"
-    return text
+def _support(part: Part, displacement: Array | None = None) -> str:
+    moved = "" if displacement is None else f"displacement = {_list(displacement)}\n"
+    return f'[[supports]]\n{part.region}components = "xyz"\n{moved}'
 
 
-def scene_of(load: str, surface: str, X: Array, F: Array) -> str:
-    """The scene of one load on a surface whose vertices, scaled, are X."""
-    along = int(np.ptp(X, axis=0).argmax())
-    across = np.eye(3)[(along + 1) % 3]
-    share = (X[:, along] - X[:, along].min()) / np.ptp(X[:, along])
-    top = X[np.where(share > 0.5, X @ across, -np.inf).argmax()]  # of the far half
-    if load == "gravity":
-        g = 100 * across  # strains as of the other loads
-        return f"gravity = {_list(g)}\n{surface}{_FREE}{_balance(X, F, weight(X, F, g, 1000))}"
-    if load == "clamp":
-        high = _list(np.where(np.arange(3) == along, 0.25, 1.1))
-        clamp = f"box = {{ low = [-0.1, -0.1, -0.1], high = {high} }}, relative = true"
-        gravity = f"gravity = {_list(9.81 * across)}\n"
-        return f'{gravity}{surface}{_FREE}\n[[supports]]\nregion = {{ {clamp} }}\ncomponents = "xyz"\n'
-    if load == "end_shear":
-        low = _list(np.where(np.arange(3) == along, 0.75, -0.1))
-        end = F[(share >= 0.75)[F].all(axis=1)]
-        region = f"{{ box = {{ low = {low}, high = [1.1, 1.1, 1.1] }}, relative = true }}"
-        force = resultant(X, end, np.tile(1e5 * across, (len(end), 1)))
-        shear = f"\n[[loads]]\nregion = {region}\ntraction = {_list(1e5 * across)}\n"
-        return surface + _FREE + shear + _balance(X, F, force)
-    if load == "patch":
-        patch = F[(np.linalg.norm(X - top, axis=1) <= 0.5)[F].all(axis=1)]
-        normals = triangle_normals(X, patch)
-        pressure = -1e5 * normals / np.linalg.norm(normals, axis=1)[:, None]
-        region = f"{{ sphere = {{ center = {_list(top)}, radius = 0.5 }} }}"
-        pressed = f"\n[[loads]]\nregion = {region}\npressure = 1e5\n"
-        return surface + _FREE + pressed + _balance(X, F, resultant(X, patch, pressure))
-    return f"{surface}{_FREE}\n[collapse]\ncoefficient = 1e-4\n\n[[collapse.pivots]]\npoint = {_list(top)}\n"
-
-
-def cases(quick: bool) -> list[tuple[str, str, str]]:
-    """Poisson's ratio, shape and load, in the order in which they are measured."""
-    if quick:
-        return [("0.25", "ball:162", load) for load in LOADS]
-    every = [(nu, shape, load) for nu in ("0.25", "0.49", "0.45") for shape in SHAPES for load in LOADS]
-    return every + [(nu, _OF_EVERY_NU, load) for nu in ("0", "0.3") for load in LOADS]
-
-
-class Loads:
-    """Scenes and runs in a folder."""
-
-    def __init__(self, folder: Path, meshes: Path, is_quiet: bool, store: Store | None = None) -> None:
-        self.folder, self.meshes, self.is_quiet = folder, meshes, is_quiet
-        self.store = store or Store(folder / "points")
-        (folder / "scenes").mkdir(parents=True, exist_ok=True)
-
-    def _scene(self, name: str, text: str) -> Path:
-        file = self.folder / "scenes" / f"{name.replace(':', '_')}.toml"
-        write_text(file, text)
-        return file
-
-    def _run(self, point: Point) -> Outcome:
-        outcome = self.store.run(point)
-        if outcome.status != "ok":
-            raise RunError(
-                ": ".join(part for part in (point.program, outcome.status, outcome.message) if part)
-            )
-        return outcome
-
-    def scene(self, shape: str, load: str) -> Path:
-        """Writes the scene. The scaled surface is that of a run under uniform pressure."""
-        surface = surface_of(shape, self.meshes)
-        plain = self._scene(f"{shape}-pressure", f"{surface}{_FREE}\n[[loads]]\npressure = 1e5\n")
-        rest = load_run(self._run(Point("fem_reference", plain, ("reference.degree=1",))).folder).last
-        return self._scene(f"{shape}-{load}", scene_of(load, surface, rest.X, rest.F))
-
-    def _references(self, scene: Path, nu: str, is_singular: bool) -> tuple[Run, Run]:
-        """The finest reference, and the one before."""
-        runs: list[Run] = []
-        for refine in range(3 if is_singular else 2):
-            if refine == 2 and 8 * runs[-1].record["n_tetrahedra"] > _MOST_TETRAHEDRA:
-                break
-            overrides = (f"material.nu={nu}", f"reference.refine={refine}", _TOLERANCE)
-            runs.append(load_run(self._run(Point("fem_reference", scene, overrides)).folder))
-        return runs[-2], runs[-1]
-
-    def measure(self, nu: str, shape: str, load: str) -> list[Row]:
-        """A row for each model. What fails is a row that says why."""
-        row = {"surface": shape, "nu": nu, "load": load, "spacing": "", "seed": "1"}
-        try:
-            scene = self.scene(shape, load)
-            coarse, fine = self._references(scene, nu, load == "clamp")
-            own = compare_runs(coarse, fine, fine.record["is_free"]).displacement_error_l2
-        except RunError as error:
-            return [{**row, "model": model, "status": str(error)} for model in MODELS]
-        rows = []
-        for model in MODELS:
-            overrides = (f"material.nu={nu}", f"network.calibration={model}")
-            try:
-                run = load_run(self._run(Point("massspring", scene, overrides, ("--no-diagnostics",))).folder)
-                figures = compare_runs(run, fine, fine.record["is_free"])
-            except RunError as error:
-                rows.append({**row, "model": model, "status": str(error)})
-                continue
-            l2 = figures.displacement_error_l2
-            rows.append(
-                {
-                    **row,
-                    "model": model,
-                    "status": "ok" if l2 >= DECIDED * own else "undecided",
-                    "n_nodes": str(figures.n_nodes),
-                    "error_l2": f"{l2:.6g}",
-                    "error_max": f"{figures.displacement_error_max:.6g}",
-                    "volume_error": f"{figures.volume_change_error:.6g}",
-                    "reference_error": f"{own:.6g}",
-                }
-            )
-        return rows
-
-    def run(self, quick: bool) -> list[Row]:
-        """All cases; the table is written after each."""
-        rows: list[Row] = []
-        wanted = [case for case in cases(quick) if ":" in case[1] or (self.meshes / case[1]).exists()]
-        for number, case in enumerate(wanted, 1):
-            rows += self.measure(*case)
-            say(f"[{number}/{len(wanted)}] nu = {case[0]}, {case[1]}, {case[2]}", self.is_quiet)
-            write_text(self.folder / "loads.csv", csv_of(rows))
-        return rows
+def _stressed(terms: Terms) -> str:
+    """The traction of a stress all over the surface."""
+    rows = ",\n".join(f"  {[*power, *map(float, stress)]}" for power, stress in terms.items())
+    return f"[[loads]]\nregion = {{ {_ALL} }}\nstress = [\n{rows},\n]\n"

@@ -27,19 +27,19 @@ Diagnostics diagnose(const MassSpringModel& model) {
     solution.compliance = f.cwiseProduct(solution.u).sum() / f.cwiseProduct(solution.exact).sum();
     return solution;
   };
-  const auto patch_error = [&](const char* name) {
-    const Solution s = solve(name);
+  const auto error_of = [&](const Solution& s) {
     return surface_error(s.u, s.exact, network.X, network.F).l2;
   };
-  const auto compliance = [&](const char* name) {
+  const auto solve_curved = [&](const char* name, double& error, double& compliance) {
     const Solution s = solve(name);
+    error = error_of(s);
+    compliance = s.compliance;
     result.node_error = result.node_error.cwiseMax(node_errors(s.u, s.exact, network.X));
-    return s.compliance;
   };
-  result.pressure_error = patch_error("pressure");
-  result.uniaxial_error = patch_error("uniaxial");
-  result.bending_compliance = compliance("bending");
-  result.torsion_compliance = compliance("torsion");
+  result.pressure_error = error_of(solve("pressure"));
+  result.uniaxial_error = error_of(solve("uniaxial"));
+  solve_curved("bending", result.bending_error, result.bending_compliance);
+  solve_curved("torsion", result.torsion_error, result.torsion_compliance);
   return result;
 }
 

@@ -218,7 +218,7 @@ def test_conclusion_is_the_second_sentence_of_page_and_terminal():
 
 
 def test_tables_hold_sizes_trust_and_seconds_of_each_method():
-    diagnostics = {"pressure_error": 0.01, "bending_compliance": 1.25}
+    diagnostics = {"pressure_error": 0.01, "bending_error": 0.25, "bending_compliance": 0.99}
     more = {"diagnostics": diagnostics, "n_floppy_motions": 2, "floppy_load_share": 0.03}
     more["seconds"] = {"start-up": 0.25, "mesh": 0.5, "solve": 1.5}
     errors, trust, seconds = tables(comparison_of({"affine": model_of(**more)}))
@@ -226,7 +226,7 @@ def test_tables_hold_sizes_trust_and_seconds_of_each_method():
     assert [springs[part] for part in ("nodes", "springs", "dofs")] == ["10", "30", "30"]
     assert [springs[part] for part in ("displacement error", "at worst")] == ["20 %", "30 %"]
     assert [elements[part] for part in ("nodes", "springs", "dofs")] == ["11", "-", "33"]
-    assert trust[1] == [["springs, affine", "1 %", "-", "1.250", "-", "2 (3 % of the load)"]]
+    assert trust[1] == [["springs, affine", "1 %", "-", "25 %", "-", "2 (3 % of the load)"]]
     assert list(cells_of(seconds).values())[1:] == ["0.25", "0.50", "-", "-", "1.50", "-", "2.25"]
     assert list(cells_of(seconds, 1).values())[1:] == ["-", "2.00", "-", "1.00", "3.00", "-", "6.00"]
 

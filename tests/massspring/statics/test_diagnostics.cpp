@@ -64,13 +64,13 @@ TEST(Diagnostics, PatchTestsAreOffByTheRatioOfTheModuli) {
   EXPECT_NEAR(d.uniaxial_error, surface_error(u, displacements(tension, X), X, F).l2, kSolved);
 }
 
-TEST(Diagnostics, NodesShowTheLargerErrorAndCompliancesTheWorkOfBendingAndTorsion) {
+TEST(Diagnostics, NodesShowTheLargerErrorOfBendingAndTorsionBesideErrorsAndWorkOfBoth) {
   constexpr double kSolved = 1e-8;
   const MassSpringModel model = solid(kEdgeCoupled);
   const auto& [X, T, F, n_surface] = model.network;
   LinearStatics statics(model, hold_rigid_motion(X));
   Eigen::VectorXd error[2];
-  double compliance[2];
+  double compliance[2], at_surface[2];
   for (int k : {0, 1}) {
     const ExactField field =
         exact_field(k == 0 ? "bending" : "torsion", lame_of(model.material), X.rowwise().mean());
@@ -78,12 +78,16 @@ TEST(Diagnostics, NodesShowTheLargerErrorAndCompliancesTheWorkOfBendingAndTorsio
     Eigen::Matrix3Xd u;
     statics.solve(f, u, 1e-12);
     error[k] = node_errors(u, exact, X);
+    at_surface[k] = surface_error(u, exact, X, F).l2;
     compliance[k] = f.cwiseProduct(u).sum() / f.cwiseProduct(exact).sum();
   }
   ASSERT_GT((error[0] - error[1]).maxCoeff(), 1e-3);
   ASSERT_GT((error[1] - error[0]).maxCoeff(), 1e-3);
   const Diagnostics d = diagnose(model);
   EXPECT_LT((d.node_error - error[0].cwiseMax(error[1])).norm(), kSolved);
+  EXPECT_NEAR(d.bending_error, at_surface[0], kSolved);
+  EXPECT_NEAR(d.torsion_error, at_surface[1], kSolved);
+  EXPECT_GT(std::abs(at_surface[0] - at_surface[1]), 1e-3);
   EXPECT_NEAR(d.bending_compliance, compliance[0], kSolved);
   EXPECT_NEAR(d.torsion_compliance, compliance[1], kSolved);
 }
