@@ -7,7 +7,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from . import grid, pair, remesh
+from . import grid, pair, remesh, reproduce
 from .experiment import default_folder, run_solvers, surface_file, surface_overrides
 from .index import write_index
 from .paths import OUT, SCENES
@@ -54,7 +54,6 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     scene.add_argument(
         "--surface", type=Path, metavar="FILE", help="use this closed surface (.obj .off .ply .stl .vtp .vtu)"
     )
-
     scene.add_argument(
         "--up", choices=["y", "z"], help="axis of the surface that points up: z is turned to y"
     )
@@ -93,7 +92,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "remesh", [],
         "Makes an even, closed surface of any triangles (CAD, scans, soups), whose parts it unites, and tells how far it "
         "lies from them.",
-        "example:\n  ./testbed remesh plate.stl plate.off --edge 2 --tolerance 0.1\n",
+        _REMESH_EXAMPLES,
     )  # fmt: skip
     new.add_argument("surface", type=Path, metavar="IN", help="triangles (.obj .off .ply .stl .vtp .vtu)")
     new.add_argument("out", type=Path, metavar="OUT", help="file to write (.obj or .off)")
@@ -134,6 +133,16 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     compare.add_argument("model", type=Path, metavar="A", help="the model")
     compare.add_argument("reference", type=Path, metavar="B", help="the reference")
     compare.add_argument("--out", type=Path, metavar="DIR", help="default: out/compare/A-B")
+    again = add(
+        "reproduce", [],
+        "Makes published tables and figures again and shows what differs from the stored ones, by analysis/manifest.toml. "
+        "What is finished is not run again; the exit status is 1 where anything differs.",
+        "example:\n  ./testbed reproduce readme statics\n",
+    )  # fmt: skip
+    again.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"of: {', '.join(reproduce.entries())}; default: all"
+    )
+    again.add_argument("--write", action="store_true", help="write tables and figures anew")
     study.add_arguments(
         add(
             "study",
@@ -166,7 +175,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if comparison["status"] == "ok" else 1
 
 
-_COMMANDS = {"run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main}
+_COMMANDS = {
+    "run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main,
+    "reproduce": reproduce.main,
+}  # fmt: skip
 
 
 def main() -> int:

@@ -12,11 +12,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import load_scale
+from .extent import available_memory, extent_of
+from .methods import REFERENCE, label_of
 from .paths import PROGRAMS, ROOT
-from .points import read_toml
+from .points import read_toml, say
 from .runs import NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
 
 if TYPE_CHECKING:
@@ -95,6 +97,13 @@ class Experiment:
 
         return compare(self)
 
+    def report(self) -> Path:
+        """Its report.html, which is drawn anew where anything has changed. Raises RunError as comparison."""
+        from .results import results_of
+
+        results_of(self)
+        return self.folder / "report.html"
+
     def to_dataframe(self) -> pd.DataFrame:
         """As tables.table_of: a row for every model."""
         from .tables import table_of
@@ -139,10 +148,7 @@ def default_folder(scene: Path, surface: Path | None) -> Path:
 
 def surface_file(scene: Path) -> Path:
     """The file that a scene takes its surface from. Raises RunError where it names none."""
-    try:
-        file = tomllib.loads(scene.read_text()).get("surface", {}).get("file")
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RunError(f"{scene}: {error}") from None
+    file = read_toml(scene).get("surface", {}).get("file")
     if not file:
         raise RunError(f"{scene}: no surface.file, expected one with --remesh, or --surface FILE")
     return scene.parent / file
@@ -175,21 +181,27 @@ def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | Non
     return words if fits else None
 
 
-def _run(command: list[str], is_quiet: bool) -> tuple[int, str, list[str]]:
-    """Exit status of a program and, of one that is quiet, the errors and warnings that it named. What else it says, and
-    warnings, go to sys.stderr."""
+class _Said(NamedTuple):
+    """What a program ended with and, of one that is quiet, what it printed."""
+
+    status: int
+    errors: str = ""
+    warnings: tuple[str, ...] = ()
+    output: str = ""
+
+
+def _run(command: list[str], is_quiet: bool) -> _Said:
+    """Runs a program. What it says besides errors goes to sys.stderr."""
     if not is_quiet:
-        return subprocess.run(command, check=False).returncode, "", []
-    words = [*command, "--quiet"]
-    done = subprocess.run(words, check=False, stderr=subprocess.PIPE, text=True, errors="replace")
+        return _Said(subprocess.run(command, check=False).returncode)
+    done = subprocess.run(
+        [*command, "--quiet"], check=False, capture_output=True, text=True, errors="replace"
+    )
     lines = done.stderr.splitlines(keepends=True)
     sys.stderr.writelines(line for line in lines if not line.startswith("error: "))
     errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    return (
-        done.returncode,
-        "".join(errors).strip(),
-        [line.strip() for line in lines if line.startswith(_WARNING)],
-    )
+    warnings = tuple(line.strip() for line in lines if line.startswith(_WARNING))
+    return _Said(done.returncode, "".join(errors).strip(), warnings, done.stdout)
 
 
 def run_solvers(
@@ -208,7 +220,7 @@ def run_solvers(
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
 
     def run(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> tuple[int, str]:
-        return _run(command_of(program, out, *more, options=options), is_quiet)[:2]
+        return _run(command_of(program, out, *more, options=options), is_quiet)[:2]  # status, errors
 
     def command_of(program: str, out: Path, *more: str, options: Sequence[str] = ()) -> list[str]:
         command = [str(built(PROGRAMS, program)), str(scene_file), "--out", str(out), *options]
@@ -216,13 +228,18 @@ def run_solvers(
             command += ["--set", override]
         return command
 
-    status, errors, warned = _run(command_of("massspring", folder, options=["--check"]), is_quiet=True)
-    if status != SOLVED:
-        raise RunError(errors or "massspring refuses the scene: nothing has been solved")
+    checked = _run(command_of("massspring", folder, options=["--check"]), is_quiet=True)
+    if checked.status != SOLVED:
+        raise RunError(checked.errors or "massspring refuses the scene: nothing has been solved")
+    extent = extent_of(checked.output)
+    say(extent.text, is_quiet)
+    if advice := extent.advice(available_memory()):
+        print(f"warning: {advice}", file=sys.stderr)
 
     wanted = load_scale.wanted_strain(read_toml(scene_file), overrides)
     if wanted is not None:
         trial = folder / "load_scale_trial"
+        say(f"a trial for a strain of {wanted:g}", is_quiet)
         status, errors = run("massspring", trial, *load_scale.TRIAL, options=load_scale.OPTIONS)
         if status != SOLVED:
             raise RunError(
@@ -230,6 +247,7 @@ def run_solvers(
                 or f"load_scale.strain = {wanted}: the trial solve that finds a factor for it failed, see {trial}"
             )
         overrides = [*overrides, load_scale.factor_override(wanted, trial)]
+    say(label_of(REFERENCE), is_quiet)
     status, errors = run("fem_reference", folder / "fem_reference")
     if status not in (SOLVED, NOT_OK, NOT_MODELLED):
         is_told = status == REFUSED and not errors
@@ -245,12 +263,15 @@ def run_solvers(
         )
     unsolved = record["reason"] if status == NOT_MODELLED else ""
     words = refinement(scene, record) if status == SOLVED else None
+    if words:
+        say(f"{label_of(REFERENCE)}, refined for their error", is_quiet)
     if not words or run("fem_reference", refined, options=words)[0] not in (SOLVED, NOT_OK):
         shutil.rmtree(refined, ignore_errors=True)  # it may be of other values
 
-    experiment = Experiment(folder, scene, {}, unsolved, tuple(map(_sentence, warned)))
+    experiment = Experiment(folder, scene, {}, unsolved, tuple(map(_sentence, checked.warnings)))
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
+        say(label_of(calibration), is_quiet)
         status, errors = run("massspring", out, f"network.calibration={calibration}", options=["--checked"])
         outcome = errors or f"exit status {status}"
         if status in (SOLVED, NOT_OK):

@@ -51,9 +51,8 @@ def factor_override(wanted: float, trial: Path) -> str:
 def strain_of(folder: Path) -> float:
     """Of a run's last frame with tetrahedra: what all but a hundredth of the volume stays below."""
     grid = pv.read(sorted((folder / "frames").glob("*.vtu"))[-1])
-    u = np.asarray(grid.point_data["displacement"], dtype=float)
-    T = grid.cells_dict[pv.CellType.TETRA]
-    return strain_in(np.asarray(grid.points, dtype=float) - u, T, u)
+    X, u = (np.asarray(grid.point_data[name], dtype=float) for name in ("rest_position", "displacement"))
+    return strain_in(X, grid.cells_dict[pv.CellType.TETRA], u)
 
 
 def strain_in(X: Array, T: Array, u: Array) -> float:

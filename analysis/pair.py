@@ -9,12 +9,23 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from .compare import Figures, compare_runs, deformation, displacement_error, vertex_areas, volume
+from .compare import (
+    Figures,
+    area_change,
+    compare_runs,
+    deformation,
+    displacement_error,
+    vertex_areas,
+    volume,
+    volume_change,
+)
 from .drawing.bodies_aside import bodies_aside
+from .drawing.plots import Panel, plot_curves
 from .foreign import Result, read_result
+from .methods import REFERENCE
 from .paths import ROOT, write_text
-from .report import html_table, image_figure, page, text_table
-from .runs import Array, Frame, RunError, scene_of
+from .report import html_table, image_figure, page, svg_figure, text_table
+from .runs import Array, Frame, RunError, method_of, scene_of
 from .wording import percent, percent_signed, significant
 
 _SAME_PLACE = 1e-5  # of the largest coordinate and of the body's size: .frd has six digits
@@ -136,6 +147,21 @@ def table_of(values: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     return head, rows
 
 
+def curves_of(pair: Pair) -> str:
+    """SVG: volume and area of two runs over load or time; "" of results that have no curves."""
+    model, reference = pair.model.run, pair.reference.run
+    if not (model and reference):
+        return ""
+    name = method_of(model)
+    runs = {REFERENCE: reference, name if name != REFERENCE else "the model": model}
+    panels = [
+        Panel(f"{part} change (%)", 100, {key: change(run) for key, run in runs.items()})
+        for part, change in (("volume", volume_change), ("area", area_change))
+    ]
+    is_dynamic = scene_of(model).get("time", {}).get("mode") == "dynamic"
+    return plot_curves(panels, "time (s)" if is_dynamic else "load factor (1)")
+
+
 def main(arguments: Any) -> int:
     """./testbed compare"""
     results = [read_result(path) for path in (arguments.model, arguments.reference)]
@@ -160,6 +186,10 @@ def main(arguments: Any) -> int:
         html_table(*table),
         image_figure(picture, "Reference, and the model painted with the length of the difference."),
     ]
+    if curves := curves_of(pair):
+        parts.append(
+            svg_figure(curves, "Volume and area, and below the model's difference from the reference.")
+        )
     text = json.dumps(values, indent=2)
     write_text(
         folder / "report.html",

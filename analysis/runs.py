@@ -84,17 +84,19 @@ class Run:
         if not file.exists():
             raise RunError(f"{file}: frame is missing, run the solver again")
         grid = pv.read(file)
-        if not grid.n_points or "displacement" not in grid.point_data or "n_surface" not in grid.field_data:
-            raise RunError(f"{file}: expected points, 'displacement' and field data 'n_surface'")
+        if (
+            not {"displacement", "rest_position"} <= set(grid.point_data)
+            or "n_surface" not in grid.field_data
+        ):
+            raise RunError(f"{file}: expected 'displacement', 'rest_position' and field data 'n_surface'")
         n = int(grid.field_data["n_surface"][0])
-        u = np.asarray(grid.point_data["displacement"], dtype=float)[:n]
-        x = np.asarray(grid.points, dtype=float)[:n]
+        X, u = (np.asarray(grid[name], dtype=float)[:n] for name in ("rest_position", "displacement"))
         F = np.asarray(grid.cells_dict.get(pv.CellType.TRIANGLE, np.empty((0, 3))), dtype=int)
-        if not (np.isfinite(u).all() and np.isfinite(x).all()):
+        if not (np.isfinite(u).all() and np.isfinite(X).all()):
             raise RunError(f"{file}: displacement is not finite")
         if not len(F) or F.max() >= n:
             raise RunError(f"{file}: expected the triangles of {n} surface nodes")
-        return Frame(x - u, u, F)
+        return Frame(X, u, F)
 
 
 def built(folder: Path, program: str) -> Path:

@@ -170,6 +170,10 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
         limits.append(
             f"{listed(mechanisms)} {_verb(mechanisms, 'is a mechanism', 'are mechanisms')}, whose error another load may change."
         )
+    if networks := [name for group in groups.values() for name in group if models[name]["n_springs"]]:
+        limits.append(
+            f"{listed(networks)} {_verb(networks, 'stands', 'stand')} on one random network, and another gives another error."
+        )
     limits.append("Seconds are of single runs, whose errors differ.")
     return limits
 

@@ -1,6 +1,7 @@
 // The mass-spring program: scene in, frames, curves and a record out.
 #include <omp.h>
 
+#include <cmath>
 #include <iostream>
 
 #include "massspring/calibrations/calibrate.h"
@@ -94,8 +95,21 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
   if (!report.reason.empty()) record["reason"] = report.reason;
 }
 
-/// Checks the scene for its own spring model or for all that it names, and tells which keys none of them reads
-/// and what was probably not meant.
+/// What decides how long a scene takes, for who plans its runs.
+nlohmann::ordered_json extent_of(const Scene& scene, const SurfaceMesh& surface) {
+  const TimeOptions& time = scene.time;
+  nlohmann::ordered_json extent{{"n_vertices", surface.X.cols()},
+                                {"models", models_of(scene)},
+                                {"degree", scene.reference.degree},
+                                {"refine", scene.reference.refine},
+                                {"law", name_of(law_of(scene))},
+                                {"mode", name_of(time.mode)}};
+  if (time.mode == TimeMode::Dynamic && time.step > 0) extent["n_steps"] = std::lround(time.end / time.step);
+  return extent;
+}
+
+/// Checks the scene for its own spring model or for all that it names, and tells which keys none of them reads,
+/// what was probably not meant and, asked for the check alone, the scene's extent.
 void check(const Scene& scene, const Arguments& arguments) {
   check_scene(scene, arguments.scene);
   check_model(scene, scene.network.calibration, arguments.scene);
@@ -108,6 +122,7 @@ void check(const Scene& scene, const Arguments& arguments) {
   check_on_surface(scene, surface, arguments.scene);
   for (const std::string& warning : warnings_about(scene, surface, arguments.scene))
     std::cerr << "warning: " << warning << '\n';
+  if (arguments.is_check) std::cout << extent_of(scene, surface) << '\n';
 }
 
 ExitStatus run(const Arguments& arguments) {
@@ -161,8 +176,10 @@ int main(int argc, char** argv) {
   app.add_flag(
       "--no-diagnostics", arguments.is_undiagnosed,
       "do not measure the model against exact fields, which takes longer than the run of a large one");
-  app.add_flag("--check", arguments.is_check,
-               "check the scene and every model that comparison.calibrations names, then end");
+  app.add_flag(
+      "--check", arguments.is_check,
+      "check the scene and every model that comparison.calibrations names, print its extent as JSON, "
+      "then end");
   app.add_flag("--checked", arguments.is_checked, "the scene has been checked: do not name its unused keys");
   app.add_flag_callback(
       "--list",

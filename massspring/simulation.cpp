@@ -11,7 +11,6 @@
 #include "massspring/time/implicit_stage.h"
 #include "meshing/base/geometry.h"
 #include "meshing/scene/initial_motion.h"
-#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -21,10 +20,12 @@ namespace {
 MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const double share = scene.network.link_share;
+  const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F};
   std::vector<int> held;
-  for (const auto& [vertices, support] :
-       discretise(scene, {network.X.leftCols(network.n_surface), network.F}).held)
+  for (const Support& support : scene.supports) {
+    const std::vector<int> vertices = vertices_in(support.region, surface);
     held.insert(held.end(), vertices.begin(), vertices.end());
+  }
   MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share, held)
                                     : calibrate(network, scene.material, calibration, held);
   const bool is_explicit_run =

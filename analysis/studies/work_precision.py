@@ -1,58 +1,63 @@
-"""Work and precision: the error that every method reaches, and the seconds that it takes.
+"""Work and precision: the error that every method reaches, and the seconds that it takes, in four regimes.
 
-Static scenes of a generated shape are solved on a ladder of surfaces, dynamic ones with a ladder of time steps. The error is
-that of the displacement at the surface's vertices against quadratic finite elements on the same surface, its tetrahedra
-refined: the same polyhedron with the same vertices, so that nothing is interpolated and the error is the solver's
-alone, none of it the surface's distance from a smooth shape. How far that reference itself can be trusted is
-estimated from its own refinements.
+Statics or motion, at small or large strain: each has scenes of its own, solved on a ladder of surfaces, motions with a ladder
+of time steps on each. A method's front is what no other of its rungs beats.
 
-Static solves of both programs stop at a residual of 1e-4 of load plus internal forces, which changes displacements by less
-than a millionth. Both take one thread.
+The error is that of the displacement at the surface's vertices against quadratic finite elements on the same surface, its
+tetrahedra refined: the same polyhedron with the same vertices, so that nothing is interpolated and the error is the solver's
+alone, none of it the surface's distance from a smooth shape. How far that reference itself can be trusted is estimated from
+its own refinements. The error of the change of volume stands beside it.
 
-Runs are timed one at a time, interleaved: every method once, then every method again. Seconds leave out the writing of
-files, and what the springs' program spends on diagnosing itself.
+A network of springs on random nodes is one of many: a figure is the median of ten seeds with its range, of coupled springs of
+three. Networks take no more vertices than the scene, as their error does not fall. Elements are run as often as coupled
+springs, with nothing random. Static solves of both programs take one load step, shortened
+by both where it fails, and stop at one residual: 1e-4 of load plus internal forces at small strain, 1e-6 at large. A table
+tells how much a hundredth of these would change each error.
+
+Runs are timed one at a time, interleaved: every method once, then every method again. Seconds are meshing, set-up and
+solution. Each program makes its own tetrahedra, so nothing is shared. The start of a program, the writing of files and what
+the springs' program spends on diagnosing itself are left out. A run that waited for a core is repeated up to three times, then
+marked and left out of the seconds. The last panel has two threads.
 """
 
 from __future__ import annotations
 
 import argparse
 import tomllib
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
 from ..compare import compare_runs, trajectory_error
-from ..drawing.plots import SMALLEST
-from ..drawing.style import style_of, svg_of
-from ..front import seconds_for
-from ..methods import ELEMENTS, FEM_P1, FEM_P1_EXPLICIT, FEM_P2, FEM_P2_EXPLICIT, label_of
+from ..methods import FEM_P1, FEM_P1_EXPLICIT, FEM_P2, FEM_P2_EXPLICIT
 from ..paths import SCENES
 from ..points import Outcome, Point, Store, say
-from ..report import Table
 from ..runs import RunError, load_run
-from ..wording import percent, significant
-from ..wording import seconds as seconds_in_words
-from .result import Figures, Result, Section, alone
+from . import fronts
+from .frame_budget import frame_budget
+from .result import Result, Section, alone
 
-CALIBRATIONS = [
-    "uniform", "affine", "van_gelder", "lloyd", "moment", "edge_coupled", "node_averaged"
-]  # fmt: skip
-_DYNAMIC = ["uniform", "edge_coupled", "node_averaged"]
+_NETWORKS = ("uniform", "affine", "van_gelder", "lloyd", "moment")
+_COUPLED = ("edge_coupled", "node_averaged")
+_AT_LARGE_STRAIN = ("uniform", "affine", *_COUPLED)
+_MOVING = ("uniform", *_COUPLED)
 _INTEGRATORS = {"symplectic_euler": ":", "implicit_euler": "--", "midpoint": "-"}
 _EXPLICIT = {"symplectic_euler"}
 _EXPLICIT_STEPS = tuple(2.0**-k for k in range(1, 7))  # over the scene's step; the longer ones may diverge
-_LEVELS = (0.1, 0.03, 0.01, 0.003, 0.001)  # errors at which methods are compared in words
-_TOLERANCE = (
-    1e-4  # of linear statics, of every method alike: changes displacements by less than 1e-6, measured
-)
-_USABLE = 0.3  # what is further off is no answer, however fast
-_SETUP = ("mesh", "setup", "assemble")
+_RESIDUAL = {True: 1e-4, False: 1e-6}  # of statics, by whether they are linear, of every method alike
+_TIGHTER = 1e-2
+_ATTEMPTS = 3
+_WAITED = 0.1  # of its time a run may wait for a core or a disk
+_TWO_THREADS = ("env", "OMP_NUM_THREADS=2", "DEAL_II_NUM_THREADS=2")
+
+#: Regime -> its scenes.
+REGIMES = {
+    "linear statics": ("bar_sag", "torus_hang", "ball_patches"),
+    "linear motion": ("bar_swing",),
+    "large statics": ("bar_bend", "squash", "inflate", "ball_collapses_far", "hollow_ball_inflates"),
+    "large motion": ("bar_falls",),
+}
 
 
 @dataclass(frozen=True)
@@ -60,13 +65,15 @@ class Effort:
     """How much a study may do."""
 
     factors: tuple[float, ...]  #: on a static scene's number of vertices
-    steps: tuple[float, ...]  #: on a dynamic scene's time step
-    repetitions: int
+    sizes: tuple[float, ...]  #: on a dynamic scene's
+    steps: tuple[float, ...]  #: on its time step
+    seeds: tuple[int, int]  #: of networks and of coupled springs
+    repetitions: int  #: of elements
     reference_tetrahedra: int  #: a linear static reference is refined while it has fewer; others get a sixth
 
 
-FULL = Effort((0.0625, 0.125, 0.25, 0.5, 1, 2, 4), (0.25, 0.5, 1, 2, 4), 5, 400_000)
-QUICK = Effort((0.125, 0.25), (1, 2), 2, 60_000)
+FULL = Effort((0.0625, 0.125, 0.25, 0.5, 1, 2, 4), (0.25, 0.5, 1, 2), (0.5, 1, 2, 4), (10, 3), 3, 400_000)
+QUICK = Effort((0.125, 0.25), (0.5,), (1, 2), (2, 2), 2, 60_000)
 
 
 @dataclass(frozen=True)
@@ -78,7 +85,21 @@ class Method:
     overrides: tuple[str, ...]
     model: str  #: whose colour it has
     line: str = "-"
-    factors: tuple[float, ...] = ()  #: its own ladder instead of the study's
+    steps: tuple[float, ...] = ()  #: its own ladder instead of the study's
+
+    def n_draws(self, effort: Effort) -> int:
+        """Runs of a rung: of networks and coupled springs each with a seed of its own."""
+        if self.program != "massspring":
+            return effort.repetitions
+        return effort.seeds[self.model in _COUPLED]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """Of the ladder: factors on the scene's number of vertices and, of motions, its time step."""
+
+    size: float
+    step: float = 1
 
 
 @dataclass
@@ -86,30 +107,30 @@ class Measurement:
     """One method at one rung of the ladder."""
 
     method: Method
-    factor: float
-    outcomes: list[Outcome] = field(default_factory=list)
-    error: float | None = None
+    rung: Rung
+    outcomes: list[Outcome] = field(default_factory=list)  #: of every draw
+    timed: list[Outcome] = field(default_factory=list)  #: of those the seconds count: a core was theirs
+    two_threads: Outcome | None = None
+    errors: list[float] = field(default_factory=list)  #: of every draw
+    volume_errors: list[float] = field(default_factory=list)
     reference_error: float | None = None
     message: str = ""
 
     @property
+    def error(self) -> float | None:
+        return median(self.errors) if self.errors else None
+
+    @property
     def is_good(self) -> bool:
-        return self.error is not None
+        return bool(self.errors)
 
     def seconds(self, *stages: str) -> list[float]:
-        """Of every repetition, the sum over the stages; without any, over all but the output."""
-        return [
-            sum(
-                s
-                for stage, s in run.record["seconds"].items()
-                if (stage in stages if stages else stage != "output")
-            )
-            for run in self.outcomes
-        ]
+        """Of every run that counts, the sum over the stages; without any, over what the method itself takes."""
+        return [seconds_of(run, *stages) for run in self.timed or self.outcomes]
 
     @property
     def memory(self) -> float:
-        """Byte, largest of all repetitions."""
+        """Byte, largest of all draws."""
         return max(run.record.get("peak_memory", 0) for run in self.outcomes)
 
     @property
@@ -120,6 +141,16 @@ class Measurement:
     def is_resolved(self) -> bool:
         """The error stands clear of the reference's own."""
         return self.error is not None and self.error > 2 * (self.reference_error or 0)
+
+
+def seconds_of(run: Outcome, *stages: str) -> float:
+    spent = run.record["seconds"]
+    return sum(spent.get(stage, 0) for stage in stages or ("mesh", "setup", "assemble", "solve"))
+
+
+def has_waited(run: Outcome) -> bool:
+    """For a core or a disk, more than a tenth of its time."""
+    return run.cpu < (1 - _WAITED) * run.wall
 
 
 def is_dynamic(scene: dict[str, Any]) -> bool:
@@ -142,22 +173,22 @@ def is_linear(scene: dict[str, Any]) -> bool:
 
 def methods_of(scene: dict[str, Any]) -> list[Method]:
     """Every method for a scene, each with the settings that suit it."""
-    # One step is enough where the displacement is proportional to the load.
-    is_one_step = not is_dynamic(scene) and is_linear(scene)
-    loose = ("time.load_steps=1", f"time.residual={_TOLERANCE}") if is_one_step else ()
+    static = (
+        () if is_dynamic(scene) else ("time.load_steps=1", f"time.residual={_RESIDUAL[is_linear(scene)]}")
+    )
     elements = [
-        Method(FEM_P1, "fem_reference", (*loose, "reference.degree=1"), FEM_P1),
-        Method(FEM_P2, "fem_reference", (*loose, "reference.degree=2"), FEM_P2),
+        Method(FEM_P1, "fem_reference", (*static, "reference.degree=1"), FEM_P1),
+        Method(FEM_P2, "fem_reference", (*static, "reference.degree=2"), FEM_P2),
     ]
     if not is_dynamic(scene):
-        springs = [Method(n, "massspring", (*loose, f"network.calibration={n}"), n) for n in CALIBRATIONS]
-        return springs + elements
+        models = (*_NETWORKS, *_COUPLED) if is_linear(scene) else _AT_LARGE_STRAIN
+        return [Method(n, "massspring", (*static, f"network.calibration={n}"), n) for n in models] + elements
     springs = [
         Method(
             f"{name}, {scheme}", "massspring", (f"network.calibration={name}", f"time.integrator={scheme}"), name, line,
             _EXPLICIT_STEPS if scheme in _EXPLICIT else (),
         )
-        for name in _DYNAMIC
+        for name in _MOVING
         for scheme, line in _INTEGRATORS.items()
     ]  # fmt: skip
     explicit = [
@@ -174,94 +205,133 @@ class SceneStudy:
         """timed: runs the methods, store: the references, which may take longer."""
         self.file, self.effort, self.timed, self.store = file, effort, timed, store
         self.scene = tomllib.loads(file.read_text())
-        surface = self.scene.get("surface", {})
-        if not is_dynamic(self.scene) and not surface.get("shape"):
+        if not self.scene.get("surface", {}).get("shape"):
             raise RunError(
                 f"{file}: surface.shape is missing, expected a generated shape for a ladder of resolutions"
             )
         if is_dynamic(self.scene) and not self.scene["time"].get("step"):
             raise RunError(f"{file}: time.step is missing, expected the step that the ladder starts from")
         self.measurements = [
-            Measurement(method, factor)
-            for factor in (sorted(effort.steps, reverse=True) if is_dynamic(self.scene) else effort.factors)
-            for method in methods_of(self.scene)
-            if not method.factors
-        ] + [
-            Measurement(method, factor)
-            for method in methods_of(self.scene)
-            for factor in method.factors
-        ]  # fmt: skip
+            Measurement(method, rung) for method in methods_of(self.scene) for rung in self._ladder(method)
+        ]
+        self.measurements.sort(key=lambda m: (m.rung.size, -m.rung.step))  # coarse ones first
         self.references: dict[float, tuple[Outcome, float]] = {}
+        self.tolerances: list[tuple[Method, float]] = []  #: what a tighter residual changes the error by
+
+    def _ladder(self, method: Method) -> list[Rung]:
+        if not is_dynamic(self.scene):
+            finest = 1.0 if method.model in _NETWORKS else max(self.effort.factors)
+            return [Rung(factor) for factor in self.effort.factors if factor <= finest]
+        return [Rung(size, step) for size in self.effort.sizes for step in method.steps or self.effort.steps]
+
+    @property
+    def regime(self) -> str:
+        """Statics or motion, at small or large strain."""
+        return f"{'linear' if is_linear(self.scene) else 'large'} {'motion' if is_dynamic(self.scene) else 'statics'}"
 
     @property
     def name(self) -> str:
         return self.scene.get("name", self.file.stem)
 
-    def rung(self, factor: float) -> tuple[str, ...]:
-        """Overrides of a rung of the ladder."""
+    def overrides(self, rung: Rung) -> tuple[str, ...]:
+        """Of a rung of the ladder."""
+        vertices = f"surface.n_vertices={round(rung.size * self.scene['surface'].get('n_vertices', 642))}"
         if not is_dynamic(self.scene):
-            return (
-                f"surface.n_vertices={round(factor * self.scene['surface'].get('n_vertices', 642))}",
-                "output.frames_every=0",
-            )
+            return (vertices, "output.frames_every=0")
         # All runs write frames at the same moments, one in each longest step of the ladder.
         longest = max(self.effort.steps)
         return (
-            f"time.step={factor * self.scene['time']['step']!r}",
-            f"output.frames_every={round(longest / factor)}",
+            vertices,
+            f"time.step={rung.step * self.scene['time']['step']!r}",
+            f"output.frames_every={round(longest / rung.step)}",
         )
 
-    def point(self, m: Measurement, repetition: int) -> Point:
-        options = ("--no-diagnostics",) if m.method.program == "massspring" else ()
-        overrides = (*self.rung(m.factor), *m.method.overrides)
-        return Point(m.method.program, self.file, overrides, options, repetition=repetition)
+    def point(self, m: Measurement, draw: int, attempt: int = 0) -> Point:
+        overrides = (*self.overrides(m.rung), *m.method.overrides)
+        if m.method.program == "massspring":
+            seeded = (*overrides, f"network.seed={draw + 1}")
+            return Point(m.method.program, self.file, seeded, ("--no-diagnostics",), repetition=attempt)
+        return Point(m.method.program, self.file, overrides, repetition=draw + 100 * attempt)
 
     def run(self, is_quiet: bool) -> None:
         """Times every method, then measures their errors."""
         slow: set[Method] = set()
-        for repetition in range(self.effort.repetitions):
+        n_draws = max(m.method.n_draws(self.effort) for m in self.measurements)
+        for draw in range(n_draws):
             for number, m in enumerate(self.measurements, 1):
-                if len(m.outcomes) != repetition:
-                    continue  # it failed at first
-                if repetition == 0 and m.method in slow:
+                if draw >= m.method.n_draws(self.effort) or (m.message and not m.outcomes):
+                    continue
+                if m.method in slow:
                     m.message = "not tried: beyond the time limit on a coarser rung"
                     continue
-                outcome = self.timed.run(self.point(m, repetition))
-                if outcome.status == "ok":
-                    m.outcomes.append(outcome)
-                elif repetition == 0:
-                    if outcome.status == "time limit":
-                        slow.add(m.method)
-                    m.message = f"{outcome.status}: {outcome.message}".removesuffix(": ")
-                done = f"{self.name} [{repetition + 1}/{self.effort.repetitions}, {number}/{len(self.measurements)}]"
-                say(
-                    f"{done} {m.method.name} x {m.factor:g}: {m.message or f'{outcome.wall:.2f} s'}", is_quiet
-                )
+                self._draw(m, draw, slow)
+                done = f"{self.name} [{draw + 1}/{n_draws}, {number}/{len(self.measurements)}]"
+                said = m.message or f"{m.outcomes[-1].wall:.2f} s"
+                say(f"{done} {m.method.name} x {m.rung.size:g}: {said}", is_quiet)
         for m in self.measurements:
+            if m.timed:
+                two = self.timed.run(replace(self.point(m, 0, attempt=_ATTEMPTS), prefix=_TWO_THREADS))
+                m.two_threads = two if two.status == "ok" else None
             if m.outcomes:
                 self._compare(m, is_quiet)
+        if not is_dynamic(self.scene):
+            self._tighten(is_quiet)
+
+    def _draw(self, m: Measurement, draw: int, slow: set[Method]) -> None:
+        outcome = self.timed.run(self.point(m, draw))
+        if outcome.status != "ok":
+            if outcome.status == "time limit":
+                slow.add(m.method)
+            m.message = f"{outcome.status}: {outcome.message}".removesuffix(": ")
+            return
+        m.outcomes.append(outcome)
+        for attempt in range(1, _ATTEMPTS):
+            if not has_waited(outcome):
+                break
+            outcome = self.timed.run(self.point(m, draw, attempt))
+        if outcome.status == "ok" and not has_waited(outcome):
+            m.timed.append(outcome)
 
     def _compare(self, m: Measurement, is_quiet: bool) -> None:
         try:
-            reference, m.reference_error = self._reference(m.factor, is_quiet)
-            run, exact = load_run(m.outcomes[0].folder), load_run(reference.folder)
-            if is_dynamic(self.scene):
-                m.error = trajectory_error(run, exact).l2
-            else:
-                m.error = compare_runs(run, exact, exact.record["is_free"]).displacement_error_l2
+            reference, m.reference_error = self._reference(m.rung.size, is_quiet)
+            # Elements have nothing random: their later runs are only timed.
+            for outcome in m.outcomes if m.method.program == "massspring" else m.outcomes[:1]:
+                error, volume = self._errors(outcome, reference)
+                m.errors.append(error)
+                m.volume_errors.append(volume)
         except RunError as error:
             m.message = str(error)
 
-    def _reference(self, factor: float, is_quiet: bool) -> tuple[Outcome, float]:
-        """The converged reference of a rung and its own estimated error; dynamic scenes have one for all."""
+    def _errors(self, outcome: Outcome, reference: Outcome) -> tuple[float, float]:
+        run, exact = load_run(outcome.folder), load_run(reference.folder)
+        figures = compare_runs(run, exact, exact.record["is_free"])
         if is_dynamic(self.scene):
-            factor = 1.0
-        if factor not in self.references:
-            say(f"{self.name}: reference x {factor:g}", is_quiet)
-            self.references[factor] = (
-                self._dynamic_reference() if is_dynamic(self.scene) else self._static_reference(factor)
+            return trajectory_error(run, exact).l2, figures.volume_change_error
+        return figures.displacement_error_l2, figures.volume_change_error
+
+    def _tighten(self, is_quiet: bool) -> None:
+        """How much a residual of a hundredth changes the error, on the finest rung where all of a method's runs went well."""
+        for method in dict.fromkeys(m.method for m in self.measurements if m.is_good):
+            m = [m for m in self.measurements if m.method == method and m.is_good and not m.message][-1:]
+            if not m or method.model not in (*_COUPLED, FEM_P1, FEM_P2):
+                continue
+            say(f"{self.name}: {method.name} to a tighter residual", is_quiet)
+            residual = f"time.residual={_TIGHTER * _RESIDUAL[is_linear(self.scene)]}"
+            point = self.point(m[0], 0)
+            outcome = self.timed.run(replace(point, overrides=(*point.overrides, residual)))
+            if outcome.status == "ok":
+                tighter, _ = self._errors(outcome, self.references[m[0].rung.size][0])
+                self.tolerances.append((method, tighter / m[0].errors[0] - 1 if m[0].errors[0] else 0.0))
+
+    def _reference(self, size: float, is_quiet: bool) -> tuple[Outcome, float]:
+        """The converged reference of a surface and its own estimated error."""
+        if size not in self.references:
+            say(f"{self.name}: reference x {size:g}", is_quiet)
+            self.references[size] = (
+                self._dynamic_reference(size) if is_dynamic(self.scene) else self._static_reference(size)
             )
-        return self.references[factor]
+        return self.references[size]
 
     def _run_reference(self, *overrides: str, options: tuple[str, ...] = ()) -> Outcome:
         outcome = self.store.run(Point("fem_reference", self.file, overrides, options))
@@ -275,9 +345,9 @@ class SceneStudy:
             limit //= 6
         return 2 if 64 * plain.record["n_tetrahedra"] <= limit else 1
 
-    def _static_reference(self, factor: float) -> tuple[Outcome, float]:
+    def _static_reference(self, size: float) -> tuple[Outcome, float]:
         base = (
-            *self.rung(factor),
+            *self.overrides(Rung(size)),
             *(("time.load_steps=1",) if is_linear(self.scene) else ()),
             "reference.degree=2",
         )
@@ -289,12 +359,12 @@ class SceneStudy:
         # Estimated from the first refinement; every further one reduces it as much, at least.
         return fine, study["estimated_error_l2_finest"] / study["error_ratio"] ** (n - 1)
 
-    def _dynamic_reference(self) -> tuple[Outcome, float]:
+    def _dynamic_reference(self, size: float) -> tuple[Outcome, float]:
         """Refined in space and time; its error is what halving the step again (of second order) and refining changed."""
         shortest = min(self.effort.steps)
 
         def run(step: float, *more: str) -> Outcome:
-            return self._run_reference(*self.rung(step), "reference.degree=2", *more)
+            return self._run_reference(*self.overrides(Rung(size, step)), "reference.degree=2", *more)
 
         in_time, coarse = run(shortest / 4), run(shortest / 2)
         refine = f"reference.refine={self._refinements(coarse)}"
@@ -303,216 +373,25 @@ class SceneStudy:
         return fine, error_in_time + trajectory_error(load_run(in_time.folder), load_run(fine.folder)).l2
 
 
-Curves = dict[str, list[tuple[float, float]]]
-
-
-def curves_of(measurements: Iterable[Measurement]) -> Curves:
-    """Method -> (seconds, error) of its good rungs."""
-    curves: Curves = {}
-    for m in measurements:
-        if m.error is not None:
-            curves.setdefault(m.method.name, []).append((m.whole, max(m.error, m.reference_error or 0)))
-    return curves
-
-
-def winners(curves: Curves) -> list[tuple[str, float, float]]:
-    """Which method is the fastest at which errors, from _USABLE down: (method, from, down to), largest errors first."""
-    errors = [error for curve in curves.values() for _, error in curve]
-    if not errors:
-        return []
-    parts: list[tuple[str, float, float]] = []
-    for error in np.geomspace(max(min(max(errors), _USABLE), min(errors)), min(errors), 400):
-        known = {
-            name: s
-            for name, curve in curves.items()
-            if (s := seconds_for(curve, error * (1 + 1e-9))) is not None
-        }
-        best = min(known, key=lambda name: known[name])
-        if parts and parts[-1][0] == best:
-            parts[-1] = (best, parts[-1][1], error)
-        else:
-            parts.append((best, error, error))
-    return parts
-
-
-def in_words(curves: Curves, elements: Sequence[str] = ELEMENTS) -> list[str]:
-    """Sentences: who is fastest where, and the best springs against the best elements at round errors."""
-    sentences = []
-    parts = winners(curves)
-    if len(parts) == 1:
-        sentences.append(f"{label_of(parts[0][0])} is the fastest at every error reached.")
-    elif parts:
-        words = [f"{label_of(name)} down to {percent(low)}" for name, _, low in parts]
-        sentences.append(f"The fastest is {', then '.join(words)}.")
-    fem = {name: curve for name, curve in curves.items() if name in elements}
-    springs = {name: curve for name, curve in curves.items() if name not in elements}
-    for error in _LEVELS:
-        best = [
-            min(
-                ((s, name) for name, curve in side.items() if (s := seconds_for(curve, error)) is not None),
-                default=None,
-            )
-            for side in (springs, fem)
-        ]
-        if best[0] and best[1]:
-            (a, spring), (b, element) = best  # type: ignore[misc]
-            sentences.append(
-                f"At {percent(error)} the best springs ({spring}) take {seconds_in_words(a)}, the best elements "
-                f"({label_of(element)}) {seconds_in_words(b)}."
-            )
-        elif best[1]:
-            sentences.append(
-                f"No springs reach {percent(error)}; {label_of(best[1][1])} do in {seconds_in_words(best[1][0])}."
-            )
-        elif best[0]:
-            sentences.append(
-                f"No elements reach {percent(error)} on this ladder; {label_of(best[0][1])} do in {seconds_in_words(best[0][0])}."
-            )
-    return sentences
-
-
-def advice(curves: Curves) -> list[list[str]]:
-    """Rows: an error that may be asked for, down to the next, the fastest method that stays within, and its seconds."""
-    rows = []
-    for name, high, low in winners(curves):
-        times = [seconds_for(curves[name], error * (1 + 1e-9)) for error in (high, low)]
-        words = [seconds_in_words(time) for time in times if time is not None]
-        rows.append(
-            [f"{percent(high, 2)} to {percent(low, 2)}", label_of(name), " to ".join(dict.fromkeys(words))]
-        )
-    return rows
-
-
-def plot(study: SceneStudy) -> str:
-    """Error over the seconds of the whole run, and over those of the solve alone."""
-    figure = Figure(figsize=(11, 5))
-    axes: list[Axes] = list(figure.subplots(1, 2, sharey=True))
-    known = [m for m in study.measurements if m.error is not None]
-    band = max((m.reference_error or 0 for m in known), default=0)
-    methods = list(dict.fromkeys(m.method for m in known))
-    for axis, stages, title in zip(
-        axes, ((), ("solve",)), ("whole run, no files written", "solve alone"), strict=True
-    ):
-        for method in methods:
-            rungs = [m for m in known if m.method == method]
-            seconds = np.array([[median(s), min(s), max(s)] for m in rungs if (s := m.seconds(*stages))]).T
-            errors = np.maximum([100 * m.error for m in rungs], SMALLEST)  # type: ignore[operator]
-            colour, marker = style_of(method.model)
-            label = label_of(method.name)
-            if np.ptp(seconds[0]) > 0:
-                label += f" ({np.polyfit(np.log(seconds[0]), np.log(errors), 1)[0]:.1f})"
-            spread = [seconds[0] - seconds[1], seconds[2] - seconds[0]]
-            axis.errorbar(
-                seconds[0],
-                errors,
-                xerr=spread,
-                color=colour,
-                linestyle=method.line,
-                elinewidth=1,
-                label=label,
-            )
-            filled = np.array([m.is_resolved for m in rungs])
-            for part, face in ((filled, colour), (~filled, "white")):
-                axis.plot(
-                    seconds[0][part], errors[part], marker, markerfacecolor=face, markeredgecolor=colour
-                )
-        axis.set_xscale("log")
-        axis.set_yscale("log")
-        if band > 0:
-            low = max(min(100 * m.error for m in known), SMALLEST)  # type: ignore[operator]
-            axis.axhspan(min(low, 100 * band) / 2, 100 * band, color="grey", alpha=0.2, linewidth=0)
-            axis.set_ylim(bottom=min(low, 100 * band) / 2)
-        axis.set_xlabel(f"seconds: {title}")
-    axes[0].set_ylabel("displacement error (%)")
-    axes[1].legend(fontsize=7, title="(slope)", title_fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
-    figure.suptitle(study.name, fontsize=11)
-    return svg_of(figure)
-
-
-CAPTION = (
-    "Error over seconds on one thread: median of the repetitions, bars from the fastest to the slowest. Down and to the left "
-    "is better. Grey: the largest estimated error of the references; a hollow marker lies within twice the reference's "
-    "own. In brackets: slope in the logarithms."
-)
-
-
-_ADVICE = (
-    "The fastest method whose error is no larger than asked for, between its measured rungs by interpolation."
-)
-
-
-def table(study: SceneStudy) -> Table:
-    """Head and rows, every measurement of the scene."""
-    rung = "step (s)" if is_dynamic(study.scene) else "vertices"
-    head = [
-        "method",
-        rung,
-        "nodes",
-        "error",
-        "of reference",
-        "set-up (s)",
-        "solve (s)",
-        "whole (s)",
-        "spread (s)",
-        "memory (MB)",
-        "",
-    ]
-    rows = []
-    for m in study.measurements:
-        at = study.rung(m.factor)[0].split("=")[1]
-        at = significant(float(at)) if is_dynamic(study.scene) else at
-        if not m.outcomes:
-            rows.append([label_of(m.method.name), at, *["-"] * 8, m.message])
-            continue
-        seconds = m.seconds()
-        rows.append(
-            [
-                label_of(m.method.name), at, str(m.outcomes[0].record["n_nodes"]), percent(m.error),
-                percent(m.reference_error), *(significant(median(m.seconds(*s))) for s in (_SETUP, ("solve",), ())),
-                f"{significant(min(seconds))} to {significant(max(seconds))}", f"{m.memory / 1e6:.0f}", m.message,
-            ]
-        )  # fmt: skip
-    return head, rows
-
-
-def noise(measurements: Iterable[Measurement]) -> str:
-    """How far the timed runs had the machine for themselves, in words."""
-    runs = [run for m in measurements for run in m.outcomes]
-    shared = sum(run.cpu < 0.9 * run.wall for run in runs)
-    if not shared:
-        return "Every timed run had a core for itself."
-    return (
-        f"{shared} of {len(runs)} timed runs waited for a core or a disk more than a tenth of their time: "
-        "times with a wide spread are not to be relied on."
-    )
-
-
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """Error against seconds for every method."""
-    files = arguments.scenes or [
-        SCENES / f"{name}.toml" for name in ("bar_sag", "torus_hang", "bar_bend", "bar_swing")
-    ]
+    names = [name for scenes in REGIMES.values() for name in scenes]
+    files = arguments.scenes or [SCENES / f"{name}.toml" for name in names]
     effort = QUICK if arguments.quick else FULL
     effort = replace(effort, repetitions=arguments.repetitions or effort.repetitions)
     timed, store = Store(folder / "points", arguments.time_limit), Store(folder / "points")
-    sections: list[Section] = []
-    findings: list[str] = []
-    advised: list[list[str]] = []
-    protocol: dict[str, str] = {}
+    studies = [SceneStudy(file.resolve(), effort, timed, store) for file in files]
+    n_runs = sum(m.method.n_draws(effort) for scene in studies for m in scene.measurements)
+    say(f"{n_runs} runs of up to {arguments.time_limit:g} s, most of a second: hours", arguments.quiet)
     with alone(arguments.quiet):
-        for file in files:
-            scene = SceneStudy(file.resolve(), effort, timed, store)
+        for scene in studies:
             scene.run(arguments.quiet)
-            curves = curves_of(scene.measurements)
-            sentences = in_words(curves)
-            advised += [[scene.name, *row] for row in advice(curves)]
-            findings.append(
-                f"{scene.name}: {sentences[0]}" if sentences else f"{scene.name}: no method gave a result."
-            )
-            figure: Figures = {f"{scene.name}_work_precision": (plot(scene), CAPTION)} if sentences else {}
-            sentences.append(noise(scene.measurements))
-            sections.append(Section(scene.name, sentences, figure, {scene.name: table(scene)}))
-            protocol[f"{scene.name}: the scene, before the ladder's values"] = file.read_text()
-    head = ["scene", "an error may be", "use", "it takes"]
-    sections.append(Section("Use X when", [_ADVICE], {}, {"use_when": (head, advised)}))
-    return Result("Work and precision", " ".join(findings), sections, protocol)
+    sections = [
+        Section(
+            "Cheapest springs and cheapest elements", [fronts.LEVELS], {}, {"levels": fronts.levels(studies)}
+        ),
+        *([frame_budget(moving)] if (moving := [s for s in studies if is_dynamic(s.scene)]) else []),
+        *(fronts.section(scene) for scene in studies),
+    ]
+    protocol = {f"{s.name}: the scene, before the ladder's values": s.file.read_text() for s in studies}
+    return Result("Work and precision", fronts.finding(studies), sections, protocol)

@@ -11,7 +11,7 @@ using Eigen::Matrix3Xd;
 Diagnostics diagnose(const MassSpringModel& model) {
   constexpr double kTolerance = 1e-10;  // far below any error worth showing
   const TetMesh& network = model.network;
-  const LinearStatics statics(model, hold_rigid_motion(network.X));
+  LinearStatics statics(model, hold_rigid_motion(network.X));
   Diagnostics result;
   result.node_error = Eigen::VectorXd::Zero(network.X.cols());
 

@@ -22,16 +22,34 @@ BlockMatrix stiffness_at_rest(const MassSpringModel& model, const std::vector<Co
   return K;
 }
 
-/// Factor of K, the model's stiffness, or where coupled springs are not P1 already of that of P1.
-BlockCholesky preconditioner_of(const MassSpringModel& model, const std::vector<Constraint>& constraints,
-                                const BlockMatrix& K) {
+using Preconditioner = std::variant<BlockCholesky, Multigrid>;
+
+/// Of K, the model's stiffness, or where coupled springs are not P1 already of that of P1.
+Preconditioner preconditioner_of(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                                 const BlockMatrix& K) {
+  constexpr Eigen::Index kFewNodes = 5000;  // beyond, a factor takes longer than it saves
   const auto& [X, T, F, n_surface] = model.network;
-  if (model.springs || !model.tet_springs || model.tet_springs->n_patches() == T.cols())
-    return BlockCholesky(K);
+  const auto filter_field = [constraints](Matrix3Xd& y) { filter(constraints, y); };
+  const auto of = [&](const BlockMatrix& A) {
+    if (model.springs || X.cols() <= kFewNodes) return Preconditioner(std::in_place_type<BlockCholesky>, A);
+    return Preconditioner(std::in_place_type<Multigrid>, A, X, filter_field);
+  };
+  if (model.springs || !model.tet_springs || model.tet_springs->n_patches() == T.cols()) return of(K);
   MassSpringModel p1;
   p1.network = model.network;
   p1.tet_springs = couple_springs(X, T, lame_of(model.material), kEdgeCoupled);
-  return BlockCholesky(stiffness_at_rest(p1, constraints));
+  return of(stiffness_at_rest(p1, constraints));
+}
+
+/// z = a preconditioner's answer to r, whose scale single precision may not hold.
+void apply(Multigrid& multigrid, const Matrix3Xd& r, Matrix3Xd& z) {
+  const double scale = r.norm();
+  z = Matrix3Xd::Zero(3, r.cols());
+  if (scale == 0) return;
+  PaddedField rounded, answer;
+  pad(r, 1 / scale, rounded);
+  multigrid.apply(rounded, answer);
+  add_unpadded(answer, scale, z);
 }
 
 }  // namespace
@@ -53,19 +71,25 @@ LinearStatics::LinearStatics(const MassSpringModel& model, const std::vector<Con
     : constraints_(constraints),
       K_(stiffness_at_rest(model, constraints)),
       preconditioner_(preconditioner_of(model, constraints, K_)) {
-  if (!preconditioner_.is_ok())
+  const auto* factor = std::get_if<BlockCholesky>(&preconditioner_);
+  if (factor && !factor->is_ok())
     throw std::runtime_error(
         "the stiffness is not positive definite: too few directions are held, or the network is floppy");
 }
 
-SolveReport LinearStatics::solve(const Matrix3Xd& f, Matrix3Xd& u, double tolerance) const {
+SolveReport LinearStatics::solve(const Matrix3Xd& f, Matrix3Xd& u, double tolerance) {
   constexpr int kMaxIterations = 2000;
   Matrix3Xd load = f;
   filter(constraints_, load);
   u = Matrix3Xd::Zero(3, f.cols());
-  return conjugate_gradients([&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(K_, p, y); },
-                             [&](const Matrix3Xd& r, Matrix3Xd& z) { preconditioner_.solve(r, z); }, load, u,
-                             tolerance, kMaxIterations);
+  const auto precondition = [&](const Matrix3Xd& r, Matrix3Xd& z) {
+    if (const auto* factor = std::get_if<BlockCholesky>(&preconditioner_))
+      factor->solve(r, z);
+    else
+      apply(std::get<Multigrid>(preconditioner_), r, z);
+  };
+  return conjugate_gradients([&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(K_, p, y); }, precondition,
+                             load, u, tolerance, kMaxIterations);
 }
 
 }  // namespace testbed::massspring

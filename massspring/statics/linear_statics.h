@@ -2,11 +2,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <variant>
 #include <vector>
 
 #include "massspring/model/model.h"
 #include "meshing/algebra/cholesky.h"
 #include "meshing/algebra/conjugate_gradients.h"
+#include "meshing/algebra/multigrid.h"
 
 namespace testbed::massspring {
 
@@ -14,23 +16,23 @@ namespace testbed::massspring {
 /// force.
 std::vector<Constraint> hold_rigid_motion(const Eigen::Matrix3Xd& X);
 
-/// K u = f for the model's stiffness K at rest, by conjugate gradients. The preconditioner is a Cholesky
-/// factor of P1 elasticity where coupled springs alone make up the model (K has four times as many entries),
-/// of K itself where there are independent springs.
+/// K u = f for the model's stiffness K at rest, by conjugate gradients. Where coupled springs alone make up the
+/// model they are preconditioned by P1 elasticity (K has four times as many entries): by its Cholesky factor, on
+/// many nodes by multigrid. Where there are independent springs by a factor of K itself.
 class LinearStatics {
  public:
   /// Constrained directions stay at rest.
-  /// @throws std::runtime_error when K is not positive definite: too few directions are held, or the network
-  /// is floppy.
+  /// @throws std::runtime_error when a factor finds K not positive definite: too few directions are held, or the
+  /// network is floppy.
   LinearStatics(const MassSpringModel& model, const std::vector<Constraint>& constraints);
 
   /// Displacement u (m) under the loads f (N), both 3 x n.
-  SolveReport solve(const Eigen::Matrix3Xd& f, Eigen::Matrix3Xd& u, double tolerance = 1e-8) const;
+  SolveReport solve(const Eigen::Matrix3Xd& f, Eigen::Matrix3Xd& u, double tolerance = 1e-8);
 
  private:
   std::vector<Constraint> constraints_;
   BlockMatrix K_;
-  BlockCholesky preconditioner_;
+  std::variant<BlockCholesky, Multigrid> preconditioner_;
 };
 
 }  // namespace testbed::massspring

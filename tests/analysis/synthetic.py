@@ -41,7 +41,7 @@ def write_run(
     for step, time in enumerate(times):
         u = amplitude(time) * field(points)
         grid = pv.UnstructuredGrid(cells, points + u)
-        grid.point_data["displacement"] = u
+        grid.point_data["rest_position"], grid.point_data["displacement"] = points, u
         grid.field_data["n_surface"] = [len(X)]
         grid.field_data["TimeValue"] = [time]
         name = f"frames/frame_{step:06d}.vtu"

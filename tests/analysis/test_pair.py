@@ -12,7 +12,7 @@ from synthetic import write_run
 
 from analysis.__main__ import parse_arguments
 from analysis.foreign import read_result
-from analysis.pair import main, match
+from analysis.pair import curves_of, main, match
 from analysis.runs import RunError
 
 STRETCH, NU, SIZE = 0.01, 0.3, 1 / 3
@@ -137,6 +137,23 @@ def test_two_runs_are_compared_over_all_that_they_hold(ball, tmp_path, capsys):
     report = (tmp_path / "out" / "report.html").read_text()
     assert "by 20 % (at worst 20 %" in report and report.count("data:image/png") == 1
     assert not fetched(report)
+    assert report.count("data:image/svg+xml") == 1
+
+
+def test_curves_of_two_runs_are_drawn_as_they_were_written(drawn, ball, tmp_path):
+    from analysis.drawing import plots
+
+    times = np.linspace(0, 1, 3)
+    for name, factor in (("model", 0.02), ("reference", 0.01)):
+        write_run(tmp_path / name, *ball, lambda X, factor=factor: factor * X, times, calibration="affine")
+    drawn(plots)
+    runs = [read_result(tmp_path / name) for name in ("model", "reference")]
+    volumes, *_ = curves_of(match(*runs)).axes
+    drawn_lines = {line.get_label(): line.get_ydata()[-1] for line in volumes.lines}
+    assert drawn_lines["springs, affine"] == pytest.approx(100 * (1.02**3 - 1))
+    assert drawn_lines["finite elements"] == pytest.approx(100 * (1.01**3 - 1))
+    foreign = read_result(write_vtk(tmp_path / "end.vtp", *ball, 0.01 * ball[0]))
+    assert curves_of(match(foreign, runs[1])) == ""
 
 
 def test_vertices_without_a_node_are_counted(ball, tmp_path):

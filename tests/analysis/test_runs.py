@@ -54,7 +54,7 @@ def test_missing_frame_is_refused(folder):
 def test_cut_frame_is_refused(folder):
     file = folder / "frames" / f"frame_{N_STEPS:06d}.vtu"
     file.write_bytes(file.read_bytes()[:3000])
-    with pytest.raises(RunError, match=r"frame_000004.vtu: expected points"):
+    with pytest.raises(RunError, match=r"frame_000004.vtu: expected 'displacement'"):
         _ = load_run(folder).last
 
 

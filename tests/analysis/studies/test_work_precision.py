@@ -1,4 +1,4 @@
-"""Work-precision studies: fronts, crossings and words on curves whose answer is known; a study over stand-ins."""
+"""Work-precision studies: methods, ladders, seeds, references; a study over stand-ins for the programs."""
 
 import random
 import signal
@@ -6,93 +6,35 @@ import subprocess
 import sys
 import tomllib
 from contextlib import nullcontext
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pages import fetched
+from races import measurement, timed
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
 
 from analysis.__main__ import parse_arguments
-from analysis.front import pareto, seconds_for
-from analysis.methods import FEM_P2
 from analysis.paths import ROOT
 from analysis.points import Outcome, Store
 from analysis.runs import RunError
-from analysis.studies import work_precision
-from analysis.studies.result import Result, Section, write
+from analysis.studies import fronts, work_precision
+from analysis.studies.result import Result, write
 from analysis.studies.work_precision import (
     FULL,
     QUICK,
+    REGIMES,
     Effort,
-    Measurement,
+    Rung,
     SceneStudy,
-    advice,
-    curves_of,
-    in_words,
+    has_waited,
     is_linear,
     methods_of,
-    noise,
-    plot,
-    table,
-    winners,
 )
 
-# error = seconds^-1 and, ten times as slow at first, seconds^-2 / 10: they meet where t^-1 = 10 t^-2, t = 10, error 0.1.
-SPRINGS = [(t, 1 / t) for t in (1.0, 10.0, 100.0, 1000.0)]
-ELEMENTS = [(t, 10 / t**2) for t in (4.0, 40.0, 400.0)]
-
-
-def test_front_is_what_no_other_beats():
-    points = [(3, 0.1), (1, 0.5), (2, 0.6), (4, 0.1), (5, 0.05), (1, 0.4)]
-    assert [points[i] for i in pareto(points)] == [(1, 0.4), (3, 0.1), (5, 0.05)]
-    points = [tuple(point) for point in np.random.default_rng(1).uniform(size=(200, 2))]
-    brute_force = {p for p in points if not any(q[0] <= p[0] and q[1] <= p[1] and q != p for q in points)}
-    assert {points[i] for i in pareto(points)} == brute_force
-
-
-def test_seconds_are_interpolated_in_the_logarithms():
-    assert seconds_for(SPRINGS, 0.02) == pytest.approx(50)
-    assert seconds_for(SPRINGS, 5) == 1
-    assert seconds_for(SPRINGS, 1e-4) is None
-    assert seconds_for([*SPRINGS, (500.0, 0.9)], 0.02) == pytest.approx(50)  # a bad point beside the front
-
-
-def test_methods_change_places_where_their_curves_cross():
-    parts = winners({"node_averaged": SPRINGS, FEM_P2: ELEMENTS})
-    assert [name for name, _, _ in parts] == ["node_averaged", FEM_P2]
-    assert parts[0][2] == pytest.approx(0.1, rel=0.05)  # 400 steps over 4 decades
-
-
-def test_errors_of_no_use_win_nothing():
-    curves = {"uniform": [(0.001, 0.9)], "affine": [(1.0, 0.8), (10.0, 0.01)]}
-    assert winners(curves) == [("affine", pytest.approx(0.3), pytest.approx(0.01))]
-    assert winners({"uniform": [(0.1, 0.9)], "affine": [(1.0, 0.6)]}) == [
-        ("affine", pytest.approx(0.6), pytest.approx(0.6))
-    ]
-    assert winners({}) == []
-
-
-def test_words_name_wins_and_losses_of_the_springs():
-    words = " ".join(in_words({"node_averaged": SPRINGS, FEM_P2: ELEMENTS}))
-    assert "springs, node_averaged down to 10" in words
-    # At 3 %: 33.3 s against sqrt(10 / 0.03) = 18.3 s; at 0.3 %: 333 against 57.7.
-    assert "At 3 % the best springs (node_averaged) take 33 s, the best elements (" in words
-    assert "quadratic) 18 s." in words
-    alone = in_words({"uniform": [(1.0, 0.5)], FEM_P2: ELEMENTS})
-    assert "No springs reach 3 %" in " ".join(alone)
-    springs_alone = in_words({"uniform": SPRINGS, FEM_P2: [(2.0, 0.5)]})
-    assert "No elements reach 3 % on this ladder; springs, uniform do in 33 s." in springs_alone
-    assert in_words({"uniform": SPRINGS})[0] == "springs, uniform is the fastest at every error reached."
-
-
-def test_advice_names_the_fastest_of_every_error_and_its_seconds():
-    rows = advice({"node_averaged": SPRINGS, FEM_P2: ELEMENTS})
-    assert rows[0][:2] == ["30 % to 10 %", "springs, node_averaged"]
-    assert [row[1] for row in rows] == ["springs, node_averaged", "finite elements, quadratic"]
-    assert rows[0][2] == "3.3 s to 9.8 s"  # 1 / error, of which a grid in the logarithms is searched
-    assert advice({}) == []
+STATIC = '[surface]\nshape = "ball"\n'
+DYNAMIC = STATIC + '[time]\nmode = "dynamic"\nstep = 0.1\n'
 
 
 def test_every_method_has_a_line_in_static_and_dynamic_scenes():
@@ -105,7 +47,7 @@ def test_every_method_has_a_line_in_static_and_dynamic_scenes():
 
 @pytest.mark.parametrize("text", ["", '[time]\nmode = "dynamic"\nstep = 0.1'])
 def test_methods_differ_in_degree_or_springs_and_scheme(text, tmp_path):
-    (tmp_path / "scene.toml").write_text(text or STATIC)
+    (tmp_path / "scene.toml").write_text(STATIC + text)
     study = SceneStudy(tmp_path / "scene.toml", QUICK, *[Ladder(tmp_path)] * 2)
     for m in study.measurements:
         point = study.point(m, 3)
@@ -125,16 +67,20 @@ def test_methods_differ_in_degree_or_springs_and_scheme(text, tmp_path):
             assert [words[key] for key in ("reference.integrator",) if key in words] == scheme
         if text and point.program == "massspring":
             assert [words["time.integrator"]] == scheme
-        # A displacement that is proportional to the load needs one step; a motion's load has none.
-        assert ("time.load_steps" in words) == (not text)
-        assert point.repetition == 3
+        # Both programs shorten one load step where it fails; a motion's load has none.
+        assert (words.get("time.load_steps"), words.get("time.residual")) == (
+            (None, None) if text else ("1", "0.0001")
+        )
+        # Springs have a seed for every draw; elements are repeated.
+        is_springs = point.program == "massspring"
+        assert (point.repetition, words.get("network.seed")) == ((0, "4") if is_springs else (3, None))
 
 
 @pytest.mark.parametrize(
     "text, message",
     [
         ('[surface]\nfile = "a.obj"', "surface.shape is missing"),
-        ('[time]\nmode = "dynamic"', "time.step is missing"),
+        ('[surface]\nshape = "ball"\n[time]\nmode = "dynamic"', "time.step is missing"),
     ],
 )
 def test_scene_without_a_ladder_is_refused(text, message, tmp_path):
@@ -143,63 +89,24 @@ def test_scene_without_a_ladder_is_refused(text, message, tmp_path):
         SceneStudy(tmp_path / "scene.toml", FULL, *[Store(tmp_path / "points")] * 2)
 
 
-def measurement(*outcomes, **more):
-    return Measurement(methods_of({})[0], 1, list(outcomes), **more)
-
-
-def timed(cpu=1.0, memory=0, **seconds):
-    return Outcome("ok", "", 1.0, cpu, 0.0, record={"seconds": seconds, "peak_memory": memory})
-
-
 def test_errors_within_twice_the_references_own_are_not_resolved():
-    assert measurement(error=0.021, reference_error=0.01).is_resolved
-    assert not measurement(error=0.019, reference_error=0.01).is_resolved
-    assert measurement(error=1e-9).is_resolved
+    assert measurement(errors=[0.021], reference_error=0.01).is_resolved
+    assert not measurement(errors=[0.019], reference_error=0.01).is_resolved
+    assert measurement(errors=[1e-9]).is_resolved
     assert not measurement(reference_error=0.01).is_resolved
 
 
-def test_seconds_are_the_median_without_the_output():
+def test_seconds_are_the_median_without_start_and_output():
     m = measurement(
-        *(timed(memory=byte, setup=1, solve=solve, output=100) for solve, byte in ((2, 5), (40, 7), (3, 6)))
+        *(
+            timed(memory=byte, setup=1, solve=solve, output=100, **{"start-up": 50})
+            for solve, byte in ((2, 5), (40, 7), (3, 6))
+        )
     )
     assert m.seconds() == [3, 41, 4]
     assert m.seconds("solve", "output") == [102, 140, 103]
     assert m.whole == 4
     assert m.memory == 7
-
-
-def test_plot_has_errors_over_seconds_and_a_band_of_the_references_own(drawn):
-    rungs = [
-        measurement(timed(setup=9 * s, solve=s, output=5), error=error, reference_error=0.01)
-        for s, error in ((1, 0.1), (10, 0.001))
-    ]
-    study = SimpleNamespace(measurements=rungs, name="ball")
-    whole, solve = drawn(work_precision).plot(study).axes
-    for axes, seconds in ((whole, [10, 100]), (solve, [1, 10])):
-        curve, resolved, hollow = axes.lines
-        assert list(curve.get_xdata()) == seconds and list(curve.get_ydata()) == pytest.approx([10, 0.1])
-        assert list(resolved.get_xdata()) == seconds[:1] and list(hollow.get_xdata()) == seconds[1:]
-        assert hollow.get_markerfacecolor() == "white" != resolved.get_markerfacecolor()
-        (band,) = axes.patches
-        assert band.get_y() + band.get_height() == pytest.approx(1)
-    labels = [text.get_text() for text in solve.get_legend().get_texts()]
-    assert labels == ["springs, uniform (-2.0)"]
-
-
-def test_runs_that_waited_for_a_core_are_counted():
-    assert noise([measurement(timed(cpu=0.91), timed(cpu=1.5))]) == "Every timed run had a core for itself."
-    words = noise([measurement(timed(cpu=0.89), timed(cpu=1)), measurement(timed(cpu=1))])
-    assert words.startswith("1 of 3 timed runs waited")
-
-
-def test_plot_has_bars_from_the_fastest_to_the_slowest_run(drawn):
-    """Of runs of 2, 40 and 3 s, of which 1 s is not the solve."""
-    runs = [timed(setup=1, solve=solve) for solve in (1, 39, 2)]
-    study = SimpleNamespace(name="", measurements=[measurement(*runs, error=0.1, reference_error=0.06)])
-    whole, solve = drawn(work_precision).plot(study).axes
-    for axes, seconds in ((whole, (2, 3, 40)), (solve, (1, 2, 39))):
-        (bar,) = axes.containers[0].lines[2][0].get_segments()
-        np.testing.assert_allclose(bar, [[seconds[0], 10], [seconds[2], 10]])
 
 
 class Ladder:
@@ -239,22 +146,20 @@ class Ladder:
         return Outcome("ok", "", 1, 1, 0, folder, record | {"n_nodes": 6})
 
 
-STATIC = '[surface]\nshape = "ball"\n'
-DYNAMIC = '[time]\nmode = "dynamic"\nstep = 0.1\n'
-
-
 def study_over(ladder, scene, reference_tetrahedra=0, factors=(1,)):
     file = ladder.folder / "scene.toml"
     file.write_text(scene)
-    study = SceneStudy(file, Effort(factors, (1, 2), 1, reference_tetrahedra), ladder, ladder)
+    study = SceneStudy(file, Effort(factors, (1,), (1, 2), (1, 1), 1, reference_tetrahedra), ladder, ladder)
     study.run(is_quiet=True)
     return study
 
 
 LARGE = {
+    "ball_collapses_far",
     "ball_deflates",
     "ball_inflates",
     "bar_bend",
+    "bar_falls",
     "handle_folds",
     "head_crushes",
     "hollow_ball_inflates",
@@ -295,9 +200,9 @@ def test_references_of_large_strain_are_refined_while_they_have_a_sixth_of_the_t
         ladder = Ladder(tmp_path / str(number), 0.032)
         study = study_over(ladder, f'{STATIC}[material]\nlaw = "{law}"\n', tetrahedra)
         assert study.measurements[0].reference_error == pytest.approx(0.032 / 8**refinements)
-        # Many load steps where the displacement is not proportional to the load, for every method alike.
-        is_one_step = {"time.load_steps=1" in point.overrides for point in ladder.points}
-        assert is_one_step == {law == "small_strain"}
+        residual = "1e-06" if law == "neo_hookean" else "0.0001"
+        methods = [point for point in ladder.points if "time.load_steps=1" in point.overrides]
+        assert any(f"time.residual={residual}" in point.overrides for point in methods)
 
 
 def test_dynamic_reference_states_its_error_in_time_and_space(tmp_path):
@@ -306,15 +211,14 @@ def test_dynamic_reference_states_its_error_in_time_and_space(tmp_path):
     study = study_over(ladder, DYNAMIC)
     # The ladder's shortest step is 0.1 s, the reference's a quarter. Space: what a refinement changes.
     error = 0.016 / 4**2 + in_space * (1 - 1 / 8)
-    # Steps of the methods without a ladder of their own.
-    assert {row[1] for row in table(study)[1][:16]} == {"0.2", "0.1"}
+    assert {row[2] for row in fronts.table(study)[1] if "Euler" not in row[0]} >= {"0.2", "0.1"}
     # Relative to a displacement that errs by 0.3 % itself.
     assert study.measurements[0].reference_error == pytest.approx(error, rel=0.01)
     exact = 1 + 0.016 / 4**2 + in_space / 8
     springs = [m for m in study.measurements if m.method.program == "massspring"]
     assert [m.error for m in springs] == pytest.approx([1.1 / exact - 1] * len(springs))
     elements = [m for m in study.measurements if m.method.program == "fem_reference"]
-    own = [1 + 0.016 * m.factor**2 + in_space for m in elements]
+    own = [1 + 0.016 * m.rung.step**2 + in_space for m in elements]
     assert [m.error for m in elements] == pytest.approx([abs(u / exact - 1) for u in own])
 
 
@@ -323,8 +227,8 @@ def test_all_steps_of_a_ladder_write_frames_at_the_same_moments(effort, tmp_path
     (tmp_path / "scene.toml").write_text(DYNAMIC)
     study = SceneStudy(tmp_path / "scene.toml", effort, *[Ladder(tmp_path)] * 2)
     for m in study.measurements:
-        words = dict(word.split("=") for word in study.rung(m.factor))
-        assert float(words["time.step"]) == pytest.approx(0.1 * m.factor)
+        words = dict(word.split("=") for word in study.overrides(m.rung))
+        assert float(words["time.step"]) == pytest.approx(0.1 * m.rung.step)
         assert float(words["time.step"]) * int(words["output.frames_every"]) == pytest.approx(
             0.1 * max(effort.steps)
         )
@@ -333,8 +237,8 @@ def test_all_steps_of_a_ladder_write_frames_at_the_same_moments(effort, tmp_path
 def test_ladder_of_surfaces_is_in_shares_of_the_scenes_vertices(tmp_path):
     (tmp_path / "scene.toml").write_text(STATIC + "n_vertices = 900\n")
     study = SceneStudy(tmp_path / "scene.toml", FULL, *[Ladder(tmp_path)] * 2)
-    assert study.rung(0.25)[0] == "surface.n_vertices=225"
-    assert study.rung(4)[0] == "surface.n_vertices=3600"
+    assert study.overrides(Rung(0.25))[0] == "surface.n_vertices=225"
+    assert study.overrides(Rung(4))[0] == "surface.n_vertices=3600"
 
 
 def test_rows_without_a_reference_say_why(tmp_path):
@@ -347,15 +251,68 @@ def test_rows_without_a_reference_say_why(tmp_path):
     study = study_over(Diverging(tmp_path), STATIC)
     assert {m.message for m in study.measurements} == {"no reference: its refinements are not converging"}
     assert not any(m.is_good for m in study.measurements)
-    assert curves_of(study.measurements) == {}
+    assert fronts.curves_of(study.measurements) == {}
 
 
-def test_errors_below_the_references_own_count_as_that():
-    known = [
-        measurement(timed(solve=2), error=e, reference_error=r)
-        for e, r in ((0.2, 0.1), (0.1, 0.2), (0.3, None))
+def test_a_run_that_waited_is_repeated_three_times_and_then_left_out(tmp_path):
+    class Busy(Ladder):
+        """Every first attempt of node_averaged waits for a core, and every attempt of edge_coupled."""
+
+        def run(self, point):
+            outcome = super().run(point)
+            waits = "network.calibration=edge_coupled" in point.overrides or (
+                "network.calibration=node_averaged" in point.overrides and point.repetition == 0
+            )
+            return replace(outcome, cpu=0.5) if waits else outcome
+
+    study = study_over(Busy(tmp_path), STATIC)
+    found = {m.method.name: (len(m.outcomes), len(m.timed), m.is_good) for m in study.measurements}
+    assert found["node_averaged"] == found["affine"] == (1, 1, True)
+    assert found["edge_coupled"] == (1, 0, True)
+    attempts = [
+        point.repetition
+        for point in study.timed.points
+        if "network.calibration=edge_coupled" in point.overrides and not point.prefix
     ]
-    assert curves_of(known) == {"uniform": [(2, 0.2), (2, 0.2), (2, 0.3)]}
+    assert attempts[:3] == [0, 1, 2]
+    assert {row[0]: row[-1] for row in fronts.table(study)[1]}["springs, edge_coupled"] == "shared a core"
+
+
+@pytest.mark.parametrize("share, waited", [(0.91, False), (0.89, True)])
+def test_a_run_has_waited_if_a_tenth_of_its_time_is_missing(share, waited):
+    assert has_waited(timed(cpu=share)) == waited
+
+
+def test_networks_are_drawn_more_often_than_coupled_springs_and_their_median_counts(tmp_path):
+    class Random(Ladder):
+        """Springs err by a hundredth of their seed."""
+
+        def run(self, point):
+            outcome = super().run(point)
+            settings = dict(override.split("=", 1) for override in point.overrides)
+            if "network.seed" in settings:
+                error = int(settings["network.seed"]) / 100
+                folder = outcome.folder / "seeded"
+                write_run(folder, *self.surface, lambda X: (1 + error) * X, program="massspring")
+                return replace(outcome, folder=folder)
+            return outcome
+
+    file = tmp_path / "scene.toml"
+    file.write_text(STATIC)
+    ladder = Random(tmp_path)
+    study = SceneStudy(file, Effort((1,), (1,), (1,), (5, 3), 1, 0), ladder, ladder)
+    study.run(is_quiet=True)
+    errors = {m.method.name: m.errors for m in study.measurements}
+    assert errors["uniform"] == pytest.approx([0.01, 0.02, 0.03, 0.04, 0.05])
+    assert errors["node_averaged"] == pytest.approx([0.01, 0.02, 0.03])
+    assert {m.method.name: m.error for m in study.measurements}["uniform"] == pytest.approx(0.03)
+
+
+def test_every_regime_has_scenes_of_its_own_kind(tmp_path):
+    for regime, names in REGIMES.items():
+        for name in names:
+            file = ROOT / "analysis" / "scenes" / f"{name}.toml"
+            assert SceneStudy(file, QUICK, *[Store(tmp_path / "points")] * 2).regime == regime
 
 
 class Failing(Ladder):
@@ -369,15 +326,15 @@ class Failing(Ladder):
 
 
 def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
-    study = study_over(Failing(tmp_path), STATIC, factors=(1, 2))
-    said = {(m.method.name, m.factor): m.message for m in study.measurements if not m.is_good}
+    study = study_over(Failing(tmp_path), STATIC, factors=(0.5, 1))
+    said = {(m.method.name, m.rung.size): m.message for m in study.measurements if not m.is_good}
     assert said == {
-        ("moment", 1): "time limit: stopped",
-        ("moment", 2): "not tried: beyond the time limit on a coarser rung",
+        ("moment", 0.5): "time limit: stopped",
+        ("moment", 1): "not tried: beyond the time limit on a coarser rung",
+        ("lloyd", 0.5): "diverged",
         ("lloyd", 1): "diverged",
-        ("lloyd", 2): "diverged",
     }
-    head, rows = table(study)
+    head, rows = fronts.table(study)
     assert {row[-1] for row in rows} == {"", *said.values()}
     assert all(len(row) == len(head) for row in rows)
 
@@ -397,9 +354,8 @@ def test_time_limit_is_that_of_timed_runs_alone(tmp_path, monkeypatch):
     options = ["--quick", "--quiet", "--repetitions", "2", "--time-limit", "7"]
     arguments = parse_arguments(["study", "work-precision", str(tmp_path / "scene.toml"), *options])
     result = work_precision.study(arguments, tmp_path / "out")
-    assert list(result.sections[-1].tables) == ["use_when"]
-    repetitions = {limit: {point.repetition for point in ladder.points} for limit, ladder in ladders.items()}
-    assert repetitions == {7: {0, 1}, None: {0}}
+    assert list(result.sections[0].tables) == ["levels"]
+    assert {point.program for point in ladders[7].points} == {"fem_reference", "massspring"}
     assert {point.program for point in ladders[None].points} == {"fem_reference"}
 
 
@@ -410,7 +366,7 @@ def study(ball, tmp_path_factory):
     programs = make_solvers(tmp_path / "home", ball)
     (tmp_path / "scene.toml").write_text('[surface]\nshape = "ball"\n')
     store = Store(tmp_path / "points", programs=programs)
-    study = SceneStudy(tmp_path / "scene.toml", Effort((1, 2), (1, 2), 2, 0), store, store)
+    study = SceneStudy(tmp_path / "scene.toml", Effort((1, 2), (1,), (1, 2), (2, 2), 2, 0), store, store)
     study.run(is_quiet=True)
     return study, programs
 
@@ -418,22 +374,23 @@ def study(ball, tmp_path_factory):
 def test_study_measures_the_error_of_the_runs_and_repeats_them(study):
     study, programs = study
     springs = [m for m in study.measurements if m.method.program == "massspring"]
-    assert [m.error for m in springs] == pytest.approx([ERRORS["0.25"]] * len(springs), rel=1e-9)
+    assert [m.errors for m in springs] == [pytest.approx([ERRORS["0.25"]] * 2, rel=1e-9)] * len(springs)
     assert {len(m.outcomes) for m in study.measurements} == {2}
     assert {m.reference_error for m in study.measurements} == {0.01}
     assert springs[0].whole == pytest.approx(0.1 + 0.2 + 0.3)  # the synthetic run's mesh, setup and solve
-    assert springs[0].seconds("solve") == pytest.approx([0.3] * 2)
-    row = dict(zip(*[table(study)[0], table(study)[1][0]], strict=True))
+    assert springs[0].seconds("solve") == pytest.approx([0.3] * len(springs[0].seconds()))
+    row = dict(zip(*[fronts.table(study)[0], fronts.table(study)[1][0]], strict=True))
     assert (row["vertices"], row["error"], row["of reference"]) == ("642", "10 %", "1 %")
-    assert {line[1] for line in table(study)[1]} == {"642", "1284"}
-    assert [row[f"{part} (s)"] for part in ("set-up", "solve", "whole", "spread")] == [
-        "0.3", "0.3", "0.6", "0.6 to 0.6"
-    ]  # fmt: skip
+    assert {line[1] for line in fronts.table(study)[1]} == {"642", "1284"}
+    stages = ("mesh", "set-up", "solve", "whole")
+    assert [row[f"{part} (s)"] for part in stages] == ["0.1", "0.2", "0.3", "0.6"]
     # Elements agree with the reference, which are the same stand-in; their error is as good as the reference's.
-    assert curves_of(study.measurements)["fem_p2"][0][1] == 0.01
-    order = [line.split()[0] for line in calls(programs)]
-    n = len(study.measurements)
-    assert order[:n] == order[n : 2 * n]
+    assert fronts.curves_of(study.measurements)["fem_p2"][0][1] == 0.01
+    # Every method once, then every method again, with another seed.
+    seeds = [line.split("('network.seed', '")[1][0] for line in calls(programs) if "network.seed" in line]
+    n = len(springs)
+    assert sorted(set(seeds[:n])) == ["1"] or "1" in seeds[:n]
+    assert seeds.index("2") >= n
 
 
 def test_study_again_runs_nothing(study):
@@ -442,24 +399,19 @@ def test_study_again_runs_nothing(study):
     again = SceneStudy(first.file, first.effort, first.timed, first.store)
     again.run(is_quiet=True)
     assert len(calls(programs)) == n_calls
-    assert table(again) == table(first)
+    assert fronts.table(again) == fronts.table(first)
 
 
 def test_report_stands_alone(study, tmp_path):
     study, _ = study
-    figures = {"figure": (plot(study), "caption")}
-    write(
-        tmp_path / "report",
-        Result("Title", "A < B.", [Section("ball", [], figures, {"rows": table(study)})]),
-        {},
-    )
+    write(tmp_path / "report", Result("Title", "A < B.", [fronts.section(study)]), {})
     page = (tmp_path / "report" / "report.html").read_text()
     assert '<p class="finding">A &lt; B.</p>' in page
     assert not fetched(page)
-    rows = (tmp_path / "report" / "rows.csv").read_text().splitlines()
+    rows = (tmp_path / "report" / f"{study.name}.csv").read_text().splitlines()
     assert len(rows) == 1 + len(study.measurements)
-    svg = (tmp_path / "report" / "figure.svg").read_text()
-    assert "displacement error (%)" in svg and "seconds: whole run" in svg
+    svg = (tmp_path / "report" / f"{study.name}_work_precision.svg").read_text()
+    assert "displacement error (%)" in svg and "seconds: meshing" in svg
 
 
 # A whole study in a process of its own, which writes its table last.
@@ -467,12 +419,13 @@ _STUDY = """
 import sys
 from pathlib import Path
 from analysis.points import Outcome, Store
+from analysis.studies.fronts import table
 from analysis.studies.result import Result, Section, write
-from analysis.studies.work_precision import Effort, SceneStudy, table
+from analysis.studies.work_precision import Effort, SceneStudy
 folder, programs = map(Path, sys.argv[1:])
 store = Store(folder / "points", programs=programs)
 print("ready", flush=True)
-study = SceneStudy(folder.parent / "scene.toml", Effort((1,), (1,), 2, 0), store, store)
+study = SceneStudy(folder.parent / "scene.toml", Effort((1,), (1,), (1,), (2, 2), 2, 0), store, store)
 study.run(is_quiet=True)
 write(folder, Result("Title", "A finding.", [Section("ball", [], {}, {"rows": table(study)})]), {})
 """

@@ -68,7 +68,7 @@ TEST(Diagnostics, NodesShowTheLargerErrorAndCompliancesTheWorkOfBendingAndTorsio
   constexpr double kSolved = 1e-8;
   const MassSpringModel model = solid(kEdgeCoupled);
   const auto& [X, T, F, n_surface] = model.network;
-  const LinearStatics statics(model, hold_rigid_motion(X));
+  LinearStatics statics(model, hold_rigid_motion(X));
   Eigen::VectorXd error[2];
   double compliance[2];
   for (int k : {0, 1}) {

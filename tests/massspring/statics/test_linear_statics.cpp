@@ -42,6 +42,11 @@ TEST(PatchTest, LinearFieldsAreExactAtEveryPoissonRatio) {
         EXPECT_LT(field_error(name, solid(mesh, nu, blend)), kPatchTolerance) << name << " nu " << nu;
 }
 
+TEST(PatchTest, IsExactOnSoManyNodesThatMultigridPreconditions) {
+  const MassSpringModel model = solid(box_tets(17, 18, 19, 0.4, 0.2), 0.3, kNodeAveraged);  // 6840 nodes
+  EXPECT_LT(field_error("uniaxial", model), kPatchTolerance);
+}
+
 TEST(PatchTest, FailsWithAFalseWeight) {
   MassSpringModel model = solid(box_tets(4, 3, 3, 0.4, 0.2), 0.25, kNodeAveraged);
   model.tet_springs->volume[model.tet_springs->n_patches() / 2] *= 1.01;

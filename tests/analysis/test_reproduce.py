@@ -1,0 +1,173 @@
+"""Published tables and figures: all are in the manifest, and the cheapest come out as they are stored."""
+
+import re
+import tomllib
+from dataclasses import replace
+
+import pytest
+from pages import PAGES
+
+from analysis import reproduce as module
+from analysis.paths import PROGRAMS, ROOT
+from analysis.reproduce import (
+    Entry,
+    cell_of,
+    differences,
+    entries,
+    fresh_cells,
+    reproduce,
+    stored_rows,
+    tables_of,
+)
+from analysis.runs import RunError
+
+PAGE = """# Title
+
+## One
+
+| a | b |
+|---|---|
+| explained | words |
+
+## Two
+
+Text.
+
+| scene | error |
+|---|---|
+| `x` | 1.5 % |
+| `y` | rounding |
+
+| c | d |
+|---|---|
+| z | 3 |
+"""
+
+
+def is_measured(rows):
+    """More than half of the cells behind the labels are numbers."""
+    cells = [cell for row in rows for cell in row.strip("|").split("|")[1:]]
+    numbers = sum(bool(re.fullmatch(r"\s*[-+<]?\s*\d[\d., /()]*(%|s|ms)?\s*", cell)) for cell in cells)
+    return numbers > len(cells) / 2
+
+
+def test_every_measured_table_is_in_the_manifest():
+    known = {(entry.page, entry.heading, table) for entry in entries().values() for table in entry.tables}
+    found = set()
+    for file in PAGES:
+        page = str(file.relative_to(ROOT))
+        text = file.read_text()
+        for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
+            for number, (_, rows) in enumerate(tables_of(text, heading), 1):
+                if is_measured(rows):
+                    found.add((page, heading, number))
+    assert found <= known
+    assert {entry for entry in known if entry[2]} <= {
+        (page, heading, n + 1)
+        for page, heading, _ in known
+        for n in range(len(tables_of((ROOT / page).read_text(), heading)))
+    }
+
+
+def test_every_figure_is_in_the_manifest():
+    schemes = set(tomllib.loads(module.MANIFEST.read_text())["schemes"])
+    made = {figure for entry in entries().values() for figure in entry.figures}
+    for file in PAGES:
+        if file.name == "GALLERY.md":  # its pictures are those of its own study
+            continue
+        for link in re.findall(r"!\[[^]]*\]\(([^)]*)\)", file.read_text()):
+            figure = (file.parent / link).resolve()
+            assert figure.exists()
+            assert str(figure.relative_to(ROOT)) in made | schemes, f"{file}: {link}"
+
+
+def test_tables_are_found_by_section_and_order():
+    (_, first), (start, second) = tables_of(PAGE, "Two")
+    assert first == ["| `x` | 1.5 % |", "| `y` | rounding |"] and second == ["| z | 3 |"]
+    assert PAGE.splitlines()[start] == "| z | 3 |"
+    assert tables_of(PAGE, "Three") == []
+
+
+@pytest.mark.parametrize(
+    "stored, fresh, found",
+    [
+        ("1.5 %", "1.6 %", []),
+        ("1.5 %", "1.8 %", ["1.5 % -> 1.8 %"]),
+        ("rounding", "rounding", []),
+        ("rounding", "2 %", ["rounding -> 2 %"]),
+        ("1.2 / 3.0 %", "1.2 / 4.0 %", ["1.2 / 3.0 % -> 1.2 / 4.0 %"]),
+        ("not converged", "3 %", ["not converged -> 3 %"]),
+        ("54 800", "54 900", []),
+        ("", "1", ["nothing -> 1"]),
+    ],
+)
+def test_cells_differ_in_words_or_beyond_the_tolerance(stored, fresh, found):
+    assert differences([stored], [fresh], 0.1) == found
+
+
+def test_a_cell_is_a_count_a_share_or_the_word_for_it():
+    values = {
+        "reference": {"estimated_error_l2": None},
+        "models": {"a": {"status": "ok", "e": 0.0123, "n": 7, "tiny": 1e-12}, "b": {"status": "diverged"}},
+    }
+    keys = (
+        "models.a.e",
+        "models.a.n",
+        "models.a.tiny",
+        "models.b.e",
+        "models.c.e",
+        "reference.estimated_error_l2",
+        "",
+    )
+    assert [cell_of(values, key) for key in keys] == ["1.2 %", "7", "rounding", "not converged", "", "-", ""]
+
+
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    """A project of one page, whose runs give 1.6 % and rounding."""
+    (tmp_path / "PAGE.md").write_text(PAGE)
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(module, "OUT", tmp_path / "out")
+    monkeypatch.setattr(module, "STORED", tmp_path / "stored.json")
+    monkeypatch.setattr(module, "describe", lambda _: {"commit": "abc", "processor": "a"})
+    fresh = {"x": ["1.9 %"], "y": ["rounding"]}
+    monkeypatch.setattr(module, "fresh_cells", lambda entry, row: fresh[row["label"]])
+    return tmp_path / "PAGE.md"
+
+
+ENTRY = Entry("two", "PAGE.md", "Two", 1, (1,), columns=("e",), rows=({"label": "x"}, {"label": "y"}))
+
+
+def test_a_table_of_runs_is_compared_and_written_in_its_place(page):
+    assert reproduce(ENTRY, is_written=False, is_quiet=True) == ["x: 1.5 % -> 1.9 %"]
+    assert page.read_text() == PAGE
+    reproduce(ENTRY, is_written=True, is_quiet=True)
+    assert page.read_text() == PAGE.replace("1.5 %", "1.9 %")
+    assert reproduce(ENTRY, is_written=False, is_quiet=True) == []
+    assert '"commit": "abc"' in module.STORED.read_text()
+
+
+def test_a_table_of_other_rows_is_refused(page):
+    with pytest.raises(RunError, match="expected a table of 1 rows"):
+        stored_rows(replace(ENTRY, rows=ENTRY.rows[:1]))
+
+
+def test_figures_of_a_command_are_compared_and_copied(page):
+    (page.parent / "old.svg").write_text("old")
+    entry = Entry("f", "PAGE.md", "Two", 1, command="printf new > new.svg", figures={"old.svg": "new.svg"})
+    assert reproduce(entry, is_written=False, is_quiet=True) == ["old.svg has changed"]
+    reproduce(entry, is_written=True, is_quiet=True)
+    assert (page.parent / "old.svg").read_text() == "new"
+    with pytest.raises(RunError, match="ended with 3"):
+        reproduce(replace(entry, command="exit 3"), is_written=False, is_quiet=True)
+
+
+@pytest.mark.skipif(not (PROGRAMS / "fem_reference").exists(), reason="needs the built programs")
+@pytest.mark.parametrize("name, labels", [("readme", ["bar_sag", "ball_collapse"])])
+def test_the_cheapest_rows_come_out_as_they_are_stored(name, labels, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "OUT", tmp_path)
+    entry = entries()[name]
+    for row, stored in zip(entry.rows, stored_rows(entry), strict=True):
+        if row["label"] in labels:
+            fresh = fresh_cells(entry, row)
+            assert differences(stored[-len(fresh) :], fresh, entry.tolerance) == []
