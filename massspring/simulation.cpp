@@ -11,6 +11,7 @@
 #include "massspring/time/implicit_stage.h"
 #include "meshing/base/geometry.h"
 #include "meshing/scene/initial_motion.h"
+#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
