@@ -80,6 +80,10 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         help="replace a value of the scene, e.g. material.nu=0.3; may be repeated",
     )  # fmt: skip
     run.add_argument(
+        "--paper", action="append_const", const="paper=true", dest="overrides",
+        help="the PCP paper's method as published, whatever the scene's keys say",
+    )  # fmt: skip
+    run.add_argument(
         "--remesh", action="store_true",
         help="first make an even, closed surface of the file's triangles, within a 500th of the body's size",
     )  # fmt: skip

@@ -127,9 +127,15 @@ def load_run(folder: Path | str, may_stop: bool = False) -> Run:
     is_ok = record.get("status") == "ok"
     if not is_ok and not may_stop:
         raise RunError(f"{folder}: status is '{record.get('status')}', expected 'ok'")
-    times, files = _read_pvd(folder / "frames.pvd")
-    run = Run(folder, record, _read_curves(folder / "curves.csv"), times, files)
+    run = load_frames(folder)
     return run if is_ok else _until_it_stopped(run)
+
+
+def load_frames(folder: Path) -> Run:
+    """What a finished run left, however it ended. Raises RunError when it is damaged or a curve is not finite."""
+    times, files = _read_pvd(folder / "frames.pvd")
+    record = json.loads((folder / "run.json").read_text())
+    return Run(folder, record, _read_curves(folder / "curves.csv"), times, files)
 
 
 def _until_it_stopped(run: Run) -> Run:

@@ -104,6 +104,7 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   report_.n_steps = meshing::n_steps(time, step_);
   options_.gradients = {time.volume_gradient, time.bend_gradient};
   options_.linear_solver = time.linear_solver;
+  if (scene.is_paper) options_.curvature = Curvature::Exact;
   options_.tolerance = time.tolerance;
   options_.sleep_below = time.sleep_below;
   stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options_, contacts_);
@@ -151,7 +152,7 @@ StepReport Simulation::take_step() {
   release_nodes();
   if (scene_.collapse) collapse(*scene_.collapse, model_, step_, state_);
   if (scene_.skin && scene_.skin->relaxation > 0)
-    relax_surface(scene_.skin->relaxation, model_, step_, state_);
+    relax_surface(scene_.skin->relaxation, model_, scene_.is_paper ? 1 : step_, state_);
   set_target_volume(state_.t + step_);
   return stepper_->step(state_, step_);
 }

@@ -162,9 +162,8 @@ void add_network(CLI::App& app) {
       ->add_option("--multiplicity", arguments->connect.pcp.multiplicity,
                    "PCP: springs projected by each white node")
       ->capture_default_str();
-  const std::map<std::string, PcpReading> readings = {{"stage_wise", PcpReading::StageWise},
-                                                      {"whole_last_stage", PcpReading::WholeLastStage},
-                                                      {"literal", PcpReading::Literal}};
+  std::map<std::string, PcpReading> readings;
+  for (const auto& [reading, name] : names_of(PcpReading())) readings[name] = reading;
   command->add_option("--reading", arguments->connect.pcp.reading, "of PCP's pseudocode")
       ->transform(CLI::CheckedTransformer(readings));
   command->add_option("--connectivity", arguments->connectivity, "how nodes are joined")

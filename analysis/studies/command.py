@@ -51,7 +51,7 @@ STUDIES = {
         frozenset({"quick", "repetitions", "time_limit", "against"}),
     ),
     "paper": Study(
-        "table 1 and figures 7, 9, 10 and 11 beside the paper's values",
+        "table 1 and figures 7, 9, 10 and 11 beside the paper's, as published too, and a verdict for each of its claims",
         paper.study,
         frozenset({"scenes", "quick", "repetitions"}),
     ),

@@ -2,7 +2,7 @@
 
 Table 1: frames a second of one core, measured by bench_step on bodies of the paper's counts of nodes (its own meshes are not
 known), median of interleaved repetitions. The paper's are those of the machine of its day. Figure 11: the scenes FIGURE_11,
-springs alone.
+springs alone, beside the method as published. Every claim of the paper with a verdict: analysis/CLAIMS.md.
 """
 
 from __future__ import annotations
@@ -21,10 +21,13 @@ from ..drawing.film import draw_strip
 from ..drawing.network_pictures import draw_before_and_after
 from ..drawing.style import style_of, svg_of
 from ..drawing.warp import WARPS, warp_of
-from ..paths import PROGRAMS, SCENES, write_text
+from ..paths import PACKAGE, PROGRAMS, SCENES, write_text
 from ..points import Point, Store
 from ..report import Table
 from ..runs import RunError, load_run
+from .claims import N_SEEDS
+from .claims import measure as measure_claims
+from .published import figure_11 as published_figure_11
 from .result import Figures, Result, Section, alone
 
 # Object: vertices, springs, Euler FPS, IDE FPS, as printed in table 1.
@@ -218,4 +221,13 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     sections = [Section("Table 1", [], {}, {"table_1": table}), Section("Figures", [], figures)]
     shown: Figures = {name: (file, f"Figure 11: {name}.") for name, file in strips.items()}
     sections.append(Section("Figure 11", [], shown, {"figure_11": ended}))
+    strips, ended = published_figure_11(scenes, Store(folder / "points"), folder)
+    shown = {
+        f"{name}_published": (file, f"Figure 11: {name}, ours above the method as published.")
+        for name, file in strips.items()
+    }
+    sections.append(Section("Figure 11 as published", [], shown, {"published": ended}))
+    file = (folder if arguments.quick else PACKAGE) / "CLAIMS.md"
+    claims = measure_claims(Store(folder / "points"), file, 2 if arguments.quick else N_SEEDS)
+    sections.append(Section("Claims", [f"Written to {file}."], {}, {"claims": claims}))
     return Result("The paper's results, rebuilt", finding(table), sections)

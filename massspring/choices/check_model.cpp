@@ -72,6 +72,9 @@ const Reading kReadings[] = {
     {"network.spacing", [](const Scene& s, const Calibration& c) { return !is_sampled(s, c); }},
     {"network.connectivity", has_links},
     {"network.multiplicity", is_projected},
+    {"network.degree_weight", is_projected},
+    {"network.depth_weight", is_projected},
+    {"network.reading", is_projected},
     {"network.neighbours",
      [](const Scene& s, const Calibration& c) {
        return has_links(s, c) && s.network.connectivity == "completed_pcp";

@@ -16,11 +16,12 @@ class LinearisedEuler : public Scheme {
   LinearisedEuler(const Motion& motion, const IntegratorOptions& options)
       : motion_(motion),
         tolerance_(options.linear_tolerance),
+        curvature_(options.curvature),
         A_(motion, options.gradients),
         solver_(options.linear_solver) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
-    A_.set(state, state.x, {1 + h * motion_.forces.mass_damping, h * h, h}, Curvature::Projected);
+    A_.set(state, state.x, {1 + h * motion_.forces.mass_damping, h * h, h}, curvature_);
     motion_.undamped_forces_at(state, b_);
     A_.multiply(state.v, Av_);
     b_ = h * b_ + momenta(motion_.model, state.v);
@@ -46,6 +47,7 @@ class LinearisedEuler : public Scheme {
  private:
   const Motion& motion_;
   double tolerance_;
+  Curvature curvature_;
   ImplicitMatrix A_;
   LinearSolver solver_;
   Matrix3Xd b_, Av_, dv_;

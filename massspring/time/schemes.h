@@ -13,6 +13,7 @@ struct IntegratorOptions {
   double linear_tolerance = 1e-6;  ///< of the linearised implicit step: |b - A dv| / |b|
   Gradients gradients = {};        ///< of the linearised implicit step
   Krylov linear_solver = Krylov::Cg;
+  Curvature curvature = Curvature::Projected;  ///< of the linearised implicit step
   double tolerance = 0;    ///< error of a part of a step over the body's size; 0: steps are taken whole
   double sleep_below = 0;  ///< speed (m/s) below which a body that stays so is not stepped
 };

@@ -160,9 +160,13 @@ SolveReport LinearSolver::solve_with(BlockJacobi& jacobi, const LinearSystem& A,
     return solve_on(A, b, x, tolerance, n);
   }
   set_inverse_diagonal(A, jacobi.inverse);
-  if (krylov_ == Krylov::BiCgStab) {
-    choice_ = "bi-conjugate gradients, block Jacobi: asked for";
-    const SolveReport report = bi_conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations);
+  if (krylov_ != Krylov::Cg) {
+    const bool is_stabilised = krylov_ == Krylov::BiCgStab;
+    choice_ = std::string("bi-conjugate gradients") + (is_stabilised ? " stabilised" : "") +
+              ", block Jacobi: asked for";
+    const SolveReport report =
+        is_stabilised ? stabilised_bi_conjugate_gradients(A.product, jacobi, b, x, tolerance, kMaxIterations)
+                      : bi_conjugate_gradients(A.product, A.product, jacobi, b, x, tolerance, kMaxIterations);
     n += report.iterations;
     return report;
   }

@@ -19,7 +19,7 @@ namespace testbed::meshing {
 /// they serve. Where multigrid stands still a factor takes its place if its fill is affordable. Costs are
 /// counts of iterations, so that a run repeats itself. From 500 nodes on in single precision, refined by
 /// residuals in double, unless that has once been too little [Wilkinson 1963]. Or, to compare, bi-conjugate
-/// gradients with the inverse diagonal blocks.
+/// gradients, stabilised or not, with the inverse diagonal blocks.
 class LinearSolver {
  public:
   explicit LinearSolver(Krylov krylov = Krylov::Cg) : krylov_(krylov) {}

@@ -69,9 +69,9 @@ constexpr std::array<Named<TimeMode>, 2> names_of(TimeMode) {
 }
 
 /// Method for the linear systems of the linearised implicit step.
-enum class Krylov { Cg, BiCgStab };
-constexpr std::array<Named<Krylov>, 2> names_of(Krylov) {
-  return {{{Krylov::Cg, "cg"}, {Krylov::BiCgStab, "bicgstab"}}};
+enum class Krylov { Cg, BiCg, BiCgStab };
+constexpr std::array<Named<Krylov>, 3> names_of(Krylov) {
+  return {{{Krylov::Cg, "cg"}, {Krylov::BiCg, "bicg"}, {Krylov::BiCgStab, "bicgstab"}}};
 }
 
 /// Tension of an independent spring compressed below its rest length r; above it both are

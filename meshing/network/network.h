@@ -61,9 +61,19 @@ enum class PcpReading {
   Literal          ///< gray nodes turn white after each white node: a tree
 };
 
+constexpr std::array<Named<PcpReading>, 3> names_of(PcpReading) {
+  return {{{PcpReading::StageWise, "stage_wise"},
+           {PcpReading::WholeLastStage, "whole_last_stage"},
+           {PcpReading::Literal, "literal"}}};
+}
+
+/// White nodes project to those of least distance + degree_weight * springs there + depth_weight * depth
+/// below the surface.
 struct PcpOptions {
   int multiplicity = 5;  ///< springs projected by each white node, >= 3
   PcpReading reading = PcpReading::StageWise;
+  double degree_weight = 0;  ///< m for a spring, >= 0
+  double depth_weight = 0;   ///< 1, >= 0
 };
 
 struct PcpReport {
@@ -71,9 +81,9 @@ struct PcpReport {
 };
 
 /// Links surface and internal nodes by projective cascading propagation [paper 4.2, fig. 8]:
-/// every white node projects springs to the nearest nodes that are not white.
+/// every white node projects springs to the nearest nodes that are not white, or by the options' weights.
 /// At equal distance, the node of least degree is taken, then that of least index.
-/// @throws std::runtime_error for a multiplicity below 3.
+/// @throws std::runtime_error for a multiplicity below 3 or a negative weight.
 SpringNetwork link_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
                        const PcpOptions& options, PcpReport* report = nullptr);
 

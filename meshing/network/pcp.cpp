@@ -6,6 +6,7 @@
 #include "meshing/base/kd_tree.h"
 #include "meshing/network/network.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface/surface_tree.h"
 
 namespace testbed::meshing {
 
@@ -25,6 +26,9 @@ class Propagation {
     X_ << surface.X, interior;
     const Eigen::Matrix2Xi edges = edges_of(surface.F);
     for (const auto& e : edges.colwise()) link(e[0], e[1]);
+    if (options.degree_weight == 0 && options.depth_weight == 0) return;
+    const SurfaceTree depths(surface);
+    for (const auto& x : interior.colwise()) depth_.push_back(depths.depth(x));
   }
 
   std::vector<int> run() {
@@ -61,10 +65,34 @@ class Propagation {
     ++degree_[j];
   }
 
+  /// The best by the priority, best first: among the nearest that no farther one can beat.
+  std::vector<int> targets_of(int white) const {
+    const Eigen::Vector3d x = X_.col(white);
+    const auto nearest = [&](int k) {
+      return tree_.nearest(x, k, [&](int target) { return degree_[n_surface_ + target]; });
+    };
+    const size_t n = options_.multiplicity;
+    if (depth_.empty()) return nearest(options_.multiplicity);
+    for (size_t k = 2 * n;; k *= 2) {
+      const std::vector<int> near = nearest(static_cast<int>(k));
+      std::vector<std::pair<double, size_t>> ranked;
+      double farthest = 0;
+      for (size_t i = 0; i < near.size(); ++i) {
+        farthest = (X_.col(n_surface_ + near[i]) - x).norm();
+        ranked.emplace_back(farthest + options_.degree_weight * degree_[n_surface_ + near[i]] +
+                                options_.depth_weight * depth_[near[i]],
+                            i);
+      }
+      std::sort(ranked.begin(), ranked.end());
+      if (near.size() == k && ranked[n - 1].first > farthest) continue;
+      std::vector<int> targets;
+      for (size_t i = 0; i < std::min(n, ranked.size()); ++i) targets.push_back(near[ranked[i].second]);
+      return targets;
+    }
+  }
+
   void project(int white, std::vector<int>& gray) {
-    const auto targets = tree_.nearest(X_.col(white), options_.multiplicity,
-                                       [&](int target) { return degree_[n_surface_ + target]; });
-    for (int target : targets) {
+    for (int target : targets_of(white)) {
       link(white, n_surface_ + target);
       if (!is_black_[target]) continue;
       is_black_[target] = false;
@@ -79,6 +107,7 @@ class Propagation {
   KdTree tree_;
   Eigen::Matrix3Xd X_;
   std::vector<int> degree_;
+  std::vector<double> depth_;  ///< of inner nodes (m); empty: the priority is distance alone
   std::vector<bool> is_black_;
   std::vector<std::pair<int, int>> springs_;
 };
@@ -90,6 +119,8 @@ SpringNetwork link_pcp(const SurfaceMesh& surface, const Eigen::Matrix3Xd& inter
   if (options.multiplicity < 3)
     throw std::runtime_error("multiplicity = " + std::to_string(options.multiplicity) +
                              ", expected at least 3");
+  if (options.degree_weight < 0 || options.depth_weight < 0)
+    throw std::runtime_error("weights of PCP's priority, expected none below 0");
   Propagation propagation(surface, interior, options);
   const std::vector<int> white_per_stage = propagation.run();
   if (report) report->white_per_stage = white_per_stage;

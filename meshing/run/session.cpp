@@ -16,6 +16,9 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
   app.add_option("scene", options.scene, "scene file (.toml)")->required();
   app.add_option("--set", options.overrides, "key=value: overrides a key of the scene; may be repeated")
       ->allow_extra_args(false);
+  app.add_flag_callback(
+      "--paper", [&options] { options.overrides.emplace_back("paper=true"); },
+      "the PCP paper's method as published, whatever the scene's keys say");
   app.add_option("--out", options.out, "output folder")->capture_default_str();
   app.add_option("--frequencies", options.n_frequencies,
                  "also find so many of the lowest natural frequencies (Hz) and write them into run.json")

@@ -60,6 +60,10 @@ SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& op
   ConnectOptions how;
   how.connectivity = connectivity_of(options.connectivity);
   how.pcp.multiplicity = options.multiplicity;
+  how.pcp.reading = options.reading;
+  how.pcp.degree_weight =
+      options.degree_weight * (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).minCoeff();
+  how.pcp.depth_weight = options.depth_weight;
   how.neighbours = options.neighbours;
   SpringNetwork network = connect(surface, nodes.X.rightCols(nodes.X.cols() - nodes.n_surface), how);
   if (needs_tetrahedra) {

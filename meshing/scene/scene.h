@@ -14,6 +14,7 @@
 #include "meshing/base/choices.h"
 #include "meshing/base/material.h"
 #include "meshing/base/mesh.h"
+#include "meshing/network/network.h"
 
 namespace testbed::meshing {
 
@@ -168,6 +169,9 @@ struct NetworkOptions {
   std::optional<double> psi;  ///< least distance of an internal node to the surface (normalised box)
   std::optional<int> k;       ///< internal nodes wanted; absent: as many as fit, see sample_interior
   int multiplicity = 5;       ///< springs projected by each white node, >= 3
+  double degree_weight = 0;   ///< of PCP's priority: a spring's, as a distance (normalised box)
+  double depth_weight = 0;    ///< of PCP's priority: of a node's depth below the surface beside its distance
+  PcpReading reading = PcpReading::StageWise;  ///< of PCP's pseudocode
   std::uint64_t seed = 1;
   std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed, graded or mesher
   double spacing = 0.7;              ///< mesher: edges inside over the surface's nearby
@@ -214,6 +218,7 @@ struct PlaybackOptions {
 
 struct Scene {
   std::string name;
+  bool is_paper = false;  ///< the method as published: takes precedence over keys that say otherwise
   SurfaceSource surface;
   Material material;
   std::optional<Eigen::Vector3d> gravity;  ///< m/s2

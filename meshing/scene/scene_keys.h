@@ -235,7 +235,7 @@ void describe(V& v, TimeOptions& t) {
   v("sleep_below", t.sleep_below, kNotNegative, "m/s: a body that stays slower is not stepped; 0: never");
   v("volume_gradient", t.volume_gradient, "implicit_euler: volume forces change within a step");
   v("bend_gradient", t.bend_gradient, "implicit_euler: bending forces change within a step");
-  v.choice("linear_solver", t.linear_solver, "implicit_euler: cg or bicgstab");
+  v.choice("linear_solver", t.linear_solver, "implicit_euler: cg, bicg or bicgstab");
 }
 
 template <class V>
@@ -245,6 +245,11 @@ void describe(V& v, NetworkOptions& n) {
   v("k", n.k, kNotNegative,
     "internal nodes wanted; absent: as many as fit, at most 3 for each of the surface unless phi is given");
   v("multiplicity", n.multiplicity, kAtLeastThree, "springs projected by each white node");
+  v("degree_weight", n.degree_weight, kNotNegative,
+    "PCP's priority: a spring of a node counts as this distance (normalised box)");
+  v("depth_weight", n.depth_weight, kNotNegative,
+    "PCP's priority: of a node's depth below the surface beside its distance");
+  v.choice("reading", n.reading, "of PCP's pseudocode: stage_wise, whole_last_stage or literal");
   v("seed", n.seed, kNotNegative, "of the random nodes");
   v.choice("sampling", n.sampling, kSamplings, "of the internal nodes: darts, relaxed, graded, mesher");
   v("spacing", n.spacing, kPositive, "mesher: edges inside over the surface's nearby, less in thin bodies");
@@ -300,6 +305,8 @@ void describe(V& v, PlaybackOptions& p) {
 template <class V>
 void describe(V& v, Scene& s) {
   v("name", s.name, "of the output folder");
+  v("paper", s.is_paper,
+    "the PCP paper as published: its links, springs, steps, solver and collapse, whatever other keys say");
   v("gravity", s.gravity, kAny, "m/s2");
   v.table("surface", s.surface);
   v.table("material", s.material);
@@ -320,6 +327,7 @@ void describe(V& v, Scene& s) {
   v.table("output", s.output);
   v.check("initial", s.initial.empty() || s.time.mode == TimeMode::Dynamic,
           "none with time.mode = static: equilibria have no velocity");
+  v.check("paper", !s.is_paper || s.time.mode == TimeMode::Dynamic, "false with time.mode = static");
 }
 
 /// Shortest decimal digits that give x again, as a TOML float.

@@ -478,7 +478,8 @@ TEST(Integrators, DroppedGradientsAndEitherLinearSolverLeadToTheSameMotion) {
   for (bool is_kept : {true, false}) {
     const Matrix3Xd coarse = run(is_kept, Krylov::Cg, 32), fine = run(is_kept, Krylov::Cg, 64);
     EXPECT_NEAR(std::log2((coarse - exact.x).norm() / (fine - exact.x).norm()), 1, kSlopeTolerance);
-    EXPECT_LT((run(is_kept, Krylov::BiCgStab, 32) - coarse).norm(), 1e-10);
+    for (const Krylov other : {Krylov::BiCg, Krylov::BiCgStab})
+      EXPECT_LT((run(is_kept, other, 32) - coarse).norm(), 1e-10);
   }
   EXPECT_GT((run(true, Krylov::Cg, 32) - run(false, Krylov::Cg, 32)).norm(), 1e-6);
 }

@@ -109,13 +109,20 @@ TEST(BiConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvalues) {
   const Eigen::MatrixXd A = V * eigenvalues.replicate(3, 1).asDiagonal() * V.inverse();
   ASSERT_GT((A - A.transpose()).norm(), 1);
   const Matrix3Xd b = random_points(n, 1, 2);
-  Matrix3Xd x = Matrix3Xd::Zero(3, n);
-  const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) { y = (A * p.reshaped()).reshaped(3, n); };
+  const auto by = [n](const Eigen::MatrixXd& of) {
+    return [&of, n](const Matrix3Xd& p, Matrix3Xd& y) { y = (of * p.reshaped()).reshaped(3, n); };
+  };
+  const Eigen::MatrixXd transposed = A.transpose();
   const auto precondition = [](const Matrix3Xd& r, Matrix3Xd& z) { z = r; };
-  const SolveReport report = bi_conjugate_gradients(product, precondition, b, x, kTolerance, 100);
-  EXPECT_TRUE(report.is_converged);
-  EXPECT_EQ(report.iterations, eigenvalues.size());
-  EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), kTolerance * b.norm());
+  for (const bool is_stabilised : {false, true}) {
+    Matrix3Xd x = Matrix3Xd::Zero(3, n);
+    const SolveReport report =
+        is_stabilised ? stabilised_bi_conjugate_gradients(by(A), precondition, b, x, kTolerance, 100)
+                      : bi_conjugate_gradients(by(A), by(transposed), precondition, b, x, kTolerance, 100);
+    EXPECT_TRUE(report.is_converged);
+    EXPECT_EQ(report.iterations, eigenvalues.size());
+    EXPECT_LT((A * x.reshaped() - b.reshaped()).norm(), kTolerance * b.norm());
+  }
 }
 
 /// The matrix of these eigenvalues, each three times, in a random basis.

@@ -1,11 +1,13 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 #include <set>
 
 #include "meshing/network/network.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface/surface_tree.h"
 
 using namespace testbed::meshing;
 
@@ -160,5 +162,35 @@ TEST(LinkPcp, MeetsTheArithmeticOfTable1) {
     const Network whole =
         network_of(row.shape, row.n_surface, {row.multiplicity, PcpReading::WholeLastStage});
     EXPECT_GT(whole.springs.E.cols() - whole.n_edges, 0.97 * row.springs_inside) << row.shape;
+  }
+}
+
+// Few nodes and one stage, so that every white node chooses among all: an oracle ranks them one by one.
+TEST(Pcp, ProjectsToTheBestOfAWeightedPriority) {
+  const SurfaceMesh surface = make_shape("ball", 42);
+  SampleOptions where;
+  where.k = 60;
+  where.phi = where.psi = 0.05;
+  const Eigen::Matrix3Xd interior = sample_interior(surface, where);
+  const int n_surface = static_cast<int>(surface.X.cols());
+  const SurfaceTree tree(surface);
+  for (const auto& [by_degree, by_depth] : {std::pair(0.3, 0.), {0., 2.}, {0.1, 1.}}) {
+    const SpringNetwork network =
+        link_pcp(surface, interior, {4, PcpReading::StageWise, by_degree, by_depth});
+    std::vector<int> degree(n_surface + interior.cols(), 0);
+    Eigen::Index s = surface.F.cols() * 3 / 2;
+    for (int white = 0; white < n_surface; ++white) {
+      std::vector<std::pair<double, int>> ranked;
+      for (int i = 0; i < interior.cols(); ++i)
+        ranked.emplace_back((interior.col(i) - surface.X.col(white)).norm() +
+                                by_degree * degree[n_surface + i] + by_depth * tree.depth(interior.col(i)),
+                            n_surface + i);
+      std::sort(ranked.begin(), ranked.end());
+      for (int m = 0; m < 4 && s < network.E.cols(); ++m, ++s) {  // until no node is black
+        ASSERT_EQ(network.E.col(s), Eigen::Vector2i(white, ranked[m].second));
+        ++degree[ranked[m].second];
+      }
+    }
+    EXPECT_GT(network.E.cols(), surface.F.cols() * 3 / 2 + interior.cols());
   }
 }
