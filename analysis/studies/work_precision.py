@@ -56,7 +56,7 @@ REGIMES = {
     "linear statics": ("bar_sag", "torus_hang", "ball_patches"),
     "linear motion": ("bar_swing",),
     "large statics": ("bar_bend", "squash", "inflate", "ball_collapses_far", "hollow_ball_inflates"),
-    "large motion": ("bar_falls",),
+    "large motion": ("bar_falls", "ball_let_go"),
 }
 
 
