@@ -158,6 +158,7 @@ LARGE = {
     "ball_collapses_far",
     "ball_deflates",
     "ball_inflates",
+    "ball_let_go",
     "bar_bend",
     "bar_falls",
     "handle_folds",
