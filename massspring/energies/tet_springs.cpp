@@ -199,15 +199,17 @@ PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
 }
 
 /// Adds patches that average over tetrahedra: column t of `patches` names those that tetrahedron t belongs
-/// to, each with an equal part of the share part(t) of its volume. Their first Lame constant is lambda, and
-/// `whole` more for all of the volume, whatever the share of it.
+/// to, which share its volume evenly, and that of `part` how much of theirs they take. Their first Lame constant
+/// is lambda, and `whole` more for all of the volume, whatever the part of it: then a patch takes one part of
+/// all its tetrahedra, or uniform strain is out of balance.
 void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches,
-                    const Eigen::VectorXd& part, double lambda, double whole, TetSprings& springs) {
-  std::vector<TetGradients> shares(T.cols());  // of volume times gradients
-  Eigen::VectorXd share(T.cols());
+                    const Eigen::MatrixXd& part, double lambda, double whole, TetSprings& springs) {
+  const auto n_sharers = static_cast<int>(patches.rows());
+  std::vector<TetGradients> gradients(T.cols());
+  Eigen::VectorXd even(T.cols());  // volume over sharers
   for (Eigen::Index t = 0; t < T.cols(); ++t) {
-    share[t] = part[t] * tet_volume(X, T.col(t)) / static_cast<double>(patches.rows());
-    shares[t] = share[t] * barycentric_gradients(X, T.col(t));
+    even[t] = tet_volume(X, T.col(t)) / n_sharers;
+    gradients[t] = barycentric_gradients(X, T.col(t));
   }
   const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
   springs.volume.conservativeResize(n_before + n_new);
@@ -226,11 +228,11 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   }
   const auto for_each_tet = [&](int p, const auto& visit) {
     for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
-      visit(in_patch.at[k] / static_cast<int>(patches.rows()));
+      visit(in_patch.at[k] / n_sharers, part.reshaped()[in_patch.at[k]]);
   };
   std::vector<int> patch_of(X.cols(), -1);  // of nodes: the last that they were met in
   for (const int p : order) {
-    for_each_tet(p, [&](int t) {
+    for_each_tet(p, [&](int t, double) {
       for (int i : T.col(t))
         if (std::exchange(patch_of[i], p) != p) springs.node.push_back(i);
     });
@@ -247,12 +249,13 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
     const int begin = springs.first[n_before + q], n = springs.first[n_before + q + 1] - begin;
     for (int e = begin; e < begin + n; ++e) entry_of[springs.node[e]] = e;
     double volume = 0, whole_volume = 0;
-    for_each_tet(order[q], [&](int t) {
-      volume += share[t];
-      whole_volume += share[t] / part[t];
+    for_each_tet(order[q], [&](int t, double of_even) {
+      const double share = of_even * even[t];
+      volume += share;
+      whole_volume += even[t];
       for (int k = 0; k < 4; ++k) {
-        springs.b.col(entry_of[T(k, t)]) += shares[t].col(k);
-        springs.weight[entry_of[T(k, t)]] += share[t] / 4;
+        springs.b.col(entry_of[T(k, t)]) += share * gradients[t].col(k);
+        springs.weight[entry_of[T(k, t)]] += share / 4;
       }
     });
     springs.b.middleCols(begin, n) /= volume;
@@ -263,21 +266,15 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
   }
 }
 
-/// Those that hold one of the nodes, and those that share a node with them.
-std::vector<int> tetrahedra_near(const std::vector<int>& nodes, Eigen::Index n_nodes, const Matrix4Xi& T) {
-  constexpr int kLayers = 2;
-  std::vector<char> is_near(n_nodes, 0);
-  for (const int i : nodes) is_near[i] = 1;
-  std::vector<int> found;
-  for (int layer = 0; layer < kLayers; ++layer) {
-    found.clear();
-    for (Eigen::Index t = 0; t < T.cols(); ++t)
-      if (std::any_of(T.col(t).begin(), T.col(t).end(), [&](int i) { return is_near[i] != 0; }))
-        found.push_back(static_cast<int>(t));
-    for (const int t : found)
-      for (const int i : T.col(t)) is_near[i] = 1;
-  }
-  return found;
+/// The nodes, and those that share a tetrahedron with them.
+std::vector<char> near(const std::vector<int>& nodes, Eigen::Index n_nodes, const Matrix4Xi& T) {
+  std::vector<char> is_held(n_nodes, 0);
+  for (const int i : nodes) is_held[i] = 1;
+  std::vector<char> is_near = is_held;
+  for (const auto& corners : T.colwise())
+    if (std::any_of(corners.begin(), corners.end(), [&](int i) { return is_held[i] != 0; }))
+      for (const int i : corners) is_near[i] = 1;
+  return is_near;
 }
 
 }  // namespace
@@ -296,16 +293,21 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
   springs.mu = lame.mu;
   springs.first.push_back(0);
   const double shared = blend.nodes > 0 ? std::min(lame.lambda, lame.mu) : lame.lambda;
-  const auto everywhere = [&](double part) { return Eigen::VectorXd::Constant(T.cols(), part).eval(); };
-  Eigen::VectorXd edges = everywhere(blend.edges), nodes = everywhere(blend.nodes);
-  if (blend.nodes > 0)
-    for (const int t : tetrahedra_near(held, X.cols(), T)) {
-      nodes[t] = kHeldNodes;
-      edges[t] = 1 - blend.tetrahedra - kHeldNodes;
+  const auto everywhere = [&](int n_sharers, double part) {
+    return Eigen::MatrixXd::Constant(n_sharers, T.cols(), part).eval();
+  };
+  Eigen::MatrixXd edges = everywhere(6, blend.edges), nodes = everywhere(4, blend.nodes);
+  if (blend.nodes > 0) {
+    const std::vector<char> is_near = near(held, X.cols(), T);
+    for (Eigen::Index t = 0; t < T.cols(); ++t) {
+      for (int k = 0; k < 4; ++k)
+        if (is_near[T(k, t)]) nodes(k, t) = kHeldNodes;
+      edges.col(t).setConstant(1 - blend.tetrahedra - nodes.col(t).mean());
     }
+  }
   if (blend.tetrahedra > 0) {
     const Eigen::MatrixXi own = Eigen::RowVectorXi::LinSpaced(T.cols(), 0, static_cast<int>(T.cols()) - 1);
-    append_patches(X, T, own, everywhere(blend.tetrahedra), shared, 0, springs);
+    append_patches(X, T, own, everywhere(1, blend.tetrahedra), shared, 0, springs);
   }
   if (blend.edges > 0) append_patches(X, T, edge_numbers(T), edges, shared, 0, springs);
   if (blend.nodes > 0) append_patches(X, T, T, nodes, shared, lame.lambda - shared, springs);

@@ -214,7 +214,7 @@ TEST(Supports, RefuseToMoveANodeThatAnotherHoldsAlongOtherDirections) {
   slide.displacement = Vector3d(0.01, 0, 0);
   box.scene.supports = {clamp, slide};
   try {
-    Simulation(box.scene, box.network);
+    const Simulation simulation(box.scene, box.network);
     FAIL();
   } catch (const std::runtime_error& error) {
     EXPECT_NE(std::string(error.what()).find("two supports hold the node at ("), std::string::npos);

@@ -109,8 +109,8 @@ TEST(BiConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvalues) {
   const Eigen::MatrixXd A = V * eigenvalues.replicate(3, 1).asDiagonal() * V.inverse();
   ASSERT_GT((A - A.transpose()).norm(), 1);
   const Matrix3Xd b = random_points(n, 1, 2);
-  const auto by = [n](const Eigen::MatrixXd& of) {
-    return [&of, n](const Matrix3Xd& p, Matrix3Xd& y) { y = (of * p.reshaped()).reshaped(3, n); };
+  const auto by = [](const Eigen::MatrixXd& of) {
+    return [&of](const Matrix3Xd& p, Matrix3Xd& y) { y = (of * p.reshaped()).reshaped(3, p.cols()); };
   };
   const Eigen::MatrixXd transposed = A.transpose();
   const auto precondition = [](const Matrix3Xd& r, Matrix3Xd& z) { z = r; };
