@@ -31,6 +31,7 @@ _GROWTH = 8  # of the unknowns by a refinement
 # Unknowns of a refined reference, by what is solved: half a minute at most. And steps of a motion in time.
 _MAX_DOFS = {"linear": 500_000, "newton": 250_000, "dynamic": 100_000, "newton in time": 20_000}
 _MAX_STEPS = 500
+_MAX_SECONDS = 60.0  # by those of the reference: needles take more iterations than unknowns tell
 
 
 @dataclass(frozen=True)
@@ -177,8 +178,9 @@ def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | Non
         kind, words = "linear", ["--set", "output.frames_every=0", "--converge", "2"]
     else:
         kind, words = "newton", [*refined, "--set", "output.frames_every=0"]
-    fits = _GROWTH * record["n_dofs"] <= _MAX_DOFS[kind] and record.get("n_steps", 0) <= _MAX_STEPS
-    return words if fits else None
+    is_small = _GROWTH * record["n_dofs"] <= _MAX_DOFS[kind] and record.get("n_steps", 0) <= _MAX_STEPS
+    is_fast = _GROWTH * record.get("seconds", {}).get("solve", 0) <= _MAX_SECONDS
+    return words if is_small and is_fast else None
 
 
 class _Said(NamedTuple):

@@ -72,7 +72,7 @@ def extent_of(checked: str) -> Extent:
     """By what `massspring --check` prints."""
     scene = json.loads(checked)
     law, n = scene["law"], scene["n_vertices"]
-    n_network = round(_NETWORK * n)
+    n_network = round(_NETWORK * scene["n_vertices_of_springs"])
     n_elements = round(_ELEMENTS[scene["degree"]] * n * _REFINED ** scene["refine"])
     is_static = scene["mode"] == "static"
 

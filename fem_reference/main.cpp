@@ -29,13 +29,14 @@ std::string undivided_part(const Scene& scene, bool has_frequencies) {
 
 /// Full-load displacement of the surface's vertices on finer and finer meshes, and the error of the first
 /// that they tell.
-nlohmann::ordered_json study_convergence(Session& session, const TetMesh& mesh, int n_levels) {
+nlohmann::ordered_json study_convergence(Session& session, const SurfaceMesh& surface, const TetMesh& mesh,
+                                         int n_levels) {
   const Scene& scene = session.scene;
   nlohmann::ordered_json levels = nlohmann::ordered_json::array();
   std::vector<Eigen::Matrix3Xd> u;
   Scene refined = scene;
   for (int level = 0; level < n_levels; ++level, ++refined.reference.refine) {
-    ElasticSolid solid = assemble_scene(refined, session.surface, mesh);
+    ElasticSolid solid = assemble_scene(refined, surface, mesh);
     session.progress.stage("reference: refinement " + std::to_string(refined.reference.refine) + ", " +
                            std::to_string(solid.n_dofs()) + " unknowns");
     const int n_solves = is_proportional(scene) ? 1 : scene.time.load_steps;
@@ -47,7 +48,7 @@ nlohmann::ordered_json study_convergence(Session& session, const TetMesh& mesh, 
                       {"elastic_energy", report.elastic_energy}});
     u.push_back(solid.displacement().leftCols(mesh.n_surface));
   }
-  const RefinementError error = richardson(u, session.surface);
+  const RefinementError error = richardson(u, surface);
   return {{"status", "ok"},
           {"levels", levels},
           {"error_ratio", error.ratio},
@@ -114,8 +115,8 @@ ExitStatus run(const Arguments& arguments) {
   TetOptions tets;
   tets.interior_size = scene.reference.interior_size;
   TetReport attempts;
-  const TetMesh mesh =
-      from_first_process(is_first ? tetrahedralize(session.surface, tets, &attempts) : TetMesh());
+  const SurfaceMesh surface = session.cut_surface();
+  const TetMesh mesh = from_first_process(is_first ? tetrahedralize(surface, tets, &attempts) : TetMesh());
   const bool is_implicit = scene.time.mode == TimeMode::Dynamic &&
                            scene.reference.integrator != ReferenceScheme::CentralDifferences;
   const bool is_factor = is_implicit || scene.material.damping_ratio > 0 || arguments.n_frequencies > 0;
@@ -123,7 +124,7 @@ ExitStatus run(const Arguments& arguments) {
                scene.reference.degree, is_factor ? Memory::Factor : Memory::Iterations, memory_available());
 
   session.start("setup");
-  Simulation simulation(scene, session.surface, mesh, session.timer);
+  Simulation simulation(scene, surface, mesh, session.timer);
   session.timer.stop();
   // The surface as it was given, refined or not, so that every run of it can be compared vertex by vertex.
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
@@ -135,7 +136,7 @@ ExitStatus run(const Arguments& arguments) {
   take_steps(simulation, session);
   report(simulation, scene, session.record);
   if (arguments.n_levels > 0 && scene.time.mode == TimeMode::Static && simulation.is_converged())
-    session.record["convergence"] = study_convergence(session, mesh, arguments.n_levels);
+    session.record["convergence"] = study_convergence(session, surface, mesh, arguments.n_levels);
   if (arguments.n_frequencies > 0)
     add_frequencies(solid, scene.reference.mass, arguments.n_frequencies, session.record);
   return session.finish();

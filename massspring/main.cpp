@@ -14,6 +14,7 @@
 #include "meshing/run/session.h"
 #include "meshing/scene/build_network.h"
 #include "meshing/scene/check.h"
+#include "meshing/surface/cut_surface.h"
 
 namespace testbed::massspring {
 namespace {
@@ -22,9 +23,9 @@ struct Arguments : SessionOptions {
   bool is_undiagnosed = false, is_check = false, is_checked = false;
 };
 
-/// What exerts force, behind the surface.
-std::vector<CellBlock> cells_of(const MassSpringModel& model) {
-  std::vector<CellBlock> cells{{5, model.network.F}};
+/// What exerts force, behind the scene's surface.
+std::vector<CellBlock> cells_of(const MassSpringModel& model, const SurfaceMesh& surface) {
+  std::vector<CellBlock> cells{{5, surface.F}};
   if (model.springs) cells.push_back({3, model.springs->E});
   if (model.tet_springs || model.local_volume) cells.push_back({10, model.network.T});
   return cells;
@@ -100,9 +101,14 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
 /// What decides how long a scene takes, for who plans its runs.
 nlohmann::ordered_json extent_of(const Scene& scene, const SurfaceMesh& surface) {
   const TimeOptions& time = scene.time;
-  nlohmann::ordered_json extent{{"n_vertices", surface.X.cols()},   {"models", models_of(scene)},
-                                {"degree", scene.reference.degree}, {"refine", scene.reference.refine},
-                                {"law", name_of(law_of(scene))},    {"mode", name_of(time.mode)}};
+  nlohmann::ordered_json extent{
+      {"n_vertices", surface.X.cols()},
+      {"n_vertices_of_springs", cut_across(surface, scene.surface.across).surface.X.cols()},
+      {"models", models_of(scene)},
+      {"degree", scene.reference.degree},
+      {"refine", scene.reference.refine},
+      {"law", name_of(law_of(scene))},
+      {"mode", name_of(time.mode)}};
   if (time.mode == TimeMode::Dynamic && time.step > 0) extent["n_steps"] = std::lround(time.end / time.step);
   return extent;
 }
@@ -138,12 +144,13 @@ ExitStatus run(const Arguments& arguments) {
   const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
   NodeReport found;
   const SpringNetwork network =
-      build_network(session.surface, scene.network, needs_links, calibration.needs_tetrahedra, &found);
+      build_network(needs_links ? session.surface : session.cut_surface(), scene.network, needs_links,
+                    calibration.needs_tetrahedra, &found);
   session.start("setup");
   Simulation simulation(scene, network);
   session.timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
   const MassSpringModel& model = simulation.model();
-  session.open(model.network.X, cells_of(model), omp_get_max_threads());
+  session.open(model.network.X, cells_of(model, session.surface), omp_get_max_threads());
   describe(found, session.record);
   if (const auto& most = found.samples.most_nodes; most && !found.is_mesher_instead && !arguments.is_quiet)
     std::cerr << "internal nodes bounded by " << *most << ", with network.phi = " << found.samples.phi

@@ -21,7 +21,7 @@ namespace {
 MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const double share = scene.network.link_share;
-  const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F};
+  const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F, network.cuts};
   std::vector<int> held;
   for (const Support& support : scene.supports) {
     const std::vector<int> vertices = vertices_in(support.region, surface);
@@ -67,19 +67,20 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
       model_(model_of(scene, network)),
       forces_(forces_of(scene, model_)),
       n_holding_(n_holding_at(scene, 0)) {
-  const TetMesh& nodes = model_.network;
-  contacts_ = contacts_of(scene, {nodes.X.leftCols(nodes.n_surface), nodes.F});
+  const SurfaceMesh surface = surface_of(model_);
+  contacts_ = contacts_of(scene, surface);
   if (model_.spread_mass) lump(driven_nodes(forces_.constraints), *model_.spread_mass);
   state_ = initial_state(model_);
-  state_.v = initial_velocity(scene, nodes.X, model_.mass);
+  state_.v = initial_velocity(scene, model_.network.X, model_.mass);
   filter(forces_.constraints, state_.v);
   rest_volume_ = state_.target_volume;
   const TimeOptions& time = scene.time;
   if (law_of(scene) == MaterialLaw::SmallStrain) {
     // Statics hold floppy motions. In motion, linear forces would let them drift without bound.
     constexpr double kForever = std::numeric_limits<double>::infinity();
-    const int n_floppy =
-        time.mode == TimeMode::Dynamic ? n_floppy_motions(model_, constraints_of(scene, nodes, kForever)) : 0;
+    const int n_floppy = time.mode == TimeMode::Dynamic
+                             ? n_floppy_motions(model_, constraints_of(scene, surface, kForever))
+                             : 0;
     if (n_floppy == 0)
       linearise(model_);
     else
@@ -134,7 +135,7 @@ void Simulation::release_nodes() {
   const auto n_holding = n_holding_at(scene_, state_.t);
   if (n_holding == n_holding_) return;
   n_holding_ = n_holding;
-  forces_.constraints = constraints_of(scene_, model_.network, state_.t);
+  forces_.constraints = constraints_of(scene_, surface_of(model_), state_.t);
   stepper_ = std::make_unique<TimeStepper>(model_, forces_, scene_.time.integrator, scene_.time.end, options_,
                                            contacts_);
 }

@@ -124,6 +124,7 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
   if (calibration.needs_tetrahedra && network.T.cols() == 0) refuse("tetrahedra");
   MassSpringModel model;
   model.network = {network.X, network.T, network.F, network.n_surface};
+  model.cuts = network.cuts;
   model.material = material;
   model.held = held;
   model.mass = network.T.cols() > 0

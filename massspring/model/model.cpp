@@ -27,14 +27,18 @@ State initial_state(const MassSpringModel& model) {
   return state;
 }
 
-std::vector<Constraint> constraints_of(const Scene& scene, const TetMesh& network, double t) {
+SurfaceMesh surface_of(const MassSpringModel& model) {
+  const TetMesh& network = model.network;
+  return {network.X.leftCols(network.n_surface), network.F, model.cuts};
+}
+
+std::vector<Constraint> constraints_of(const Scene& scene, const SurfaceMesh& surface, double t) {
   struct Held {
     Constraint constraint;
     bool is_oblique, is_moved;
   };
   std::map<int, Held> of_node;
-  for (const auto& [vertices, support] :
-       discretise(scene, {network.X.leftCols(network.n_surface), network.F}).held) {
+  for (const auto& [vertices, support] : discretise(scene, surface).held) {
     if (!holds_at(support, t)) continue;
     const auto motion = support.motion.empty() ? nullptr : std::make_shared<const Path>(support.motion);
     const bool is_oblique = support.normal || support.along;
@@ -47,7 +51,7 @@ std::vector<Constraint> constraints_of(const Scene& scene, const TetMesh& networ
       was_moved |= is_moved;
       if (!is_first && was_oblique && was_moved) {
         std::ostringstream what;
-        what << "two supports hold the node at (" << network.X.col(i).transpose()
+        what << "two supports hold the node at (" << surface.X.col(i).transpose()
              << ") m, one by normal or along, expected that neither moves it";
         throw std::runtime_error(what.str());
       }
@@ -70,7 +74,7 @@ std::vector<Constraint> constraints_of(const Scene& scene, const TetMesh& networ
 
 Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   const TetMesh& network = model.network;
-  const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F};
+  const SurfaceMesh surface = surface_of(model);
   const SurfaceProblem problem = discretise(scene, surface);
   Forces forces;
   forces.mass_damping = scene.material.damping;
@@ -90,7 +94,7 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   for (const auto& [pressure, triangles] : followers)
     forces.followers.push_back({pressure, surface.F(Eigen::all, triangles)});
 
-  forces.constraints = constraints_of(scene, network);
+  forces.constraints = constraints_of(scene, surface);
   return forces;
 }
 

@@ -23,6 +23,7 @@ namespace testbed::massspring {
 
 struct MassSpringModel {
   TetMesh network;  ///< the nodes, and tetrahedra where a part of the model needs them
+  Cuts cuts;        ///< of their surface
   Material material;
   std::vector<int> held;                    ///< nodes near which coupled springs are softer
   Eigen::VectorXd mass;                     ///< kg per node
@@ -47,6 +48,9 @@ void for_each_energy(const MassSpringModel& model, const Visit& visit) {
   };
   std::apply([&](auto... member) { (visit_one(model.*member), ...); }, kElasticEnergies);
 }
+
+/// The nodes on the surface, and their triangles.
+SurfaceMesh surface_of(const MassSpringModel& model);
 
 /// Number of energies that the model has.
 int n_energies(const MassSpringModel& model);
@@ -127,7 +131,7 @@ struct Forces {
 /// What the scene's supports hold in a step that begins at t (s).
 /// @throws std::runtime_error when a support meets no node, or where supports in other directions than those
 /// of the axes overlap with others and one of them moves.
-std::vector<Constraint> constraints_of(const Scene& scene, const TetMesh& network, double t = 0);
+std::vector<Constraint> constraints_of(const Scene& scene, const SurfaceMesh& surface, double t = 0);
 
 /// Dead loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.
 /// @throws std::runtime_error when a support or load meets no node or triangle, or a follower pressure a part

@@ -7,10 +7,19 @@
 
 namespace testbed::meshing {
 
+/// How a surface's triangles were cut from those of another one, within their planes: the same polyhedron,
+/// whose first vertices are the other's. Empty where nothing was cut.
+struct Cuts {
+  Eigen::Matrix3Xi F;        ///< 3 x m triangles before
+  Eigen::Matrix3Xi between;  ///< 3 x n: vertices before that each lies between, repeated on an edge or in one
+  Eigen::VectorXi parent;    ///< of each triangle, the one that it is a part of
+};
+
 /// Closed triangle surface, oriented outward. Lengths in metres.
 struct SurfaceMesh {
   Eigen::Matrix3Xd X;  ///< 3 x n vertex positions (m)
   Eigen::Matrix3Xi F;  ///< 3 x m vertex indices, counter-clockwise seen from outside
+  Cuts cuts = {};
 };
 
 /// Nodes joined by springs. Node i < n_surface is surface vertex i.
@@ -20,6 +29,7 @@ struct SpringNetwork {
   Eigen::Matrix2Xi E;  ///< 2 x n_springs node pairs (i < j), surface edges first; empty unless asked for
   Eigen::Matrix4Xi T;  ///< 4 x n_tets, positively oriented; empty unless asked for
   int n_surface = 0;
+  Cuts cuts = {};  ///< of the surface
 };
 
 /// Nodes in and on a surface, and straight-sided tetrahedra that fill it. Node i < n_surface is surface

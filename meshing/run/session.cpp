@@ -7,6 +7,7 @@
 #include "meshing/run/hash.h"
 #include "meshing/scene/check.h"
 #include "meshing/scene/surface_problem.h"
+#include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::meshing {
@@ -46,6 +47,7 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       file_(options.scene),
       out_(options.out),
       is_forced_(options.is_forced),
+      is_quiet_(options.is_quiet),
       is_first_(is_first) {
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
   if (!is_first) return;
@@ -82,6 +84,16 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
 void Session::start(const std::string& name) {
   timer.start(name);
   progress.stage(program_ + ": " + name);
+}
+
+SurfaceMesh Session::cut_surface() {
+  const auto [cut, is_bounded] = cut_across(surface, scene.surface.across);
+  if (const auto n_cut = cut.X.cols() - surface.X.cols(); n_cut > 0) record["n_cut"] = n_cut;
+  if (is_bounded && is_first_ && !is_quiet_)
+    std::cerr << "the cut surface is bounded by " << cut.X.cols()
+              << " vertices: fewer than surface.across = " << scene.surface.across
+              << " edges fit across its thinnest parts\n";
+  return cut;
 }
 
 void Session::open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int n_threads) {

@@ -46,6 +46,9 @@ class Session {
   /// Begins a stage: its time counts as that of `name`.
   void start(const std::string& name);
 
+  /// The surface as the scene wants it cut, of which the record tells.
+  SurfaceMesh cut_surface();
+
   /// Frames hold these cells, the surface's triangles first, over nodes X (3 x n, m) at rest.
   /// @param n_threads  that the solver may use
   void open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int n_threads);
@@ -73,7 +76,7 @@ class Session {
 
   std::string program_, file_, hash_;
   std::filesystem::path out_;
-  bool is_forced_, is_first_;
+  bool is_forced_, is_quiet_, is_first_;
   Eigen::Matrix3Xd X_;
   std::optional<Recorder> recorder_;  ///< of the first process
 };

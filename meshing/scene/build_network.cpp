@@ -56,7 +56,7 @@ TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, b
 SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& options, bool needs_links,
                             bool needs_tetrahedra, NodeReport* report) {
   TetMesh nodes = place_nodes(surface, options, needs_tetrahedra, report);
-  if (!needs_links) return {nodes.X, nodes.F, {}, nodes.T, nodes.n_surface};
+  if (!needs_links) return {nodes.X, nodes.F, {}, nodes.T, nodes.n_surface, surface.cuts};
   ConnectOptions how;
   how.connectivity = connectivity_of(options.connectivity);
   how.pcp.multiplicity = options.multiplicity;
@@ -66,6 +66,7 @@ SpringNetwork build_network(const SurfaceMesh& surface, const NetworkOptions& op
   how.pcp.depth_weight = options.depth_weight;
   how.neighbours = options.neighbours;
   SpringNetwork network = connect(surface, nodes.X.rightCols(nodes.X.cols() - nodes.n_surface), how);
+  network.cuts = surface.cuts;
   if (needs_tetrahedra) {
     if (network.X.cols() != nodes.X.cols())
       throw std::runtime_error("network.connectivity = '" + options.connectivity +

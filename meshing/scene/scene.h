@@ -56,6 +56,7 @@ struct SurfaceSource {
   LengthUnit unit = LengthUnit::Metre;  ///< of the coordinates
   double scale = 1;                     ///< factor on all coordinates, before normalise
   bool normalise = false;               ///< smallest side of the bounding box 1 m, centre at the origin
+  double across = 1;  ///< edges to fit across the body, for which triangles are cut, see cut_across; 0: any
 };
 
 /// A value at each time, linear in between and constant outside: (s, value), times ascending. Static scenes

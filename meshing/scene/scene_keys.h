@@ -104,6 +104,9 @@ void describe(V& v, SurfaceSource& s) {
   v.choice("unit", s.unit, "of its coordinates: m, cm, mm or in");
   v("scale", s.scale, kPositive, "factor on all coordinates");
   v("normalise", s.normalise, "scale so that the bounding box's smallest side is 1 m, centre at the origin");
+  v("across", s.across, kNotNegative,
+    "cut triangles in their planes until this many edges fit across the body; 0: none; not for networks of "
+    "springs");
 }
 
 template <class V>

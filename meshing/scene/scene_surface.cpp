@@ -78,6 +78,15 @@ const std::string kMending =
     "turned round, inside out or doubled, ./testbed remesh FILE OUT makes a new surface of the rest within a "
     "tolerance";
 
+/// The vertices that a surface had before it was cut.
+Eigen::Matrix3Xd before(const SurfaceMesh& surface) {
+  return surface.X.leftCols(surface.cuts.F.maxCoeff() + 1);
+}
+
+bool are_members(const Eigen::Vector3i& vertices, const std::vector<bool>& is_member) {
+  return is_member[vertices[0]] && is_member[vertices[1]] && is_member[vertices[2]];
+}
+
 }  // namespace
 
 SurfaceMesh load_surface(const SurfaceSource& source) {
@@ -110,14 +119,20 @@ std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X) {
 }
 
 std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface) {
-  return nodes_in(region, surface.X);
+  if (surface.cuts.F.size() == 0) return nodes_in(region, surface.X);
+  const std::vector<bool> is_member = membership(region, before(surface));
+  std::vector<int> vertices;
+  for (int v = 0; v < surface.X.cols(); ++v)
+    if (are_members(surface.cuts.between.col(v), is_member)) vertices.push_back(v);
+  return vertices;
 }
 
 std::vector<int> triangles_in(const Region& region, const SurfaceMesh& surface) {
-  const std::vector<bool> is_member = membership(region, surface.X);
+  const bool is_cut = surface.cuts.F.size() > 0;
+  const std::vector<bool> is_member = membership(region, is_cut ? before(surface) : surface.X);
   std::vector<int> triangles;
   for (int f = 0; f < surface.F.cols(); ++f)
-    if (is_member[surface.F(0, f)] && is_member[surface.F(1, f)] && is_member[surface.F(2, f)])
+    if (are_members(is_cut ? surface.cuts.F.col(surface.cuts.parent[f]) : surface.F.col(f), is_member))
       triangles.push_back(f);
   return triangles;
 }

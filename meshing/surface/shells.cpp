@@ -40,7 +40,8 @@ double winding_number(const Eigen::Vector3d& x, const Eigen::Matrix3Xd& X, const
 }
 
 std::vector<Shell> shells_of(const SurfaceMesh& surface) {
-  const auto& [X, F] = surface;
+  const Eigen::Matrix3Xd& X = surface.X;
+  const Eigen::Matrix3Xi& F = surface.F;
   int n_shells = 0;
   const std::vector<int> labels = label_triangles(surface, n_shells);
   std::vector<Shell> shells(n_shells);

@@ -63,7 +63,8 @@ Eigen::Matrix2Xi edges_of(const Eigen::Matrix3Xi& F) {
 }
 
 void check_closed(const SurfaceMesh& surface, const std::string& name) {
-  const auto& [X, F] = surface;
+  const Eigen::Matrix3Xd& X = surface.X;
+  const Eigen::Matrix3Xi& F = surface.F;
   if (F.cols() == 0) throw std::runtime_error(name + ": no triangles, expected a closed surface");
   if (F.minCoeff() < 0 || F.maxCoeff() >= X.cols())
     throw std::runtime_error(name + ": vertex indices " + std::to_string(F.minCoeff()) + " to " +

@@ -35,7 +35,8 @@ Needles needles_of(const SurfaceMesh& surface) {
 }
 
 SurfaceReport report_surface(const SurfaceMesh& surface, int n_merged) {
-  const auto& [X, F] = surface;
+  const Eigen::Matrix3Xd& X = surface.X;
+  const Eigen::Matrix3Xi& F = surface.F;
   const Eigen::Matrix2Xi E = edges_of(F);
   const SurfaceFaults faults = find_faults(surface);
   const bool is_sound = faults.is_closed() && faults.is_manifold() && faults.disoriented_edges.empty();

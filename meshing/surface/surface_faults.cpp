@@ -137,7 +137,8 @@ bool SurfaceFaults::none() const {
 }
 
 SurfaceFaults find_faults(const SurfaceMesh& surface) {
-  const auto& [X, F] = surface;
+  const Eigen::Matrix3Xd& X = surface.X;
+  const Eigen::Matrix3Xi& F = surface.F;
   SurfaceFaults faults;
   std::vector<bool> is_used(X.cols(), false);
   for (int v : F.reshaped()) is_used[v] = true;

@@ -47,7 +47,8 @@ struct SurfaceTree::Hit {
 };
 
 SurfaceTree::SurfaceTree(const SurfaceMesh& surface) : surface_(surface), order_(surface.F.cols()) {
-  const auto& [X, F] = surface_;
+  const Eigen::Matrix3Xd& X = surface_.X;
+  const Eigen::Matrix3Xi& F = surface_.F;
   std::iota(order_.begin(), order_.end(), 0);
   nodes_.reserve(2 * order_.size() / kLeafSize + 2);
   build(0, static_cast<int>(order_.size()));
@@ -76,7 +77,8 @@ SurfaceTree::SurfaceTree(const SurfaceMesh& surface) : surface_(surface), order_
 }
 
 void SurfaceTree::build(int begin, int end) {
-  const auto& [X, F] = surface_;
+  const Eigen::Matrix3Xd& X = surface_.X;
+  const Eigen::Matrix3Xi& F = surface_.F;
   const size_t node = nodes_.size();
   nodes_.push_back({{}, begin, end, -1});
   for (int t = begin; t < end; ++t)
@@ -94,7 +96,8 @@ void SurfaceTree::build(int begin, int end) {
 }
 
 SurfaceTree::Hit SurfaceTree::find_nearest(const Eigen::Vector3d& x) const {
-  const auto& [X, F] = surface_;
+  const Eigen::Matrix3Xd& X = surface_.X;
+  const Eigen::Matrix3Xi& F = surface_.F;
   Hit best;
   struct Entry {
     double distance2;
@@ -142,7 +145,8 @@ double SurfaceTree::depth(const Eigen::Vector3d& x) const {
 }
 
 bool SurfaceTree::crosses(const Eigen::Vector3d& a, const Eigen::Vector3d& b, int at_a, int at_b) const {
-  const auto& [X, F] = surface_;
+  const Eigen::Matrix3Xd& X = surface_.X;
+  const Eigen::Matrix3Xi& F = surface_.F;
   int stack[128], n = 0;
   stack[n++] = 0;
   while (n > 0) {

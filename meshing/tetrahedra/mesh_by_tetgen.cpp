@@ -14,7 +14,8 @@
 namespace testbed::meshing {
 
 TetNodes mesh_task(const TetTask& task, int, double) {
-  const auto& [X, F] = task.surface;
+  const Eigen::Matrix3Xd& X = task.surface.X;
+  const Eigen::Matrix3Xi& F = task.surface.F;
   tetgenio in, points, out;
   in.numberofpoints = static_cast<int>(X.cols());
   in.pointlist = new REAL[X.size()];

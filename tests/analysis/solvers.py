@@ -40,7 +40,8 @@ sys.exit(dict(ok=0, not_solved=3).get(status, 2))
 """
 
 EXTENT = {
-    "n_vertices": 162, "models": ["affine"], "degree": 2, "refine": 0, "law": "small_strain", "mode": "static",
+    "n_vertices": 162, "n_vertices_of_springs": 162,
+    "models": ["affine"], "degree": 2, "refine": 0, "law": "small_strain", "mode": "static",
 }  # fmt: skip
 
 ENDS = {

@@ -11,7 +11,14 @@ SCENE = {"n_vertices": 1000, "models": ["affine", "uniform"], "degree": 2, "refi
 
 
 def extent(**changes):
-    return extent_of(json.dumps({**SCENE, "mode": "static", **changes}))
+    scene = {**SCENE, "mode": "static", **changes}
+    return extent_of(json.dumps({"n_vertices_of_springs": scene["n_vertices"], **scene}))
+
+
+def test_springs_have_nodes_by_the_vertices_of_the_surface_as_it_is_cut():
+    cut = extent(n_vertices_of_springs=3000)
+    assert cut.n_network == pytest.approx(3 * extent().n_network, rel=1e-3)
+    assert cut.n_elements == extent().n_elements
 
 
 def test_quadratic_elements_have_seven_times_the_nodes_of_linear_ones_and_a_refinement_eight_times():

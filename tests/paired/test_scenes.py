@@ -201,6 +201,24 @@ def test_bar_sag(tmp_path):
     assert 0.0009 < comparison["displacement_error_l2"] < 0.0016
 
 
+def test_a_bar_of_twelve_triangles_is_cut_until_it_bends(tmp_path):
+    surface, sags = tmp_path / "bar.ply", {}
+    length, E, nu, weight = 8, 1e8, 0.25, 9.81 * 1000
+    pv.Box((0, length, 0, 1, 0, 1)).triangulate().clean().save(surface)
+    for across in (0, 1):
+        command = [PROGRAMS / "massspring", SCENES / "bar_sag.toml", "--quiet", "--out", tmp_path]
+        command += ["--set", f'surface={{file="{surface}", across={across}}}']
+        subprocess.run(command, check=True)
+        run = load_run(tmp_path)
+        assert run.last.X.shape == (8, 3) and run.last.F.shape == (12, 3)
+        assert ("n_cut" in run.record) == bool(across)
+        sags[across] = run.curves["max_displacement"][-1]
+    shear = E / (2 * (1 + nu)) * 10 * (1 + nu) / (12 + 11 * nu)
+    sag = weight * length**4 * 1.5 / E + weight * length**2 / (2 * shear)  # Timoshenko's cantilever
+    assert sags[0] < 0.1 * sag
+    assert sags[1] == pytest.approx(sag, rel=0.015)
+
+
 def test_torus_hang(tmp_path):
     comparison = write_results(run_pair("torus_hang", tmp_path, "comparison.calibrations=[]"))
     assert comparison["status"] == "ok"
@@ -235,7 +253,7 @@ def test_gear_of_needles_is_solved_by_both_programs(tmp_path):
     rows = [" ".join(map(repr, map(float, x))) for x in X] + [f"3 {i} {j} {k}" for i, j, k in F]
     file.write_text(f"OFF\n{len(X)} {len(F)} 0\n" + "\n".join(rows) + "\n")
 
-    few = (f"surface.file={file}", "surface.shape=", "comparison.calibrations=[]")
+    few = (f"surface.file={file}", "surface.shape=", "surface.across=0", "comparison.calibrations=[]")
     comparison = write_results(run_pair("sag", tmp_path / "out", *few))
     assert comparison["status"] == "ok"
     assert comparison["models"]["node_averaged"]["displacement_error_l2"] < 0.2

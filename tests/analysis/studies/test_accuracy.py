@@ -16,11 +16,12 @@ from analysis.paths import PROGRAMS, ROOT
 from analysis.points import Store
 from analysis.studies import accuracy
 from analysis.studies.accuracy import (
-    CUT,
+    EQUAL,
     EXACT,
     LINEAR,
     PAGE,
     SPRINGS,
+    UNCUT,
     Bench,
     Case,
     cases,
@@ -65,17 +66,19 @@ def test_table_states_ratios_own_errors_and_what_has_none() -> None:
         row(SPRINGS, "pressed", 0, status="failed"),
     ]
     rows += [row(SPRINGS, "held_moved", 0.03, yardstick="0.011"), row(LINEAR, "held_moved", 0.1)]
+    rows.append(row(UNCUT, "held_moved", 0.2))
     head, lines = table(rows, ["half", "kind", "nu"])
     free, held = (dict(zip(head, line, strict=True)) for line in lines)
     assert (free["cases"], free["no result"], free["undecided"]) == ("2", "1", "0")
     assert (free["median"], free["worst"], free["<= 1/3"]) == ("0.35", "0.60", "50%")
     assert (free["own error"], free["linear"], free["quadratic"]) == ("4 %", "15 %", "1 %")
-    assert (held["undecided"], held["median"], held["quadratic"]) == ("1", "0.30", "-")
+    assert (held["undecided"], held["median"], held["uncut"], held["quadratic"]) == ("1", "0.30", "20 %", "-")
 
 
 def test_equal_nodes_are_beside_the_same_surface_in_the_same_cases() -> None:
     rows = [row("fem_p2", load, 0.1) for load in ("smooth", "pressed")]
-    rows += [row(SPRINGS, "smooth", 0.3), row(SPRINGS, "pressed", 0.9), row(CUT, "smooth", 0.05)]
+    rows += [row(UNCUT, "smooth", 0.3), row(UNCUT, "pressed", 0.9), row(EQUAL, "smooth", 0.05)]
+    rows.append(row(SPRINGS, "smooth", 0.01))
     head, ((*_, n, over, _, same, own),) = table_of_equal_nodes(rows)
     assert (n, over, same, own) == ("1", "0.50", "3.00", "5 %")
     assert head[-2] == "on the same surface"
@@ -140,11 +143,11 @@ def bench_of(folder, programs):
 
 def test_error_is_to_the_refined_reference_whose_own_is_stated(stand_ins, tmp_path):
     rows = {row["method"]: row for row in bench_of(tmp_path / "study", stand_ins).measure(CASE)}
-    assert list(rows) == [SPRINGS, LINEAR, "fem_p2", CUT]
+    assert list(rows) == [SPRINGS, UNCUT, LINEAR, "fem_p2", EQUAL]
     error = (1 + ERRORS["0.25"]) * 1.02 - 1
     assert float(rows[SPRINGS]["error"]) == pytest.approx(error, rel=1e-4)
     assert float(rows["fem_p2"]["error"]) == pytest.approx(0.02, rel=1e-4)
-    assert [float(row["yardstick"]) for row in rows.values()] == pytest.approx([0.02] * 4, rel=1e-4)
+    assert [float(row["yardstick"]) for row in rows.values()] == pytest.approx([0.02] * 5, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -161,14 +164,14 @@ def test_yardsticks_of_held_bodies_are_refined_twice_while_they_are_small(
     more = {"program": "fem_reference", "is_free": False}
     write_run(twice, *ball, lambda X: 0.01 / 1.02 / 1.01 * X, np.linspace(0, 1, 2), **more)
     rows = bench_of(tmp_path / "study", stand_ins).measure(Case(CASE.body, load, "0.25"))
-    assert [float(row["yardstick"]) for row in rows] == pytest.approx([own] * 3, rel=1e-4)
+    assert [float(row["yardstick"]) for row in rows] == pytest.approx([own] * 4, rel=1e-4)
     assert load not in CUTTABLE
 
 
 def test_method_that_fails_is_a_row_that_says_why(stand_ins, tmp_path):
     diverged = Case(CASE.body, "pressed", "diverge")
     rows = bench_of(tmp_path / "study", stand_ins).measure(diverged)
-    assert [row["status"] for row in rows] == ["massspring: diverged"] * 2 + ["ok"]
+    assert [row["status"] for row in rows] == ["massspring: diverged"] * 3 + ["ok"]
     (stand_ins / "fem_reference").write_text("#!/bin/sh\necho 'error: singular' >&2\nexit 1\n")
     rows = bench_of(tmp_path / "other", stand_ins).measure(CASE)
     assert {row["status"] for row in rows} == {"fem_reference: failed: singular"}

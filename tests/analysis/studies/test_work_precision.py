@@ -242,6 +242,24 @@ def test_ladder_of_surfaces_is_in_shares_of_the_scenes_vertices(tmp_path):
     assert study.overrides(Rung(4))[0] == "surface.n_vertices=3600"
 
 
+def test_a_solve_in_one_step_errs_in_volume_by_what_it_ends_with(ball, tmp_path):
+    """Its curve has no point where the reference's, which bends, has three."""
+    (tmp_path / "scene.toml").write_text(STATIC)
+    study = SceneStudy(tmp_path / "scene.toml", FULL, *[Ladder(tmp_path)] * 2)
+    one = write_run(tmp_path / "one", *ball, lambda X: 0.022 * X, np.linspace(0, 1, 2), n_patches=1)
+    many = write_run(
+        tmp_path / "many",
+        *ball,
+        lambda X: 0.02 * X,
+        None,
+        lambda time: time**2,
+        program="fem_reference",
+        is_free=False,
+    )
+    outcomes = (Outcome("ok", "", 1, 1, 0, folder) for folder in (one, many))
+    assert study._errors(*outcomes) == pytest.approx((0.1, (1.022**3 - 1) / (1.02**3 - 1) - 1))
+
+
 def test_rows_without_a_reference_say_why(tmp_path):
     class Diverging(Ladder):
         def run(self, point):

@@ -5,6 +5,7 @@
 
 #include "meshing/network/network.h"
 #include "meshing/scene/build_network.h"
+#include "meshing/surface/cut_surface.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/tetrahedra/interior_size.h"
@@ -212,4 +213,18 @@ TEST(InteriorSize, IsPartOfTheSpacingLessInThinBodiesAndNeverTiny) {
   ASSERT_LT(0.36 * between.spacing, 0.3 / 4);
   EXPECT_LE(between.size, 0.3 / 4 + kRounding) << "four layers fit";
   EXPECT_GT(between.size, 0.3 / 4 - 0.35 / 32 * between.spacing) << "found by halving five times";
+}
+
+TEST(BuildNetwork, StandsOnACutSurface) {
+  const SurfaceMesh sheet = make_shape("bar", 100, {4, 4, 0.4}), cut = cut_across(sheet, 2).surface;
+  const SpringNetwork as_it_is = build_network(sheet, {}, false, true);
+  for (const bool has_links : {false, true}) {
+    const SpringNetwork network = build_network(cut, {}, has_links, true);
+    EXPECT_EQ(network.n_surface, cut.X.cols());
+    EXPECT_EQ(network.cuts.F, sheet.F);
+    EXPECT_EQ(network.cuts.between, cut.cuts.between);
+    EXPECT_NO_THROW(check_tetrahedra({network.X, network.T, network.F, network.n_surface}, cut));
+    const Eigen::Vector3d x(0.3, 0.2, 0);
+    EXPECT_GT(n_tetrahedra_along(network, x, 2), n_tetrahedra_along(as_it_is, x, 2));
+  }
 }

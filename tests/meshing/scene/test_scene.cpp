@@ -14,6 +14,7 @@
 #include "meshing/scene/scene.h"
 #include "meshing/scene/scene_keys.h"
 #include "meshing/scene/surface_problem.h"
+#include "meshing/surface/cut_surface.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface/surface_io.h"
@@ -325,8 +326,7 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
       "scene.toml:3: surface.size.1 = -2, expected >= 0: bounding box of a generated shape (m), 0: its own");
   EXPECT_EQ(error_of(ball + "gravity = [0, 1]\n"),
             "scene.toml:3: surface.gravity = [ 0, 1 ]: unknown key (known: file, shape, n_vertices, size, "
-            "up, unit, scale, "
-            "normalise)");
+            "up, unit, scale, normalise, across)");
   EXPECT_EQ(error_of(ball + "[loads]\npressure = 1\n"),
             "scene.toml:3: loads = table, expected tables [[loads]]");
   EXPECT_EQ(
@@ -697,6 +697,18 @@ TEST(Region, SelectsByPosition) {
   EXPECT_EQ(vertices_in({Box{{0, 0, 0}, {0.5, 0.5, 0.5}}, true}, cube).size(), 7u);
   EXPECT_EQ(vertices_in({Ball{{0, 0, 0}, 1}, false}, cube).size(), 4u);
   EXPECT_EQ(vertices_in({Ball{{0, 0, 0}, 0.5}, true}, cube).size(), 4u);
+}
+
+TEST(Region, OfACutSurfaceIsThatOfTheTrianglesBefore) {
+  const SurfaceMesh bar = make_shape("bar", 8, {4, 2, 2});
+  const SurfaceMesh cut = cut_surface(bar, Eigen::VectorXd::Constant(bar.F.cols(), 0.7), 1000);
+  const Region end{HalfSpace{{0.1, 0, 0}, {1, 0, 0}}, false}, half{HalfSpace{{3.9, 0, 0}, {1, 0, 0}}, false};
+  const auto n_at_end = (cut.X.row(0).array() < 0.1).count();
+  ASSERT_GT(n_at_end, 8);
+  EXPECT_EQ(vertices_in(end, cut).size(), static_cast<size_t>(n_at_end));
+  EXPECT_EQ(vertices_in(half, cut), vertices_in(end, cut)) << "no other vertex before is in it";
+  EXPECT_EQ(triangles_in(half, cut), triangles_in(end, cut));
+  EXPECT_NEAR(area(cut.X, cut.F(Eigen::all, triangles_in(half, cut))), 4, 1e-12);
 }
 
 TEST(Region, RelativeOneIsInFractionsOfTheBoxAndItsBallOfTheSmallestSide) {

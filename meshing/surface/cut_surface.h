@@ -1,0 +1,29 @@
+// Surfaces whose triangles are too large for what they enclose, cut into smaller ones of the same planes.
+#pragma once
+
+#include "meshing/base/mesh.h"
+
+namespace testbed::meshing {
+
+/// A surface, and whether thinner parts than it could be cut for are left.
+struct CutSurface {
+  SurfaceMesh surface;
+  bool is_bounded;
+};
+
+/// Cuts triangles until `across` edges fit through the body, by some four times its vertices or 5,000 at most: a
+/// thin sheet would take them without end. 0 cuts none.
+CutSurface cut_across(const SurfaceMesh& surface, double across);
+
+/// Longest edge wanted of each triangle (m): that of which `across` fit through the body from its centroid
+/// inward, and no more than fit a body of this volume, however thick it is there.
+/// @param across  > 0
+Eigen::VectorXd edges_across(const SurfaceMesh& surface, double across);
+
+/// Bisects edges that are longer than wanted, those most so first. A triangle is always cut at its longest
+/// edge, so that no angle becomes less than half of the least one before [Rivara 1984].
+/// @param longest  of each triangle's edges (m)
+/// @param most     vertices that the result has no more than, but for those that end a cut
+SurfaceMesh cut_surface(const SurfaceMesh& surface, const Eigen::VectorXd& longest, int most);
+
+}  // namespace testbed::meshing

@@ -1,0 +1,145 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "meshing/surface/cut_surface.h"
+#include "meshing/surface/shapes.h"
+#include "meshing/surface/surface.h"
+
+using namespace testbed::meshing;
+
+namespace {
+
+constexpr double kRounding = 1e-12;
+
+/// A box of two triangles a side.
+SurfaceMesh box(const Eigen::Vector3d& size) {
+  return make_shape("bar", 8, size);
+}
+
+Eigen::Vector3d edge_lengths(const SurfaceMesh& surface, Eigen::Index f) {
+  Eigen::Vector3d lengths;
+  for (int c = 0; c < 3; ++c)
+    lengths[c] = (surface.X.col(surface.F(c, f)) - surface.X.col(surface.F((c + 1) % 3, f))).norm();
+  return lengths;
+}
+
+double least_angle(const SurfaceMesh& surface) {
+  double least = M_PI;
+  for (Eigen::Index f = 0; f < surface.F.cols(); ++f) {
+    const Eigen::Vector3d l = edge_lengths(surface, f);
+    for (int c = 0; c < 3; ++c) {
+      const double a = l[c], b = l[(c + 1) % 3], opposite = l[(c + 2) % 3];
+      least = std::min(least, std::acos((a * a + b * b - opposite * opposite) / (2 * a * b)));
+    }
+  }
+  return least;
+}
+
+class Cut : public testing::TestWithParam<const char*> {
+ protected:
+  const SurfaceMesh before =
+      GetParam() == std::string("needles") ? box({10, 1, 0.2}) : make_shape("torus", 300, {1, 0.3, 0});
+  const double wanted = GetParam() == std::string("needles") ? 0.3 : 0.1;
+  const SurfaceMesh after = cut_surface(before, Eigen::VectorXd::Constant(before.F.cols(), wanted), 100000);
+};
+INSTANTIATE_TEST_SUITE_P(Surface, Cut, testing::Values("needles", "torus"),
+                         [](const auto& info) { return std::string(info.param); });
+
+}  // namespace
+
+TEST_P(Cut, LeavesThePolyhedronItsFirstVerticesAndNoEdgeThatIsTooLong) {
+  EXPECT_NO_THROW(check_closed(after, GetParam()));
+  ASSERT_GT(after.F.cols(), 2 * before.F.cols());
+  EXPECT_EQ(after.X.leftCols(before.X.cols()), before.X);
+  EXPECT_EQ(after.cuts.F, before.F);
+  EXPECT_NEAR(volume(after.X, after.F), volume(before.X, before.F), kRounding);
+  for (Eigen::Index f = 0; f < after.F.cols(); ++f) EXPECT_LE(edge_lengths(after, f).maxCoeff(), wanted);
+  EXPECT_GT(edge_lengths(after, 0).maxCoeff(), wanted / 2) << "no more cuts than needed";
+}
+
+TEST_P(Cut, NamesTheTriangleThatEachIsAPartOf) {
+  Eigen::VectorXd area = Eigen::VectorXd::Zero(before.F.cols());
+  const Eigen::Matrix3Xd vectors = area_vectors(after.X, after.F), whole = area_vectors(before.X, before.F);
+  for (Eigen::Index f = 0; f < after.F.cols(); ++f) {
+    const int parent = after.cuts.parent[f];
+    area[parent] += vectors.col(f).norm();
+    EXPECT_LT(vectors.col(f).cross(whole.col(parent)).norm(), kRounding);
+  }
+  EXPECT_LT((area - whole.colwise().norm().transpose()).cwiseAbs().maxCoeff(), kRounding);
+}
+
+TEST_P(Cut, NamesTheVerticesThatEachLiesBetween) {
+  std::set<std::set<int>> edges, triangles;
+  for (const auto& f : before.F.colwise()) {
+    triangles.insert({f[0], f[1], f[2]});
+    for (int c = 0; c < 3; ++c) edges.insert({f[c], f[(c + 1) % 3]});
+  }
+  int n_on_edges = 0;
+  for (int v = 0; v < after.X.cols(); ++v) {
+    const Eigen::Vector3i between = after.cuts.between.col(v);
+    const std::set<int> corners(between.begin(), between.end());
+    Eigen::Matrix<double, 4, Eigen::Dynamic> sum(4, corners.size());  // with weights of sum 1
+    Eigen::Index k = 0;
+    for (const int corner : corners) sum.col(k++) << before.X.col(corner), 1;
+    const Eigen::Vector4d x(after.X(0, v), after.X(1, v), after.X(2, v), 1);
+    const Eigen::VectorXd weights = sum.colPivHouseholderQr().solve(x);
+    EXPECT_LT((sum * weights - x).norm(), kRounding);
+    EXPECT_GT(weights.minCoeff(), kRounding) << "between all of them, or named too many";
+    if (v < before.X.cols())
+      EXPECT_EQ(corners, std::set<int>{v});
+    else
+      EXPECT_TRUE(edges.count(corners) + triangles.count(corners)) << v;
+    n_on_edges += corners.size() == 2;
+  }
+  EXPECT_GT(n_on_edges, 0);
+}
+
+TEST_P(Cut, LeavesNoAngleBelowHalfOfTheLeastBefore) {
+  EXPECT_GE(least_angle(after), least_angle(before) / 2 - kRounding);
+}
+
+TEST(CutSurface, SpendsAFewVerticesWhereEdgesAreMostTooLong) {
+  const SurfaceMesh bar = box({10, 1, 1});
+  Eigen::VectorXd wanted = Eigen::VectorXd::Constant(bar.F.cols(), 1);
+  EXPECT_EQ(cut_surface(bar, wanted, 8).X.cols(), 8);
+  const SurfaceMesh cut = cut_surface(bar, wanted, 20);
+  EXPECT_GE(cut.X.cols(), 20);
+  EXPECT_LE(cut.X.cols(), 24) << "the last cut may need others";
+  double longest = 0;
+  for (Eigen::Index f = 0; f < cut.F.cols(); ++f)
+    longest = std::max(longest, edge_lengths(cut, f).maxCoeff());
+  EXPECT_LT(longest, 5.2) << "all long edges were cut before any part of them";
+}
+
+TEST(EdgesAcross, AreThoseThatFitThroughAPlateAndIntoABall) {
+  const SurfaceMesh plate = box({10, 10, 0.3});
+  const Eigen::Matrix3Xd areas = area_vectors(plate.X, plate.F);
+  const Eigen::VectorXd longest = edges_across(plate, 3);
+  const double edge = std::sqrt(200.), tolerance = std::pow(2., -8);
+  for (Eigen::Index f = 0; f < longest.size(); ++f)
+    if (std::abs(areas(2, f)) > 1) {
+      EXPECT_NEAR(longest[f], 0.1, tolerance * edge);
+    }
+  const SurfaceMesh ball = make_shape("ball", 42, {1, 1, 1});
+  const double of_volume = std::cbrt(volume(ball.X, ball.F)) * 1.3 / 6;
+  EXPECT_NEAR(edges_across(ball, 2).minCoeff(), of_volume, kRounding);
+  EXPECT_NEAR(edges_across(ball, 2).maxCoeff(), of_volume, kRounding);
+  EXPECT_NEAR(edges_across(ball, 20).maxCoeff(), 0.05, 0.01) << "1 m across";
+}
+
+TEST(CutAcross, ChangesNothingThatIsThickEnoughAndIsBoundedInThinSheets) {
+  const SurfaceMesh ball = make_shape("ball", 642, {1, 1, 1}), sheet = box({4, 4, 0.3});
+  EXPECT_EQ(cut_across(ball, 1).surface.cuts.F.size(), 0);
+  EXPECT_EQ(cut_across(sheet, 0).surface.F, sheet.F);
+  const CutSurface cut = cut_across(sheet, 1);
+  EXPECT_FALSE(cut.is_bounded);
+  EXPECT_LE(edge_lengths(cut.surface, 0).maxCoeff(), 0.3);
+  const CutSurface bounded = cut_across(sheet, 10);
+  EXPECT_TRUE(bounded.is_bounded);
+  EXPECT_GE(bounded.surface.X.cols(), 5000);
+  EXPECT_LE(bounded.surface.X.cols(), 5010);
+}
