@@ -102,6 +102,15 @@ TEST_P(Cut, LeavesNoAngleBelowHalfOfTheLeastBefore) {
   EXPECT_GE(least_angle(after), least_angle(before) / 2 - kRounding);
 }
 
+TEST(CutSurface, CutsNeighboursOfSmallTrianglesAtTheirLongestEdges) {
+  const SurfaceMesh plate = box({10, 1, 0.2});
+  Eigen::VectorXd wanted = Eigen::VectorXd::Constant(plate.F.cols(), 100);
+  wanted[0] = 0.1;
+  const SurfaceMesh cut = cut_surface(plate, wanted, 100000);
+  EXPECT_GT(cut.F.cols(), 100);
+  EXPECT_GE(least_angle(cut), least_angle(plate) / 2 - kRounding);
+}
+
 TEST(CutSurface, SpendsAFewVerticesWhereEdgesAreMostTooLong) {
   const SurfaceMesh bar = box({10, 1, 1});
   Eigen::VectorXd wanted = Eigen::VectorXd::Constant(bar.F.cols(), 1);
