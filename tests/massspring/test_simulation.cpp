@@ -6,6 +6,7 @@
 
 #include "massspring/simulation.h"
 #include "tests/meshing/box_tets.h"
+#include "tests/meshing/rolling.h"
 
 namespace testbed::massspring {
 namespace {
@@ -101,20 +102,6 @@ TEST(InitialMotion, IsOverruledBySupports) {
     }
     EXPECT_GT(simulation.snapshot().u.rightCols(1).norm(), 0) << integrator;
   }
-}
-
-/// The box clamped at one end. The other rolls: its nodes move across `held`, or with `is_axis` along it.
-Scene rolling(const Scene& scene, const Eigen::Matrix3d& turn, const Vector3d& held, bool is_axis) {
-  Scene rolling = scene;
-  rolling.initial.clear();
-  rolling.gravity = turn * Vector3d(1, -2, -9);
-  Support clamp, roller;
-  clamp.region.shape = HalfSpace{turn * Vector3d(0.05, 0, 0), turn * Vector3d(1, 0, 0)};
-  roller.region.shape = HalfSpace{turn * Vector3d(0.95, 0, 0), turn * Vector3d(-1, 0, 0)};
-  (is_axis ? roller.along : roller.normal) = turn * held;
-  roller.displacement = turn * (is_axis ? Vector3d(0.01, 0, 0.01) : Vector3d(0, 0, 0.01));
-  rolling.supports = {clamp, roller};
-  return rolling;
 }
 
 TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
