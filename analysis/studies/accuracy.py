@@ -2,9 +2,10 @@
 
 Each body of bodies.py bears one load while it is free and one while a part of it is held, at two Poisson's ratios. The
 yardstick is quadratic elements on the surface as every method cuts it, their tetrahedra split in eight, twice where a part
-is held and they are few; its own error is estimated by what the last split changed, as if it were of first order. Errors are relative ones of the surface's
-displacement in the L2 norm. Half of the bodies are for development; --kept-back measures the others, too. The exact fields
-are those of build/bin/accuracy, on the bodies of even triangles. What is finished is kept, and published in ACCURACY.md.
+is held and they are few. Its own error is estimated by what the last split changed, as if it were of first order. Errors are
+relative ones of the surface's displacement in the L2 norm. Half of the bodies are for development; --kept-back measures
+the others, too. The exact fields are those of build/bin/accuracy, on the bodies of even triangles. What is finished is
+kept, and published in ACCURACY.md.
 """
 
 from __future__ import annotations
