@@ -233,6 +233,8 @@ class Figures:
     )  #: errors and compliances against exact fields, where they were measured
     n_floppy_motions: int | None
     floppy_load_share: float | None
+    least_jacobian: float | None  #: smallest det F of any tetrahedron on the way
+    estimated_error: float | None  #: by the springs themselves, relative in the L2 norm
     seconds: dict[str, float]
 
 
@@ -266,6 +268,7 @@ class ReferenceFigures:
     rotation: float  #: rad, of all but a twentieth of the surface at most
     strain: float  #: along the surface, of the same part
     largest_strain: float | None  #: anywhere within the body
+    least_jacobian: float | None  #: smallest det F at any node of an element on the way
     law_error: float | None  #: estimated, of the displacement, for being of small strain; None: it is not
     seconds: dict[str, float]
     estimated_error_l2: float | None = None  #: of the displacement, by its mesh; None: not estimated
@@ -309,6 +312,8 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
         diagnostics=record.get("diagnostics"),
         n_floppy_motions=record.get("n_floppy_motions"),
         floppy_load_share=record.get("floppy_load_share"),
+        least_jacobian=record.get("min_J_nodes"),
+        estimated_error=record.get("estimated_error"),
         seconds=record["seconds"],
     )
 
@@ -355,6 +360,7 @@ def describe_reference(
         rotation=bent.rotation,
         strain=bent.strain,
         largest_strain=None if strains is None else float(strains.max()),
+        least_jacobian=reference.record.get("min_J_nodes"),
         law_error=bent.error("collapse" in scene) if reference.record.get("law") == "small_strain" else None,
         seconds=reference.record["seconds"],
         estimated_error_l2=estimated_error,

@@ -163,6 +163,11 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
         limits.append("The finite elements' own error, which is not estimated, limits this.")
     elif any(is_blurred(models[name], own) for group in groups.values() for name in group):
         limits.append(f"The finite elements' own error of {about(own)} limits this.")
+    figures = {"the reference": reference} | {f"{name} springs": model for name, model in models.items()}
+    if inverted := [
+        name for name, of in figures.items() if (least := of.get("least_jacobian")) is not None and least <= 0
+    ]:
+        limits.append(f"Tetrahedra of {listed(inverted)} were turned inside out.")
     mechanisms = [
         name for group in ("use", "undecided") for name in groups[group] if models[name]["n_floppy_motions"]
     ]

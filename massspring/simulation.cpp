@@ -178,17 +178,26 @@ bool Simulation::advance() {
 }
 
 Snapshot Simulation::snapshot() const {
-  const Eigen::Matrix3Xd &X = model_.network.X, &x = state_.x;
-  Snapshot snapshot{
-      state_.t, load_factor(), x - X, kinetic_energy(model_, state_.v), elastic_energy(model_, state_), {}};
+  const Eigen::Matrix3Xd& X = model_.network.X;
+  Snapshot snapshot{state_.t,
+                    load_factor(),
+                    displacement(model_, state_),
+                    kinetic_energy(model_, state_.v),
+                    elastic_energy(model_, state_),
+                    {}};
   const Eigen::Matrix4Xi& T = model_.network.T;
   if (T.cols() > 0)
-    snapshot.strains.emplace_back(
-        "max_strain", model_.linear ? largest_linear_strain(X, T, snapshot.u) : largest_strain(X, T, x));
+    snapshot.strains.emplace_back("max_strain", model_.linear ? largest_linear_strain(X, T, snapshot.u)
+                                                              : largest_strain(X, T, snapshot.u));
+  if (T.cols() > 0 && !model_.linear) {
+    if (model_.tet_springs)
+      snapshot.strains.emplace_back("min_J", smallest_jacobian(*model_.tet_springs, snapshot.u));
+    snapshot.strains.emplace_back("min_J_nodes", smallest_jacobian(X, T, snapshot.u));
+  }
   if (model_.springs)
     snapshot.strains.emplace_back("max_spring_strain",
                                   model_.linear ? largest_linear_strain(X, model_.springs->E, snapshot.u)
-                                                : largest_strain(*model_.springs, X, x));
+                                                : largest_strain(*model_.springs, X, state_.x));
   if (!is_static()) snapshot.fields.push_back({"velocity", state_.v});
   return snapshot;
 }

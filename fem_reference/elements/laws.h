@@ -48,7 +48,7 @@ struct LawAt {
           cofactor[i][k] = F(i1, k1) * F(i2, k2) - F(i1, k2) * F(i2, k1);
         }
       // det F - 1 along the first row; the minor of the last two is 1 + m.
-      const V m = H[1][1] + H[2][2] + (H[1][1] * H[2][2] - H[1][2] * H[2][1]);
+      const V m = cofactor_less_one(0, 0);
       J_1 = H[0][0] + m + H[0][0] * m + H[0][1] * cofactor[0][1] + H[0][2] * cofactor[0][2];
       J = J_1 + Real(1);
     } else {
@@ -63,6 +63,12 @@ struct LawAt {
   }
 
   [[gnu::always_inline]] V F(int i, int k) const { return i == k ? H[i][k] + Real(1) : H[i][k]; }
+  /// cof F - I, without the rounding of the ones.
+  [[gnu::always_inline]] V cofactor_less_one(int i, int k) const {
+    if (i != k) return cofactor[i][k];
+    const int j = (i + 1) % 3, l = (i + 2) % 3;
+    return H[j][j] + H[l][l] + (H[j][j] * H[l][l] - H[j][l] * H[l][j]);
+  }
   /// Stress that belongs to E.
   [[gnu::always_inline]] V S(int i, int k) const {
     const V twice = Real(2) * mu * E[i][k];
@@ -85,15 +91,14 @@ struct LawAt {
 
   /// First Piola-Kirchhoff stress (Pa).
   [[gnu::always_inline]] void stress(V (*P)[3]) const {
-    V a = c;  // J g'(J) / J; -mu exactly at rest
-    if constexpr (law == ElasticLaw::NeoHookean)
-      a = (Real(0.5) * lambda * (J_1 * (J_1 + Real(2))) + Real(-1) * mu) / J;
+    V a = c;  // g'(J) + mu of the neo-Hookean law, whose stress is mu (F - cof F) + a cof F
+    if constexpr (law == ElasticLaw::NeoHookean) a = J_1 * (Real(0.5) * lambda * (J_1 + Real(2)) + mu) / J;
     for (int i = 0; i < 3; ++i)
       for (int k = 0; k < 3; ++k) {
         if constexpr (law == ElasticLaw::SmallStrain)
           P[i][k] = S(i, k);
         else if constexpr (law == ElasticLaw::NeoHookean)
-          P[i][k] = c * c * (mu * F(i, k) + a * cofactor[i][k]);
+          P[i][k] = c * c * (mu * (H[i][k] - cofactor_less_one(i, k)) + a * cofactor[i][k]);
         else
           P[i][k] = c * c * (F(i, 0) * S(0, k) + F(i, 1) * S(1, k) + F(i, 2) * S(2, k));
       }

@@ -506,19 +506,22 @@ void TetBatches::add_tangent(const Matrix3Xd& u, double* blocks) const {
   for_each_part([&](int begin, int end, int) { add_stiffness(at, begin, end, u.data(), blocks); });
 }
 
-void TetBatches::for_each_gradient(const Matrix3Xd& u,
-                                   const std::function<void(const Eigen::Matrix3d& F)>& visit) const {
-  const View at = view();
+void TetBatches::for_each_gradient(const Matrix3Xd& u, const Eigen::Matrix4Xd& points,
+                                   const std::function<void(const Eigen::Matrix3d& H)>& visit) const {
+  View at = view();
+  at.points = points.data();
+  at.n_points = static_cast<int>(points.cols());
+  at.shrinkage = nullptr;  // of the rule's points
   for (std::size_t b = 0; b < n_lanes_.size(); ++b) {
     const Batch<double> batch(at, static_cast<int>(b), u.data());
     for (int q = 0; q < at.n_points; ++q) {
       meshing::AlignedDouble8 H[3][3];
       batch.gradient(q, H);
       for (int lane = 0; lane < n_lanes_[b]; ++lane) {
-        Eigen::Matrix3d F = Eigen::Matrix3d::Identity();
+        Eigen::Matrix3d of_lane;
         for (int i = 0; i < 3; ++i)
-          for (int k = 0; k < 3; ++k) F(i, k) += H[i][k][lane];
-        visit(F);
+          for (int k = 0; k < 3; ++k) of_lane(i, k) = H[i][k][lane];
+        visit(of_lane);
       }
     }
   }

@@ -39,9 +39,11 @@ class TetBatches {
   /// either of their two blocks [symmetrise].
   void add_tangent(const Eigen::Matrix3Xd& u, float* blocks) const;
   void add_tangent(const Eigen::Matrix3Xd& u, double* blocks) const;
-  /// Calls visit(F) at every point.
-  void for_each_gradient(const Eigen::Matrix3Xd& u,
-                         const std::function<void(const Eigen::Matrix3d& F)>& visit) const;
+  /// Calls visit(grad u) at points of every tetrahedron.
+  /// @param points  barycentric coordinates
+  void for_each_gradient(const Eigen::Matrix3Xd& u, const Eigen::Matrix4Xd& points,
+                         const std::function<void(const Eigen::Matrix3d& H)>& visit) const;
+  const TetRule& rule() const { return rule_; }
 
   /// Without blocks.
   const BlockMatrix& pattern() const { return pattern_; }

@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "fem_reference/solid/implementation.h"
@@ -22,19 +23,28 @@ Vector3d eigen(const dealii::Point<3>& p) {
 
 /// Largest |principal strain|, or at finite strain |principal stretch - 1|; that of another point where this
 /// one's is smaller, which the norm of its strain often tells without its eigenvalues.
-double largest_strain(ElasticLaw law, const Eigen::Matrix3d& F, double of_others) {
+double largest_strain(ElasticLaw law, const Eigen::Matrix3d& H, double of_others) {
   using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>;
   if (law == ElasticLaw::SmallStrain) {
-    const Eigen::Matrix3d strain = (F + F.transpose()) / 2 - Eigen::Matrix3d::Identity();
+    const Eigen::Matrix3d strain = (H + H.transpose()) / 2;
     if (strain.norm() <= of_others) return of_others;
     return std::max(of_others, Solver(strain, Eigen::EigenvaluesOnly).eigenvalues().cwiseAbs().maxCoeff());
   }
-  const Eigen::Matrix3d C = F.transpose() * F;
-  const double bound = (C - Eigen::Matrix3d::Identity()).norm();  // of eigenvalues of C less 1
+  const Eigen::Matrix3d C_1 = H + H.transpose() + H.transpose() * H;  // C - I
+  const double bound = C_1.norm();
   if (bound < 1 && 1 - std::sqrt(1 - bound) <= of_others) return of_others;
-  return std::max(
-      of_others,
-      (Solver(C, Eigen::EigenvaluesOnly).eigenvalues().array().max(0).sqrt() - 1).abs().maxCoeff());
+  const Eigen::Array3d squares_1 = Solver(C_1, Eigen::EigenvaluesOnly).eigenvalues().array().max(-1);
+  return std::max(of_others, (squares_1 / (1 + (1 + squares_1).sqrt())).abs().maxCoeff());
+}
+
+/// Barycentric coordinates of a tetrahedron's nodes.
+Eigen::Matrix4Xd nodes_of_tet(int degree) {
+  Eigen::Matrix4Xd points(4, degree == 1 ? 4 : 10);
+  points.leftCols<4>().setIdentity();
+  if (degree == 2)
+    for (int i = 0, a = 4; i < 4; ++i)
+      for (int k = i + 1; k < 4; ++k, ++a) points.col(a) = (points.col(i) + points.col(k)) / 2;
+  return points;
 }
 
 /// This process' cells.
@@ -220,8 +230,24 @@ void ElasticSolid::Implementation::remove_rigid_motion(Matrix3Xd& displacement) 
 
 double ElasticSolid::Implementation::max_strain(const Matrix3Xd& at) const {
   double largest = 0;
-  tets.for_each_gradient(at, [&](const Eigen::Matrix3d& F) { largest = largest_strain(law, F, largest); });
+  tets.for_each_gradient(at, tets.rule().points,
+                         [&](const Eigen::Matrix3d& H) { largest = largest_strain(law, H, largest); });
   return largest_over_processes(largest);
+}
+
+double ElasticSolid::Implementation::least_jacobian(const Matrix3Xd& at,
+                                                    const Eigen::Matrix4Xd& points) const {
+  double least = std::numeric_limits<double>::infinity();
+  tets.for_each_gradient(at, points, [&](const Eigen::Matrix3d& H) {
+    least = std::min(least, (Eigen::Matrix3d::Identity() + H).determinant());
+  });
+  return -largest_over_processes(-least);
+}
+
+SmallestJacobians ElasticSolid::smallest_jacobians(const Matrix3Xd& displacement) const {
+  const Implementation& s = *self_;
+  return {s.least_jacobian(displacement, s.tets.rule().points),
+          s.least_jacobian(displacement, nodes_of_tet(s.degree))};
 }
 
 void ElasticSolid::find_forces(const Eigen::Ref<const Matrix3Xd>& displacement, double load_factor,

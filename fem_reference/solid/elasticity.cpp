@@ -164,17 +164,14 @@ void ElasticSolid::Implementation::hold(TwoLevelSolver::Stiffness& A) const {
 
 bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double residual) {
   constexpr double kLinear = 1e-13, kNewton = 1e-10;
-  const bool is_small = law == ElasticLaw::SmallStrain;
-  report.tolerance = tolerance.value_or(is_small ? kLinear : kNewton);
+  report.tolerance = tolerance.value_or(law == ElasticLaw::SmallStrain ? kLinear : kNewton);
   report.residual = size > 0 ? residual / size : 0;
-  // Forces at nodes are sums of stresses on the faces of elements, of strains of the size of 1 or of
-  // differences of displacements. Rounding of these is what no solver makes less [Rigal & Gaches 1967].
+  // Forces at nodes are sums of stresses on the faces of elements, of differences of displacements. Rounding of
+  // these is what no solver makes less [Rigal & Gaches 1967].
   const LameConstants lame(material);
-  const auto n = static_cast<double>(at.cols());
-  const double h = std::cbrt(volume(mesh.X, mesh.F) / n);
-  const double rounding =
-      std::max(1e-15 * (lame.lambda + 2 * lame.mu) * h * (at.norm() + (is_small ? 0 : h * std::sqrt(n))),
-               std::numeric_limits<double>::epsilon() * stiffness_norm * at.norm());
+  const double h = std::cbrt(volume(mesh.X, mesh.F) / static_cast<double>(at.cols()));
+  const double rounding = at.norm() * std::max(1e-15 * (lame.lambda + 2 * lame.mu) * h,
+                                               std::numeric_limits<double>::epsilon() * stiffness_norm);
   report.is_converged = residual <= std::max(report.tolerance * size, rounding);
   return report.is_converged;
 }

@@ -47,6 +47,12 @@ struct ElasticReport {
   double max_strain = 0;      ///< largest |principal strain| (small strain) or |principal stretch - 1|
 };
 
+/// Smallest det F where the energy is summed and at the nodes of elements, which may be turned inside out
+/// between points of the sum.
+struct SmallestJacobians {
+  double at_points, at_nodes;
+};
+
 /// Internal forces of a displaced body and their gradient, of all components 3 node + c, nothing held.
 struct Linearisation {
   Eigen::VectorXd force;                ///< N, gradient of the elastic energy and of the follower pressures'
@@ -95,6 +101,7 @@ class ElasticSolid {
 
   /// Largest strain of a displacement (3 x n_nodes), as in ElasticReport.
   double max_strain(const Eigen::Matrix3Xd& displacement) const;
+  SmallestJacobians smallest_jacobians(const Eigen::Matrix3Xd& displacement) const;
 
   /// Of a displacement (3 x n_nodes) at a load factor; without its tangent where that is not wanted.
   Linearisation linearise(const Eigen::Matrix3Xd& displacement, double load_factor = 1,

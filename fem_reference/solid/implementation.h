@@ -88,6 +88,7 @@ struct ElasticSolid::Implementation {
 
   void remove_rigid_motion(Matrix3Xd& displacement) const;
   double max_strain(const Matrix3Xd& at) const;
+  double least_jacobian(const Matrix3Xd& at, const Eigen::Matrix4Xd& points) const;
   TetRule rule(int p) const;
 };
 

@@ -120,6 +120,16 @@ bool Simulation::advance() {
   return is_converged_;
 }
 
+std::vector<std::pair<std::string, double>> Simulation::strains(const Eigen::Matrix3Xd& u,
+                                                                double max_strain) const {
+  std::vector<std::pair<std::string, double>> strains{{"max_strain", max_strain}};
+  if (law_of(scene_) == MaterialLaw::SmallStrain) return strains;
+  const SmallestJacobians smallest = solid_.smallest_jacobians(u);
+  strains.emplace_back("min_J", smallest.at_points);
+  strains.emplace_back("min_J_nodes", smallest.at_nodes);
+  return strains;
+}
+
 Snapshot Simulation::snapshot() const {
   if (motion_) {
     const Eigen::Matrix3Xd u = motion_->u().reshaped(3, solid_.X().cols());
@@ -128,7 +138,7 @@ Snapshot Simulation::snapshot() const {
             frame_ * u,
             motion_->kinetic_energy(),
             motion_->elastic_energy(),
-            {{"max_strain", solid_.max_strain(u)}},
+            strains(u, solid_.max_strain(u)),
             {{"velocity", frame_ * motion_->v().reshaped(3, u.cols())}}};
   }
   const double scale = is_proportional_ ? load_factor() : 1;  // of the solution at full load
@@ -137,7 +147,7 @@ Snapshot Simulation::snapshot() const {
           frame_ * (scale * solid_.displacement()),
           0,
           scale * scale * equilibrium_.elastic_energy,
-          {{"max_strain", scale * equilibrium_.max_strain}}};
+          strains(solid_.displacement(), scale * equilibrium_.max_strain)};
 }
 
 std::string Simulation::solver() const {

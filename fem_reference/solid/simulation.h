@@ -39,6 +39,7 @@ class Simulation {
   std::string solver() const;
 
  private:
+  std::vector<std::pair<std::string, double>> strains(const Eigen::Matrix3Xd& u, double max_strain) const;
   void set_in_motion();
   std::map<int, int> held_at(double t) const;
   std::function<Eigen::VectorXd(double t)> motion_of(const std::map<int, int>& held) const;

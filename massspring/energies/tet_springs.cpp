@@ -23,34 +23,15 @@ using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::Matrix4Xi;
 using Eigen::Vector3d;
-using TetGradients = Eigen::Matrix<double, 3, 4>;
 
 /// Smaller bodies fit the first-level cache in any order.
 constexpr int kLeastOrdered = 500;
 
-/// Gradients of the four barycentric coordinates (1/m).
-TetGradients barycentric_gradients(const Matrix3Xd& X, const Eigen::Vector4i& t) {
-  Matrix3d edges;
-  for (int k = 0; k < 3; ++k) edges.col(k) = X.col(t[k + 1]) - X.col(t[0]);
-  TetGradients g;
-  g.rightCols<3>() = edges.inverse().transpose();
-  g.col(0) = -g.rightCols<3>().rowwise().sum();
-  return g;
-}
-
 /// g(J) of the law.
-double volume_energy(double J, double lambda, double mu) {
-  const double c = mu + lambda / 2, j = std::max(J, kLeastJacobian), d = J - j;
-  const double dg = volume_slope(j, lambda, mu), ddg = volume_curvature(j, lambda, mu);
-  return lambda / 4 * (j * j - 1) - c * std::log(j) + (dg + ddg / 2 * d) * d;
-}
-
-Matrix3d deformation_gradient(const TetSprings& springs, int patch, const Matrix3Xd& x) {
-  double F[9] = {};  // as far as a compiler sees, a matrix might alias x
-  for (int e = springs.first[patch]; e < springs.first[patch + 1]; ++e)
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) F[3 * j + i] += x(i, springs.node[e]) * springs.b(j, e);
-  return Eigen::Map<Matrix3d>(F);
+double volume_energy(double J_1, double lambda, double mu) {
+  const double c = mu + lambda / 2, j_1 = std::max(J_1, kLeastJacobian - 1), d = J_1 - j_1;
+  const double dg = volume_slope(j_1, lambda, mu) - mu, ddg = volume_curvature(j_1, lambda, mu);
+  return lambda / 4 * j_1 * (j_1 + 2) - c * std::log1p(j_1) + (dg + ddg / 2 * d) * d;
 }
 
 double scale_of(const Eigen::VectorXd& scale, int patch) {
@@ -205,7 +186,7 @@ PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
 void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches,
                     const Eigen::MatrixXd& part, double lambda, double whole, TetSprings& springs) {
   const auto n_sharers = static_cast<int>(patches.rows());
-  std::vector<TetGradients> gradients(T.cols());
+  std::vector<Eigen::Matrix<double, 3, 4>> gradients(T.cols());
   Eigen::VectorXd even(T.cols());  // volume over sharers
   for (Eigen::Index t = 0; t < T.cols(); ++t) {
     even[t] = tet_volume(X, T.col(t)) / n_sharers;
@@ -316,23 +297,23 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
   return springs;
 }
 
-double energy(const TetSprings& springs, const Matrix3Xd& x, const Eigen::VectorXd& scale) {
+double energy(const TetSprings& springs, const Matrix3Xd& u, const Eigen::VectorXd& scale) {
   const PatchBatches& batches = springs.batches;
-  const Double4* const columns = pad(x);
+  const Double4* const columns = pad(u);
   return sum_over_chunks(batches.n_batches(), [&](Eigen::Index begin, Eigen::Index end) {
-    double J[kBatchSize * kChunkSize], squares[kBatchSize * kChunkSize], sum = 0;
+    double J_1[kBatchSize * kChunkSize], squares_3[kBatchSize * kChunkSize], sum = 0;
     measure_patches(static_cast<int>(begin), static_cast<int>(end), batches, arrays_of(springs, scale),
-                    columns, J, squares);
+                    columns, J_1, squares_3);
     for (int p = batches.first[begin], i = 0; p < batches.first[end]; ++p, ++i) {
       const double s = scale_of(scale, p);
       sum += s * s * s * springs.volume[p] *
-             (springs.mu / 2 * (squares[i] - 3) + volume_energy(J[i], springs.lambda[p], springs.mu));
+             (springs.mu / 2 * squares_3[i] + volume_energy(J_1[i], springs.lambda[p], springs.mu));
     }
     return sum;
   });
 }
 
-void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, const Eigen::VectorXd& scale) {
+void add_forces(const TetSprings& springs, const Matrix3Xd& u, Matrix3Xd& f, const Eigen::VectorXd& scale) {
   const PatchBatches& batches = springs.batches;
   add_padded(
       [&](const Double4* in, Double4* out) {
@@ -340,14 +321,14 @@ void add_forces(const TetSprings& springs, const Matrix3Xd& x, Matrix3Xd& f, con
           add_patch_forces(begin, end, batches, arrays_of(springs, scale), in, out);
         });
       },
-      x, f);
+      u, f);
 }
 
-void add_hessian(const TetSprings& springs, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature,
+void add_hessian(const TetSprings& springs, const Matrix3Xd& u, BlockMatrix& K, Curvature curvature,
                  const Eigen::VectorXd& scale) {
   const PatchBatches& batches = springs.batches;
   if (K.coupled.empty()) K.coupled = positions(batches, K);
-  const Double4* const columns = pad(x);
+  const Double4* const columns = pad(u);
   for_each_range(springs.subdomain_batch, batches.n_batches(), [&](int begin, int end) {
     add_patch_hessians(begin, end, batches, arrays_of(springs, scale), columns, curvature, K.coupled.data(),
                        K.block.data());
@@ -372,11 +353,11 @@ Eigen::Matrix2Xi pairs_of(const TetSprings& springs) {
   return Eigen::Map<Eigen::Matrix2Xi>(pairs.data(), 2, static_cast<Eigen::Index>(pairs.size() / 2));
 }
 
-double smallest_jacobian(const TetSprings& springs, const Matrix3Xd& x) {
-  double smallest = std::numeric_limits<double>::infinity();
-  for (int p = 0; p < springs.n_patches(); ++p)
-    smallest = std::min(smallest, deformation_gradient(springs, p, x).determinant());
-  return smallest;
+double smallest_jacobian(const TetSprings& springs, const Matrix3Xd& u) {
+  std::vector<double> J_1(springs.n_patches()), squares_3(J_1.size());
+  measure_patches(0, springs.batches.n_batches(), springs.batches, arrays_of(springs, {}), pad(u), J_1.data(),
+                  squares_3.data());
+  return 1 + *std::min_element(J_1.begin(), J_1.end());
 }
 
 Eigen::VectorXd lumped_mass(const Matrix3Xd& X, const Matrix4Xi& T, double rho) {

@@ -71,29 +71,29 @@ inline constexpr double kHeldNodes = 0.3;
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
                           const Blend& blend, const std::vector<int>& held = {});
 
-/// Elastic energy (J) at positions x (3 x n, m), the rest shape of patch p shrunk by scale(p): its energy is
+/// Elastic energy (J) at displacements u (3 x n, m), the rest shape of patch p shrunk by scale(p): its energy is
 /// scale^3 V psi(F / scale). An empty scale stands for ones.
 ///   psi(F) = mu/2 (|F|^2 - 3) + g(J), J = det F, [(12)]
 ///   g(J) = lambda/4 (J^2 - 1) - (mu + lambda/2) ln J for J >= J_0 = 0.1, its second-order expansion about
 ///   J_0 below.
 /// Polyconvex [Ciarlet & Geymonat 1982], so it never softens to collapse; linear elasticity at small strain;
 /// finite and turned back towards J > 0 where a patch is crushed or inverted.
-double energy(const TetSprings& springs, const Eigen::Matrix3Xd& x, const Eigen::VectorXd& scale = {});
+double energy(const TetSprings& springs, const Eigen::Matrix3Xd& u, const Eigen::VectorXd& scale = {});
 
 /// Adds the negative gradient of energy (N) to f.
-void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f,
+void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& u, Eigen::Matrix3Xd& f,
                 const Eigen::VectorXd& scale = {});
 
 /// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K is symmetric,
 /// its pattern holds pairs_of(springs), and it remembers where their blocks lie: it takes those of no others.
-void add_hessian(const TetSprings& springs, const Eigen::Matrix3Xd& x, BlockMatrix& K,
+void add_hessian(const TetSprings& springs, const Eigen::Matrix3Xd& u, BlockMatrix& K,
                  Curvature curvature = Curvature::Projected, const Eigen::VectorXd& scale = {});
 
 /// Pairs of nodes that share a patch, 2 x m, i < j, ascending, each once.
 Eigen::Matrix2Xi pairs_of(const TetSprings& springs);
 
-/// Smallest det F of any patch at x: not positive when a patch is inverted.
-double smallest_jacobian(const TetSprings& springs, const Eigen::Matrix3Xd& x);
+/// Smallest det F of any patch: not positive when a patch is inverted.
+double smallest_jacobian(const TetSprings& springs, const Eigen::Matrix3Xd& u);
 
 /// A quarter of the mass of its tetrahedra for each node (kg); the total is exact.
 Eigen::VectorXd lumped_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho);

@@ -236,19 +236,20 @@ template <int W>
 /// @param room  for E_m b_e of all entries of a batch
 template <int W>
 [[gnu::always_inline]] inline void add_hessians_by(int begin, int end, const PatchBatches& batches,
-                                                   const PatchArrays& of, const Double4* x,
+                                                   const PatchArrays& of, const Double4* u,
                                                    Curvature curvature, const int* at, Eigen::Matrix3d* block,
                                                    double* room) {
   for (int batch = begin; batch < end; ++batch)
     for (int lane = 0; lane < kBatchSize; lane += W) {
       const Part<W> part = part_of<W>(batches, batch, lane);
-      const Batch<W> F = measure<W>(batches, batch, part, of, x);
+      const Strain<W> strain = strain_of<W>(measure<W>(batches, batch, part, of, u));
+      const Batch<W>& F = strain.F;
       Modes<W> modes;
       modes.n = 1;
-      Batch<W>& C = modes.E[0];
-      for (int j = 0; j < 3; ++j) cross<W>(F.column[(j + 1) % 3], F.column[(j + 2) % 3], C.column[j]);
-      const Vector<W> J = dot<W>(F.column[0], C.column[0]), lambda = load<W>(of.lambda + part.first, part.n);
-      const Slopes<W> g{volume_slope(J, lambda, of.mu), volume_curvature(J, lambda, of.mu)};
+      modes.E[0] = strain.C;
+      const Vector<W> lambda = load<W>(of.lambda + part.first, part.n);
+      const Slopes<W> g{volume_slope(strain.J_1, lambda, of.mu) - of.mu,
+                        volume_curvature(strain.J_1, lambda, of.mu)};
       modes.k[0] = g.second;
       if (curvature == Curvature::Projected) add_projection<W>(F, g, of.mu, modes);
       Vector<W> V = load<W>(of.volume + part.first, part.n);
@@ -305,13 +306,13 @@ template <int W>
 }  // namespace
 
 void add_patch_hessians(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
-                        const Double4* x, Curvature curvature, const int* at, Eigen::Matrix3d* block) {
+                        const Double4* u, Curvature curvature, const int* at, Eigen::Matrix3d* block) {
   int n_most = 0;
   for (int batch = begin; batch < end; ++batch)
     n_most = std::max(n_most, batches.start[batch + 1] - batches.start[batch]);
   std::vector<double> room(3 * kMostModes * kBatchSize * static_cast<std::size_t>(n_most));
   by_width([&](auto width) TESTBED_INLINE {
-    add_hessians_by<width>(begin, end, batches, of, x, curvature, at, block, room.data());
+    add_hessians_by<width>(begin, end, batches, of, u, curvature, at, block, room.data());
   });
 }
 

@@ -6,53 +6,54 @@
 namespace testbed::massspring {
 namespace {
 
-/// dW/dF = s^2 V (mu F + g' cof F).
+/// dW/dF = s^2 V (mu (F - cof F) + (mu + g') cof F).
 template <int W>
-[[gnu::always_inline]] inline Batch<W> stress(const PatchArrays& of, const Part<W>& part, const Batch<W>& F) {
-  Batch<W> C;
-  for (int j = 0; j < 3; ++j) cross<W>(F.column[(j + 1) % 3], F.column[(j + 2) % 3], C.column[j]);
-  const Vector<W> J = dot<W>(F.column[0], C.column[0]);
+[[gnu::always_inline]] inline Batch<W> stress(const PatchArrays& of, const Part<W>& part, const Batch<W>& H) {
+  const Strain<W> strain = strain_of<W>(H);
   Vector<W> factor = load<W>(of.volume + part.first, part.n);
   if (of.scale) {
     const Vector<W> s = load<W>(of.scale + part.first, part.n);
     factor = factor * (s * s);
   }
   const Vector<W> of_F = factor * of.mu,
-                  of_C = factor * volume_slope(J, load<W>(of.lambda + part.first, part.n), of.mu);
+                  of_C = factor * volume_slope(strain.J_1, load<W>(of.lambda + part.first, part.n), of.mu);
+  Batch<W> P;
   for (int j = 0; j < 3; ++j)
-    for (int i = 0; i < 3; ++i) C.column[j][i] = of_F * F.column[j][i] + of_C * C.column[j][i];
-  return C;
+    for (int i = 0; i < 3; ++i) {
+      const Vector<W> C = strain.C.column[j][i];
+      P.column[j][i] = of_F * (H.column[j][i] - (i == j ? strain.C_1[j] : C)) + of_C * C;
+    }
+  return P;
 }
 
 template <int W>
 [[gnu::always_inline]] inline void measure_by(int begin, int end, const PatchBatches& batches,
-                                              const PatchArrays& of, const Double4* x, double* det,
-                                              double* squared_norm) {
+                                              const PatchArrays& of, const Double4* u, double* det_1,
+                                              double* squares_3) {
   for (int batch = begin; batch < end; ++batch)
     for (int lane = 0; lane < kBatchSize; lane += W) {
       const Part<W> part = part_of<W>(batches, batch, lane);
-      const Batch<W> F = measure<W>(batches, batch, part, of, x);
-      Vector<W> C[3];
-      cross<W>(F.column[1], F.column[2], C);
-      const Vector<W> J = dot<W>(F.column[0], C), squares = dot<W>(F.column[0], F.column[0]) +
-                                                            dot<W>(F.column[1], F.column[1]) +
-                                                            dot<W>(F.column[2], F.column[2]);
+      const Batch<W> H = measure<W>(batches, batch, part, of, u);
+      const Vector<W> J_1 = strain_of<W>(H).J_1, trace = H.column[0][0] + H.column[1][1] + H.column[2][2],
+                      squares =
+                          2. * trace + (dot<W>(H.column[0], H.column[0]) + dot<W>(H.column[1], H.column[1]) +
+                                        dot<W>(H.column[2], H.column[2]));
       for (int i = 0; i < part.n; ++i) {
-        *det++ = number(J, i);
-        *squared_norm++ = number(squares, i);
+        *det_1++ = number(J_1, i);
+        *squares_3++ = number(squares, i);
       }
     }
 }
 
 template <int W>
 [[gnu::always_inline]] inline void add_forces_by(int begin, int end, const PatchBatches& batches,
-                                                 const PatchArrays& of, const Double4* x, Double4* f) {
+                                                 const PatchArrays& of, const Double4* u, Double4* f) {
   constexpr int kParts = kBatchSize / W;
   for (int batch = begin; batch < end; ++batch) {
     Batch<W> P[kParts];
     for (int k = 0; k < kParts; ++k) {
       const Part<W> part = part_of<W>(batches, batch, k * W);
-      P[k] = stress<W>(of, part, measure<W>(batches, batch, part, of, x));
+      P[k] = stress<W>(of, part, measure<W>(batches, batch, part, of, u));
     }
     for (int e = batches.start[batch]; e < batches.start[batch + 1]; ++e) {
       const int* const node = batches.node.data() + kBatchSize * e;
@@ -73,15 +74,15 @@ template <int W>
 
 }  // namespace
 
-void measure_patches(int begin, int end, const PatchBatches& batches, const PatchArrays& of, const Double4* x,
-                     double* det, double* squared_norm) {
+void measure_patches(int begin, int end, const PatchBatches& batches, const PatchArrays& of, const Double4* u,
+                     double* det_1, double* squares_3) {
   by_width([&](auto width)
-               TESTBED_INLINE { measure_by<width>(begin, end, batches, of, x, det, squared_norm); });
+               TESTBED_INLINE { measure_by<width>(begin, end, batches, of, u, det_1, squares_3); });
 }
 
 void add_patch_forces(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
-                      const Double4* x, Double4* f) {
-  by_width([&](auto width) TESTBED_INLINE { add_forces_by<width>(begin, end, batches, of, x, f); });
+                      const Double4* u, Double4* f) {
+  by_width([&](auto width) TESTBED_INLINE { add_forces_by<width>(begin, end, batches, of, u, f); });
 }
 
 }  // namespace testbed::massspring

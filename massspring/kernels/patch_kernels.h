@@ -33,19 +33,19 @@ struct PatchArrays {
   double mu;             ///< Pa
 };
 
-/// det F and |F|^2 of the patches of batches begin to end - 1, from the first place on.
-/// @param x  a column for each node
-void measure_patches(int begin, int end, const PatchBatches& batches, const PatchArrays& of, const Double4* x,
-                     double* det, double* squared_norm);
+/// det F - 1 and |F|^2 - 3 of the patches of batches begin to end - 1, from the first place on.
+/// @param u  displacement (m), a column for each node
+void measure_patches(int begin, int end, const PatchBatches& batches, const PatchArrays& of, const Double4* u,
+                     double* det_1, double* squares_3);
 
 /// Adds their forces to f, a column for each node.
 void add_patch_forces(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
-                      const Double4* x, Double4* f);
+                      const Double4* u, Double4* f);
 
 /// Adds the blocks of the Hessian of their energies (N/m) to those at given places: of batches begin to end - 1,
 /// projected patch by patch where that is asked for.
 /// @param at  of each pair of entries (r, e), r <= e, of a batch those of its patches, from the first batch on
 void add_patch_hessians(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
-                        const Double4* x, Curvature curvature, const int* at, Eigen::Matrix3d* block);
+                        const Double4* u, Curvature curvature, const int* at, Eigen::Matrix3d* block);
 
 }  // namespace testbed::massspring

@@ -103,29 +103,31 @@ struct Part {
   int lane, first, n;
 };
 
-/// F over the scale of the rest shape, F = sum_e x_e b_e^T.
+/// H = F - I, F = (I + sum_e u_e b_e^T) over the scale of the rest shape.
 template <int W>
 [[gnu::always_inline]] inline Batch<W> measure(const PatchBatches& batches, int batch, const Part<W>& part,
-                                               const PatchArrays& of, const Double4* x) {
-  Batch<W> F;
-  for (int j = 0; j < 3; ++j)  // as F{} it would be filled in memory, and references forget alignment
-    for (int i = 0; i < 3; ++i) F.column[j][i] = Vector<W>{};
+                                               const PatchArrays& of, const Double4* u) {
+  Batch<W> H;
+  for (int j = 0; j < 3; ++j)  // as H{} it would be filled in memory, and references forget alignment
+    for (int i = 0; i < 3; ++i) H.column[j][i] = Vector<W>{};
   for (int e = batches.start[batch]; e < batches.start[batch + 1]; ++e) {
     const int* const node = batches.node.data() + kBatchSize * e + part.lane;
     const double* const b = batches.b.data() + 3 * kBatchSize * e + part.lane;
     Double4 at[W];
-    for (int i = 0; i < W; ++i) at[i] = x[node[i]];
-    Vector<W> x_e[3];
-    split(at, x_e[0], x_e[1], x_e[2]);
+    for (int i = 0; i < W; ++i) at[i] = u[node[i]];
+    Vector<W> u_e[3];
+    split(at, u_e[0], u_e[1], u_e[2]);
     for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) F.column[j][i] += x_e[i] * load<W>(b + j * kBatchSize);
+      for (int i = 0; i < 3; ++i) H.column[j][i] += u_e[i] * load<W>(b + j * kBatchSize);
   }
   if (of.scale) {
     const Vector<W> scale = load<W>(of.scale + part.first, part.n);
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) F.column[j][i] = F.column[j][i] / scale;
+    for (int j = 0; j < 3; ++j) {
+      H.column[j][j] = H.column[j][j] + (1. - scale);
+      for (int i = 0; i < 3; ++i) H.column[j][i] = H.column[j][i] / scale;
+    }
   }
-  return F;
+  return H;
 }
 
 template <int W>
@@ -138,6 +140,28 @@ template <int W>
 template <int W>
 [[gnu::always_inline]] inline Vector<W> dot(const Vector<W>* a, const Vector<W>* b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/// What the law takes of H, without the rounding of ones beside it.
+template <int W>
+struct Strain {
+  Batch<W> F, C;          ///< C = cof F
+  Vector<W> C_1[3], J_1;  ///< the diagonal of C - I, and det F - 1
+};
+template <int W>
+[[gnu::always_inline]] inline Strain<W> strain_of(const Batch<W>& H) {
+  Strain<W> of;
+  of.F = H;
+  for (int k = 0; k < 3; ++k) of.F.column[k][k] = of.F.column[k][k] + 1.;
+  for (int k = 0; k < 3; ++k) cross<W>(of.F.column[(k + 1) % 3], of.F.column[(k + 2) % 3], of.C.column[k]);
+  for (int k = 0; k < 3; ++k) {
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    of.C_1[k] =
+        H.column[i][i] + H.column[j][j] + (H.column[i][i] * H.column[j][j] - H.column[j][i] * H.column[i][j]);
+  }
+  const Vector<W>* const h = H.column[0];
+  of.J_1 = h[0] + of.C_1[0] + h[0] * of.C_1[0] + h[1] * of.C.column[0][1] + h[2] * of.C.column[0][2];
+  return of;
 }
 
 /// The part of a batch from a lane on.

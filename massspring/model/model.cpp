@@ -4,16 +4,23 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <stdexcept>
 
 #include "massspring/energies/tractions.h"
 #include "meshing/algebra/subdomains.h"
+#include "meshing/base/geometry.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
+Eigen::Matrix3Xd displacement(const MassSpringModel& model, const State& state) {
+  if (state.u.size() > 0) return state.u;
+  return state.x - model.network.X;
+}
+
 State initial_state(const MassSpringModel& model) {
   State state;
   state.x = model.network.X;
@@ -142,41 +149,44 @@ namespace {
 // What an energy takes of the state besides the positions. One that takes nothing else needs no line here.
 
 template <class Energy>
-double energy_at(const State& state, const Energy& of) {
+double energy_at(const MassSpringModel&, const State& state, const Energy& of) {
   return energy(of, state.x);
 }
-double energy_at(const State& state, const Springs& of) {
+double energy_at(const MassSpringModel&, const State& state, const Springs& of) {
   return energy(of, state.rest_length, state.x);
 }
-double energy_at(const State& state, const TetSprings& of) {
-  return energy(of, state.x, state.patch_scale);
+double energy_at(const MassSpringModel& model, const State& state, const TetSprings& of) {
+  return energy(of, displacement(model, state), state.patch_scale);
 }
 
 template <class Energy>
-void add_forces_at(const State& state, const Energy& of, Eigen::Matrix3Xd& f) {
+void add_forces_at(const MassSpringModel&, const State& state, const Energy& of, Eigen::Matrix3Xd& f) {
   add_forces(of, state.x, f);
 }
-void add_forces_at(const State& state, const Springs& of, Eigen::Matrix3Xd& f) {
+void add_forces_at(const MassSpringModel&, const State& state, const Springs& of, Eigen::Matrix3Xd& f) {
   add_forces(of, state.rest_length, state.x, f);
 }
-void add_forces_at(const State& state, const TetSprings& of, Eigen::Matrix3Xd& f) {
-  add_forces(of, state.x, f, state.patch_scale);
+void add_forces_at(const MassSpringModel& model, const State& state, const TetSprings& of,
+                   Eigen::Matrix3Xd& f) {
+  add_forces(of, displacement(model, state), f, state.patch_scale);
 }
 
 template <class Energy>
-void add_hessian_at(const State& state, const Energy& of, BlockMatrix& K, Curvature) {
+void add_hessian_at(const MassSpringModel&, const State& state, const Energy& of, BlockMatrix& K, Curvature) {
   add_hessian(of, state.x, K);
 }
-void add_hessian_at(const State& state, const Springs& of, BlockMatrix& K, Curvature curvature) {
+void add_hessian_at(const MassSpringModel&, const State& state, const Springs& of, BlockMatrix& K,
+                    Curvature curvature) {
   add_hessian(of, state.rest_length, state.x, K, curvature);
 }
-void add_hessian_at(const State& state, const TetSprings& of, BlockMatrix& K, Curvature curvature) {
-  add_hessian(of, state.x, K, curvature, state.patch_scale);
+void add_hessian_at(const MassSpringModel& model, const State& state, const TetSprings& of, BlockMatrix& K,
+                    Curvature curvature) {
+  add_hessian(of, displacement(model, state), K, curvature, state.patch_scale);
 }
 
 void add_elastic_forces(const MassSpringModel& model, const State& state, Eigen::Matrix3Xd& f) {
-  if (model.linear) return add_linear_forces(model, state, state.x - model.network.X, f);
-  for_each_energy(model, [&](const auto& energy) { add_forces_at(state, energy, f); });
+  if (model.linear) return add_linear_forces(model, state, displacement(model, state), f);
+  for_each_energy(model, [&](const auto& energy) { add_forces_at(model, state, energy, f); });
 }
 
 }  // namespace
@@ -188,9 +198,9 @@ int n_energies(const MassSpringModel& model) {
 }
 
 double elastic_energy(const MassSpringModel& model, const State& state) {
-  if (model.linear) return linear_energy(model, state, state.x - model.network.X);
+  if (model.linear) return linear_energy(model, state, displacement(model, state));
   double sum = 0;
-  for_each_energy(model, [&](const auto& energy) { sum += energy_at(state, energy); });
+  for_each_energy(model, [&](const auto& energy) { sum += energy_at(model, state, energy); });
   return sum;
 }
 
@@ -202,7 +212,7 @@ Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state
 
 double potential(const MassSpringModel& model, const Forces& forces, const State& state, double load_factor) {
   double sum =
-      elastic_energy(model, state) - load_factor * forces.load.cwiseProduct(state.x - model.network.X).sum();
+      elastic_energy(model, state) - load_factor * forces.load.cwiseProduct(displacement(model, state)).sum();
   for (const FollowerPressure& follower : forces.followers)
     sum += load_factor * follower.pressure * volume(state.x, follower.F);
   if (forces.volume_pressure)
@@ -270,7 +280,7 @@ void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix
     for (size_t k = 0; k < K.block.size(); ++k) K.block[k] += model.linear->K.block[k];
     return;
   }
-  for_each_energy(model, [&](const auto& energy) { add_hessian_at(state, energy, K, curvature); });
+  for_each_energy(model, [&](const auto& energy) { add_hessian_at(model, state, energy, K, curvature); });
 }
 
 Eigen::Index n_stiffness_blocks(const MassSpringModel& model) {
@@ -283,20 +293,30 @@ Eigen::Index n_stiffness_blocks(const MassSpringModel& model) {
   return model.network.X.cols() + 2 * static_cast<Eigen::Index>(once.size());
 }
 
-double largest_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& x) {
+double smallest_jacobian(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& u) {
+  const Eigen::Matrix3Xd x = X + u;
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const auto& t : T.colwise()) smallest = std::min(smallest, tet_volume(x, t) / tet_volume(X, t));
+  return smallest;
+}
+
+double largest_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& u) {
   double largest = 0;
   for (const auto& t : T.colwise()) {
-    Eigen::Matrix3d rest, now;
+    Eigen::Matrix3d rest, moved;
     for (int k = 0; k < 3; ++k) {
       rest.col(k) = X.col(t[k + 1]) - X.col(t[0]);
-      now.col(k) = x.col(t[k + 1]) - x.col(t[0]);
+      moved.col(k) = u.col(t[k + 1]) - u.col(t[0]);
     }
-    const Eigen::Matrix3d F = now * rest.inverse(), C = F.transpose() * F;
+    const Eigen::Matrix3d H = moved * rest.inverse(), C_1 = H + H.transpose() + H.transpose() * H;
     // |s - 1| <= |s^2 - 1| of a stretch s: most tetrahedra need no eigenvalues.
-    if ((C - Eigen::Matrix3d::Identity()).norm() <= largest) continue;
-    const Eigen::Array3d squares =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(C, Eigen::EigenvaluesOnly).eigenvalues();
-    largest = std::max(largest, (squares.max(0).sqrt() - 1).abs().maxCoeff());
+    if (C_1.norm() <= largest) continue;
+    const Eigen::Array3d squares_1 =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(C_1, Eigen::EigenvaluesOnly)
+            .eigenvalues()
+            .array()
+            .max(-1);
+    largest = std::max(largest, (squares_1 / (1 + (1 + squares_1).sqrt())).abs().maxCoeff());
   }
   return largest;
 }

@@ -60,9 +60,10 @@ int n_energies(const MassSpringModel& model);
 void add_skin(const Skin& skin, MassSpringModel& model);
 
 struct State {
-  double t = 0;                 ///< s; static scenes: load factor
-  Eigen::Matrix3Xd x;           ///< positions (m)
-  Eigen::Matrix3Xd v;           ///< velocities (m/s)
+  double t = 0;        ///< s; static scenes: load factor
+  Eigen::Matrix3Xd x;  ///< positions (m)
+  Eigen::Matrix3Xd u;  ///< displacements (m) without the rounding of x; empty: x less positions at rest
+  Eigen::Matrix3Xd v;  ///< velocities (m/s)
   Eigen::VectorXd rest_length;  ///< m per independent spring
   Eigen::VectorXd patch_scale;  ///< length of the rest shape of each patch of coupled springs; empty: ones
   double target_volume = 0;     ///< of the global volume force (m3)
@@ -77,6 +78,9 @@ struct StepReport {
   bool is_halved = false;   ///< shorter steps took its place, as Newton's method did not end
   std::string reason;       ///< why a static load step found no equilibrium
 };
+
+/// Displacements (m) of a state, 3 x n.
+Eigen::Matrix3Xd displacement(const MassSpringModel& model, const State& state);
 
 /// The model at rest.
 State initial_state(const MassSpringModel& model);
@@ -110,8 +114,11 @@ Eigen::Matrix3Xd momenta(const MassSpringModel& model, const Eigen::Matrix3Xd& v
 /// v^T M v / 2 (J).
 double kinetic_energy(const MassSpringModel& model, const Eigen::Matrix3Xd& v);
 
-/// Largest |principal stretch - 1| of the tetrahedra T, X (3 x n, m) at rest, at positions x.
-double largest_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& x);
+/// Largest |principal stretch - 1| of the tetrahedra T, X (3 x n, m) at rest, under displacements u.
+double largest_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& u);
+
+/// Smallest det F of the tetrahedra, likewise: of their nodes, too, as F is constant.
+double smallest_jacobian(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& u);
 
 /// Largest |l/L - 1| of independent springs, L their lengths at positions X.
 double largest_strain(const Springs& springs, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& x);

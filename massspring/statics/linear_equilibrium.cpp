@@ -50,7 +50,7 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
     ++report.newton_iterations;
     measure();
   }
-  state.x = model_.network.X + u_;
+  displace(u_, state);
   linear_factor_ = load_factor;
   if (!std::isfinite(report.residual))
     report.status = Status::Diverged;

@@ -53,6 +53,7 @@ class QuasiStaticSolver {
 
   StepReport solve_linear(double load_factor, State& state);
   void find_balance(double load_factor, State& state, StepReport& report);
+  void displace(const Eigen::Matrix3Xd& u, State& state) const;
   void set_stiffness(const State& state, double load_factor, Curvature curvature);
   LinearSystem system(const State& state);
   const BlockMatrix& stiffness() const { return model_.linear ? model_.linear->K : K_; }

@@ -121,6 +121,7 @@ StepReport TimeStepper::step_in_parts(State& state, double h) {
 }
 
 StepReport TimeStepper::step_whole(State& state, double h) {
+  state.u.resize(3, 0);  // of a state that statics left
   const std::vector<RigidBody>& bodies = motion_.contacts.bodies;
   if (motion_.self_contact) motion_.self_contact->begin_step(state.x);
   if (motion_.barrier) motion_.barrier->begin_step(state.t, h, state.x);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 
 #include "meshing/base/namespace.h"
 
@@ -17,6 +18,17 @@ inline double orientation(const Eigen::Vector3d& a, const Eigen::Vector3d& b, co
 /// Volume (m3) of a tetrahedron between four of the nodes X, 3 x n (m), with the sign of its orientation.
 inline double tet_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet) {
   return orientation(X.col(tet[0]), X.col(tet[1]), X.col(tet[2]), X.col(tet[3])) / 6;
+}
+
+/// Gradients (1/m) of its four barycentric coordinates.
+inline Eigen::Matrix<double, 3, 4> barycentric_gradients(const Eigen::Matrix3Xd& X,
+                                                         const Eigen::Vector4i& tet) {
+  Eigen::Matrix3d edges;
+  for (int k = 0; k < 3; ++k) edges.col(k) = X.col(tet[k + 1]) - X.col(tet[0]);
+  Eigen::Matrix<double, 3, 4> g;
+  g.rightCols<3>() = edges.inverse().transpose();
+  g.col(0) = -g.rightCols<3>().rowwise().sum();
+  return g;
 }
 
 /// A nearest point on a triangle.

@@ -1,5 +1,6 @@
 #include "meshing/run/session.h"
 
+#include <algorithm>
 #include <ctime>
 #include <iostream>
 
@@ -11,6 +12,11 @@
 #include "meshing/surface/surface.h"
 
 namespace testbed::meshing {
+namespace {
+
+constexpr const char* kLeastJacobian = "min_J_nodes";  ///< of snapshots; a record has the least of them
+
+}  // namespace
 
 int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
                 const std::function<ExitStatus()>& run) {
@@ -133,6 +139,8 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
         {"max_displacement", snapshot.u.colwise().norm().maxCoeff()}};
     row.insert(row.end(), snapshot.strains.begin(), snapshot.strains.end());
     recorder_->add_row(row);
+    for (const auto& [name, value] : snapshot.strains)
+      if (name == kLeastJacobian) record[name] = std::min(value, record.value(name, value));
   }
   if (!needs_frame(n, is_last)) return;
   std::vector<Field> all = snapshot.fields;
@@ -142,6 +150,8 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
 
 ExitStatus Session::finish() {
   for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
+  if (const double least = record.value(kLeastJacobian, 1.); least <= 0 && is_first_ && !is_quiet_)
+    std::cerr << "warning: tetrahedra were turned inside out: det F down to " << least << " at their nodes\n";
   if (recorder_) recorder_->finish(record);
   return tell(record);
 }

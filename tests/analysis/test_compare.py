@@ -347,12 +347,14 @@ def test_comparison_keeps_what_the_springs_say_of_themselves(ball, tmp_path):
         "diagnostics": {"pressure_error": 0.1},
         "n_floppy_motions": 2,
         "floppy_load_share": 0.3,
+        "estimated_error": 0.04,
     }
     linear = {"geometry": "linear"}
-    run = load_run(write_run(tmp_path / "a", *ball, lambda X: X, **said, **linear))
+    run = load_run(write_run(tmp_path / "a", *ball, lambda X: X, **said, **linear, min_J_nodes=-0.1))
     reference = load_run(write_run(tmp_path / "b", *ball, lambda X: X, program="fem_reference"))
     result = compare_runs(run, reference, is_free=False)
     assert {key: value for key, value in asdict(result).items() if key in said} == said
+    assert result.least_jacobian == -0.1
     assert result.is_linear and not compare_runs(reference, reference, is_free=False).is_linear
 
 

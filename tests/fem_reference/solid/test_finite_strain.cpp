@@ -219,6 +219,24 @@ TEST(FiniteStrain, TendsToSmallStrainWithTheLoad) {
   const double large = difference(0.2), little = difference(0.1);
   EXPECT_LT(little, 0.02);
   EXPECT_NEAR(std::log2(large / little), 1, 0.2);  // the first non-linear term is quadratic in the load
+  EXPECT_LT(difference(1e-12), 1e-9) << "strains of 1e-12 keep their digits";
+}
+
+TEST(FiniteStrain, ElementsMayBeTurnedInsideOutBetweenThePointsOfTheirEnergy) {
+  TetMesh mesh;
+  mesh.X = Eigen::Matrix3Xd::Zero(3, 4);
+  mesh.X.rightCols<3>().setIdentity();
+  mesh.T = Eigen::Vector4i(0, 1, 2, 3);
+  mesh.F.resize(3, 4);
+  mesh.F << 0, 0, 0, 1, 2, 1, 3, 2, 1, 3, 2, 3;
+  mesh.n_surface = 4;
+  ElasticSolid solid(mesh, 2);
+  solid.assemble(kMaterial, ElasticLaw::NeoHookean, {}, {});
+  Eigen::Matrix3Xd u = Eigen::Matrix3Xd::Zero(3, solid.X().cols());
+  u.row(0) = -0.6 * solid.X().row(0).cwiseAbs2();  // det F = 1 - 1.2 x
+  const SmallestJacobians smallest = solid.smallest_jacobians(u);
+  EXPECT_NEAR(smallest.at_nodes, -0.2, 1e-14);
+  EXPECT_NEAR(smallest.at_points, 1 - 1.2 * (5 + 3 * std::sqrt(5)) / 20, 1e-14);
 }
 
 TEST(FiniteStrain, MovesPrescribedNodesAllTheWay) {

@@ -256,7 +256,9 @@ TEST(PushOut, LeavesAloneOnlyNodesThatItWouldNotMove) {
   const std::vector<RigidBody> bodies{RigidBody(ball), RigidBody(plate)};
   constexpr double h = 0.01;
   constexpr int n = 200;
-  State state{0, random_points(n, 1, 1), random_points(n, 3, 2), {}, {}, 0};
+  State state;
+  state.x = random_points(n, 1, 1);
+  state.v = random_points(n, 3, 2);
   PushOut push_out(bodies);
   int n_moved = 0;
   while (state.t < 1) {

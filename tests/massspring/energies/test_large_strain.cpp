@@ -56,7 +56,8 @@ Outcome solve(const MassSpringModel& model, const Forces& forces) {
 }
 
 double smallest_tet_jacobian(const MassSpringModel& model, const State& state) {
-  return smallest_jacobian(couple_springs(model.network.X, model.network.T, {1, 1}, kEdgeCoupled), state.x);
+  return smallest_jacobian(couple_springs(model.network.X, model.network.T, {1, 1}, kEdgeCoupled),
+                           displacement(model, state));
 }
 
 class CoupledModel : public testing::TestWithParam<const char*> {};

@@ -15,11 +15,11 @@
 typedef double LibraryDouble4 __attribute__((vector_size(32), aligned(8)));
 namespace testbed::massspring {
 void measure_patches(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
-                     const LibraryDouble4* x, double* det, double* squared_norm);
+                     const LibraryDouble4* u, double* det_1, double* squares_3);
 void add_patch_forces(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
-                      const LibraryDouble4* x, LibraryDouble4* f);
+                      const LibraryDouble4* u, LibraryDouble4* f);
 void add_patch_hessians(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
-                        const LibraryDouble4* x, Curvature curvature, const int* at, Eigen::Matrix3d* block);
+                        const LibraryDouble4* u, Curvature curvature, const int* at, Eigen::Matrix3d* block);
 }  // namespace testbed::massspring
 #endif
 
@@ -34,11 +34,12 @@ struct Case {
   TetMesh mesh = box_tets(8, 8, 9, 1. / 9, 0.2);  // large enough to be ordered along the body
   TetSprings springs = couple_springs(mesh.X, mesh.T, {2, 1}, {0.2, 0.5, 0.3});
   Eigen::VectorXd scale = Eigen::VectorXd::LinSpaced(springs.n_patches(), 0.6, 1.4);
-  Matrix3Xd x = mesh.X;
+  Matrix3Xd u = mesh.X, x;
 
   explicit Case(double displacement = 0.05) {
     Random random(3);
-    for (double& c : x.reshaped()) c += displacement * (2 * random.uniform() - 1);
+    for (double& c : u.reshaped()) c = displacement * (2 * random.uniform() - 1);
+    x = mesh.X + u;
   }
   PatchArrays arrays() const {
     return {springs.volume.data(), springs.lambda.data(), scale.data(), springs.mu};
@@ -71,13 +72,13 @@ TEST(PatchKernels, MeasuresAreThoseOfTheSumOverNodes) {
   const Case of;
   const PatchBatches& batches = of.springs.batches;
   std::vector<double> det(of.springs.n_patches()), squares(det.size());
-  measure_patches(0, batches.n_batches(), batches, of.arrays(), pad(of.x), det.data(), squares.data());
+  measure_patches(0, batches.n_batches(), batches, of.arrays(), pad(of.u), det.data(), squares.data());
   for (int p = 0; p < of.springs.n_patches(); ++p) {
     Eigen::Matrix3d F = Eigen::Matrix3d::Zero();
     for (int e = of.springs.first[p]; e < of.springs.first[p + 1]; ++e)
       F += of.x.col(of.springs.node[e]) * of.springs.b.col(e).transpose() / of.scale[p];
-    EXPECT_NEAR(det[p], F.determinant(), 1e-12);
-    EXPECT_NEAR(squares[p], F.squaredNorm(), 1e-12);
+    EXPECT_NEAR(1 + det[p], F.determinant(), 1e-12);
+    EXPECT_NEAR(3 + squares[p], F.squaredNorm(), 1e-12);
   }
 }
 
@@ -109,10 +110,10 @@ TEST(PatchKernels, HessiansAreThoseOfThePatchesOneByOneAlsoWhereTheyAreInverted)
   constexpr double kBatchedTolerance = 1e-13;
   const Case of(0.15);
   const TetSprings& springs = of.springs;
-  ASSERT_LT(smallest_jacobian(springs, of.x), -0.1);
+  ASSERT_LT(smallest_jacobian(springs, of.u), -0.1);
   for (const Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
     BlockMatrix K = make_block_matrix(static_cast<int>(of.x.cols()), pairs_of(springs)), expected = K;
-    add_hessian(springs, of.x, K, curvature, of.scale);
+    add_hessian(springs, of.u, K, curvature, of.scale);
     for (int p = 0; p < springs.n_patches(); ++p) {
       const double s = of.scale[p];
       Matrix3d F = Matrix3d::Zero();
@@ -138,18 +139,18 @@ TEST(PatchKernels, HessiansAreThoseOfThePatchesOneByOneAlsoWhereTheyAreInverted)
 TEST(PatchKernels, GiveTheSameBitsWithVectorsAndWithout) {
   const Case of(0.15);
   const PatchBatches& batches = of.springs.batches;
-  const auto n = static_cast<std::size_t>(of.x.cols());
+  const auto n = static_cast<std::size_t>(of.u.cols());
   std::vector<Double4> f(n, Double4{});
-  const Double4* const x = pad(of.x);
-  add_patch_forces(0, batches.n_batches(), batches, of.arrays(), x, f.data());
+  const Double4* const u = pad(of.u);
+  add_patch_forces(0, batches.n_batches(), batches, of.arrays(), u, f.data());
   std::vector<double> by_vectors(4 * n, 0.), det(of.springs.n_patches()), squares = det, det_2 = det,
                                                                           squares_2 = det;
-  add_patch_forces(0, batches.n_batches(), batches, of.arrays(), reinterpret_cast<const LibraryDouble4*>(x),
+  add_patch_forces(0, batches.n_batches(), batches, of.arrays(), reinterpret_cast<const LibraryDouble4*>(u),
                    reinterpret_cast<LibraryDouble4*>(by_vectors.data()));
   for (std::size_t i = 0; i < n; ++i)
     for (int k = 0; k < 3; ++k) EXPECT_EQ(f[i][k], by_vectors[4 * i + k]);
-  measure_patches(0, batches.n_batches(), batches, of.arrays(), x, det.data(), squares.data());
-  measure_patches(0, batches.n_batches(), batches, of.arrays(), reinterpret_cast<const LibraryDouble4*>(x),
+  measure_patches(0, batches.n_batches(), batches, of.arrays(), u, det.data(), squares.data());
+  measure_patches(0, batches.n_batches(), batches, of.arrays(), reinterpret_cast<const LibraryDouble4*>(u),
                   det_2.data(), squares_2.data());
   EXPECT_EQ(det, det_2);
   EXPECT_EQ(squares, squares_2);
@@ -158,9 +159,9 @@ TEST(PatchKernels, GiveTheSameBitsWithVectorsAndWithout) {
     std::vector<int> at(kBatchSize * batches.pair_start.back());
     std::iota(at.begin(), at.end(), 0);
     std::vector<Matrix3d> blocks(at.size(), Matrix3d::Zero()), blocks_2 = blocks;
-    add_patch_hessians(0, batches.n_batches(), batches, of.arrays(), x, curvature, at.data(), blocks.data());
+    add_patch_hessians(0, batches.n_batches(), batches, of.arrays(), u, curvature, at.data(), blocks.data());
     add_patch_hessians(0, batches.n_batches(), batches, of.arrays(),
-                       reinterpret_cast<const LibraryDouble4*>(x), curvature, at.data(), blocks_2.data());
+                       reinterpret_cast<const LibraryDouble4*>(u), curvature, at.data(), blocks_2.data());
     EXPECT_EQ(blocks, blocks_2);
   }
 }

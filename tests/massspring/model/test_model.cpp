@@ -89,25 +89,29 @@ TEST(LargestStrain, IsThatOfTheTetrahedronThatIsStretchedMost) {
   const Eigen::Matrix3d rotation = Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()).matrix();
   const Vector3d stretch(1.1, 0.7, 1.2);  // 0.3 is the largest difference from one
   Matrix3Xd x = rotation * stretch.asDiagonal() * mesh.X;
-  EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x), 0.3, kRounding);
+  EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x - mesh.X), 0.3, kRounding);
+  EXPECT_NEAR(smallest_jacobian(mesh.X, mesh.T, x - mesh.X), stretch.prod(), kRounding);
   // Of one corner moved far, and of another moved little in a body that is stretched by a hundredth.
   for (const auto& [stretched, corner, move] :
        {std::tuple(1., mesh.T(0, 0), -0.4), std::tuple(1.01, mesh.T(3, mesh.T.cols() - 1), 0.03)}) {
     x = stretched * mesh.X;
     x.col(corner) += Vector3d(move, 0, 0);
-    double first = 0, expected = 0;
+    double first = 0, expected = 0, least = 1;
     for (const auto& t : mesh.T.colwise()) {
       Eigen::Matrix3d rest, now;
       for (int k = 0; k < 3; ++k) {
         rest.col(k) = mesh.X.col(t[k + 1]) - mesh.X.col(t[0]);
         now.col(k) = x.col(t[k + 1]) - x.col(t[0]);
       }
-      const Vector3d s = Eigen::JacobiSVD<Eigen::Matrix3d>(now * rest.inverse()).singularValues();
+      const Eigen::Matrix3d F = now * rest.inverse();
+      least = std::min(least, F.determinant());
+      const Vector3d s = Eigen::JacobiSVD<Eigen::Matrix3d>(F).singularValues();
       expected = std::max(expected, (s.array() - 1).abs().maxCoeff());
       if (first == 0) first = expected;
     }
     ASSERT_GT(expected, stretched == 1 ? 0.3 : 5 * first);
-    EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x), expected, kRounding);
+    EXPECT_NEAR(largest_strain(mesh.X, mesh.T, x - mesh.X), expected, kRounding);
+    EXPECT_NEAR(smallest_jacobian(mesh.X, mesh.T, x - mesh.X), least, kRounding);
   }
 }
 

@@ -54,6 +54,22 @@ TEST(QuasiStatic, CountsTheMotionsThatCostNoEnergy) {
   }
 }
 
+TEST(QuasiStatic, SaysThatALoadDrownsInTheRoundingOfTheLengthsOfSprings) {
+  const MassSpringModel model = tied_node(3);
+  for (const double force : {1e-2, 1e-15}) {
+    Forces forces = no_load(model);
+    forces.load.col(4) << force, 0, 0;
+    forces.load.leftCols<4>().colwise() = Eigen::Vector3d(-force / 4, 0, 0);
+    for (int i = 0; i < 3; ++i)
+      forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+    State state = initial_state(model);
+    QuasiStaticSolver solver(model, forces);
+    const StepReport report = solver.solve(1, state);
+    EXPECT_EQ(report.status, force > 1e-10 ? Status::Ok : Status::NotConverged);
+    if (force < 1e-10) EXPECT_NE(report.reason.find("rounding"), std::string::npos) << report.reason;
+  }
+}
+
 TEST(QuasiStatic, CountsMoreMotionsThatCostNoEnergyThanItLooksForAtFirst) {
   constexpr int kBodies = 10, kOfOne = 6 + 2;  // moves as a rigid body, and its tied node in two directions
   const TetMesh one = tied_node(1).network;
