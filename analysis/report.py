@@ -72,7 +72,9 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
     if "no_reference" in comparison:
         return (_table_alone(comparison["models"]),)
     reference, models = comparison["reference"], comparison["models"]
-    stages = ["start-up", "mesh", "setup", "assemble", "solve", "output"]
+    stages = ["start-up", "mesh", "adapt", "estimate", "setup", "assemble", "solve", "output"]
+    used = {stage for of in (reference, *models.values()) for stage in of.get("seconds", {})}
+    stages = [stage for stage in stages if stage in used or stage not in ("adapt", "estimate")]
     unit, size_of_unit = unit_of_length(reference["largest_displacement"])
 
     def times(seconds: dict[str, float]) -> list[str]:
@@ -86,7 +88,7 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
     figures = ["displacement error", "at worst", "volume error", "area error", f"tip ({unit})"]
     errors: Table = (["", *sizes, *figures], [])
     exact = ["pressure", "uniaxial", "bending", "torsion"]
-    trust: Table = (["exact fields", *exact, "floppy motions"], [])
+    trust: Table = (["exact fields", *exact, "floppy motions", "estimated error"], [])
     seconds: Table = (["seconds", *stages, "total"], [])
     keys = ["displacement_error_l2", "displacement_error_max", "volume_change_error", "area_change_error"]
     for name, model in models.items():
@@ -134,14 +136,16 @@ def _table_alone(models: dict[str, dict[str, Any]]) -> Table:
 
 
 def _trust(model: dict[str, Any]) -> list[str]:
-    """What the model as built makes of the exact fields, and how far its network is a mechanism."""
+    """What the model as built makes of the exact fields, how far its network is a mechanism, and its own estimate."""
     measured = model.get("diagnostics") or {}
     floppy = model.get("n_floppy_motions")
     share = "unknown" if floppy is None else str(floppy)
     if floppy:
         share += f" ({percent(model['floppy_load_share'])} of the load)"
     keys = ("pressure_error", "uniaxial_error", "bending_error", "torsion_error")
-    return [*(percent(measured[key]) if key in measured else "-" for key in keys), share]
+    own = model.get("estimated_error")
+    estimate = "-" if own is None else percent(own)
+    return [*(percent(measured[key]) if key in measured else "-" for key in keys), share, estimate]
 
 
 def text_of(comparison: dict[str, Any]) -> str:

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iostream>
 
+#include "massspring/adapt.h"
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/choices/check_model.h"
 #include "massspring/choices/list.h"
@@ -83,6 +84,20 @@ void add_diagnostics(const MassSpringModel& model, Session& session) {
   }
 }
 
+/// Into the record, and at every vertex of the surface into the frames.
+void add_estimate(const ErrorEstimate& estimate, const SpringNetwork& network, Session& session) {
+  session.record["estimated_error"] = estimate.error;
+  Eigen::MatrixXd of_node = Eigen::MatrixXd::Zero(1, network.X.cols());
+  of_node.leftCols(estimate.of_vertex.size()) = estimate.of_vertex.transpose();
+  session.fields.push_back({"estimated_error", of_node});
+}
+
+void add_adapted(const AdaptedSurface& adapted, Session& session) {
+  session.record["adapted"] = {
+      {"n_nodes", adapted.n_nodes}, {"estimated_errors", adapted.errors}, {"is_reached", adapted.is_reached}};
+  add_estimate(adapted.estimate, adapted.network, session);
+}
+
 void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
   const SimulationReport& report = simulation.report();
   record["n_steps"] = report.n_steps;
@@ -143,9 +158,20 @@ ExitStatus run(const Arguments& arguments) {
   session.start("mesh");
   const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
   NodeReport found;
-  const SpringNetwork network =
-      build_network(needs_links ? session.surface : session.cut_surface(), scene.network, needs_links,
-                    calibration.needs_tetrahedra, &found);
+  const SurfaceMesh surface = needs_links ? session.surface : session.cut_surface();
+  SpringNetwork network;
+  if (scene.network.target_error > 0 && may_estimate(scene, calibration)) {
+    session.start("adapt");
+    AdaptedSurface adapted = adapt_surface(scene, surface, scene.network.target_error);
+    add_adapted(adapted, session);
+    network = std::move(adapted.network);
+  } else {
+    network = build_network(surface, scene.network, needs_links, calibration.needs_tetrahedra, &found);
+    if (scene.network.estimate && may_estimate(scene, calibration)) {
+      session.start("estimate");
+      add_estimate(estimate_error(scene, surface, network), network, session);
+    }
+  }
   session.start("setup");
   Simulation simulation(scene, network);
   session.timer.stop();  // what tells a user how far to trust the model is no part of what the model costs

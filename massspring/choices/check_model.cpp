@@ -5,7 +5,6 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "massspring/calibrations/calibrate.h"
 #include "massspring/time/schemes.h"
 
 namespace testbed::massspring {
@@ -84,6 +83,8 @@ const Reading kReadings[] = {
        return has_springs(s, c) && law_of(s) != MaterialLaw::SmallStrain;
      }},
     {"network.spring_damping", has_springs},
+    {"network.estimate", may_estimate},
+    {"network.target_error", may_estimate},
     {"network.mass",
      [](const Scene& s, const Calibration& c) {
        return c.is_coupled && !(is_dynamic(s) && find_integrator(s.time.integrator).is_explicit);
@@ -95,6 +96,10 @@ const Reading kReadings[] = {
     {"time.linear_solver", is_linearised}};
 
 }  // namespace
+
+bool may_estimate(const Scene& scene, const Calibration& calibration) {
+  return !is_dynamic(scene) && calibration.is_coupled && !has_links(scene, calibration);
+}
 
 std::vector<std::string> models_of(const Scene& scene) {
   std::vector<std::string> models{scene.network.calibration};

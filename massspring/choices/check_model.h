@@ -4,9 +4,14 @@
 #include <string>
 #include <vector>
 
+#include "massspring/calibrations/calibrate.h"
 #include "meshing/scene/scene.h"
 
 namespace testbed::massspring {
+
+/// Whether network.estimate and network.target_error serve the scene with this model: coupled springs alone, in
+/// statics.
+bool may_estimate(const Scene& scene, const Calibration& calibration);
 
 /// The scene's own spring model and those of its comparison, each once.
 std::vector<std::string> models_of(const Scene& scene);

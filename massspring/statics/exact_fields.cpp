@@ -15,14 +15,6 @@ using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 
-/// u without the small rigid motion a + w x X that fits it best in the weighted mean square.
-Matrix3Xd without_rigid_motion(const Matrix3Xd& u, const Matrix3Xd& X, const Eigen::VectorXd& weights) {
-  const SmallRotation w = best_rotation(u, X, weights);
-  Matrix3Xd rest = u.colwise() - Vector3d(u * weights / weights.sum());
-  for (Eigen::Index i = 0; i < u.cols(); ++i) rest.col(i) -= w.angle.cross(X.col(i) - w.centre);
-  return rest;
-}
-
 }  // namespace
 
 const std::vector<std::string>& exact_field_names() {

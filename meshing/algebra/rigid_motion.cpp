@@ -18,4 +18,13 @@ SmallRotation best_rotation(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X
   return {centre, inertia.ldlt().solve(moment)};
 }
 
+Eigen::Matrix3Xd without_rigid_motion(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
+                                      const Eigen::VectorXd& weights) {
+  const SmallRotation w = best_rotation(u, X, weights);
+  Eigen::Matrix3Xd rest = u.colwise() - Eigen::Vector3d(u * weights / weights.sum());
+  for (Eigen::Index i = 0; i < u.cols(); ++i)
+    rest.col(i) -= w.angle.cross(Eigen::Vector3d(X.col(i) - w.centre));
+  return rest;
+}
+
 }  // namespace testbed::meshing

@@ -30,4 +30,8 @@ struct SmallRotation {
 SmallRotation best_rotation(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
                             const Eigen::VectorXd& weights);
 
+/// u without the small rigid motion that fits it best, likewise.
+Eigen::Matrix3Xd without_rigid_motion(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
+                                      const Eigen::VectorXd& weights);
+
 }  // namespace testbed::meshing

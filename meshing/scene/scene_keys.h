@@ -267,6 +267,10 @@ void describe(V& v, NetworkOptions& n) {
   v("link_share", n.link_share, kFraction,
     "of the material's shear stiffness that the network's links have beside coupled springs");
   v("spring_damping", n.spring_damping, kNotNegative, "k_d of independent springs (N s/m)");
+  v("estimate", n.estimate,
+    "static: estimate the error of coupled springs, by solving once more on triangles cut in four");
+  v("target_error", n.target_error, kFraction,
+    "static: add nodes until the estimated error of coupled springs is below; 0: add none");
 }
 
 template <class V>

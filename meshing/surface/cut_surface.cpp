@@ -19,13 +19,14 @@ using Edge = std::pair<int, int>;
 class Cutter {
  public:
   Cutter(const SurfaceMesh& surface, const Eigen::VectorXd& longest, int most)
-      : before_(surface), longest_(longest), most_(most) {
-    for (const auto& x : surface.X.colwise()) {
-      const int v = static_cast<int>(X_.size());
-      X_.emplace_back(x);
-      between_.emplace_back(v, v, v);
+      : before_(surface.cuts.F.size() > 0 ? surface.cuts.F : surface.F), most_(most) {
+    const bool is_cut = surface.cuts.F.size() > 0;
+    for (int v = 0; v < surface.X.cols(); ++v) {
+      X_.emplace_back(surface.X.col(v));
+      between_.emplace_back(is_cut ? Eigen::Vector3i(surface.cuts.between.col(v)) : Eigen::Vector3i(v, v, v));
     }
-    for (int f = 0; f < surface.F.cols(); ++f) add_triangle(surface.F.col(f), f);
+    for (int f = 0; f < surface.F.cols(); ++f)
+      add_triangle(surface.F.col(f), is_cut ? surface.cuts.parent[f] : f, longest[f]);
   }
 
   SurfaceMesh cut() {
@@ -37,7 +38,7 @@ class Cutter {
     const auto n = static_cast<Eigen::Index>(X_.size()), m = static_cast<Eigen::Index>(F_.size());
     SurfaceMesh result{Eigen::Matrix3Xd(3, n),
                        Eigen::Matrix3Xi(3, m),
-                       {before_.F, Eigen::Matrix3Xi(3, n), Eigen::VectorXi(m)}};
+                       {before_, Eigen::Matrix3Xi(3, n), Eigen::VectorXi(m)}};
     for (Eigen::Index i = 0; i < n; ++i) {
       result.X.col(i) = X_[i];
       result.cuts.between.col(i) = between_[i];
@@ -67,14 +68,15 @@ class Cutter {
     for (int c = 0; c < 3; ++c) {
       const Edge edge{corners[c], corners[(c + 1) % 3]};
       left_of_[edge] = f;
-      const double ratio = (X_[edge.first] - X_[edge.second]).norm() / longest_[parent_[f]];
+      const double ratio = (X_[edge.first] - X_[edge.second]).norm() / longest_[f];
       if (ratio > 1) wanted_.emplace(ratio, edge);
     }
   }
 
-  void add_triangle(const Eigen::Vector3i& corners, int parent) {
+  void add_triangle(const Eigen::Vector3i& corners, int parent, double longest) {
     F_.emplace_back();
     parent_.push_back(parent);
+    longest_.push_back(longest);
     set_triangle(static_cast<int>(F_.size()) - 1, corners);
   }
 
@@ -86,8 +88,8 @@ class Cutter {
         bisect(longest);
     const int m = static_cast<int>(X_.size());
     X_.emplace_back((X_[edge.first] + X_[edge.second]) / 2);
-    const Eigen::Vector3i left = before_.F.col(parent_[left_of_.at(edge)]),
-                          right = before_.F.col(parent_[left_of_.at(back)]);
+    const Eigen::Vector3i left = before_.col(parent_[left_of_.at(edge)]),
+                          right = before_.col(parent_[left_of_.at(back)]);
     between_.push_back(left);
     if (left != right)  // the edge is a part of one that the two triangles shared before
       for (int c = 0; c < 3; ++c)
@@ -99,16 +101,16 @@ class Cutter {
       const Eigen::Vector3i t = F_[f];
       const int apex = t.sum() - edge.first - edge.second;
       set_triangle(f, {side.first, m, apex});
-      add_triangle({m, side.second, apex}, parent_[f]);
+      add_triangle({m, side.second, apex}, parent_[f], longest_[f]);
     }
   }
 
-  const SurfaceMesh& before_;
-  const Eigen::VectorXd& longest_;
+  const Eigen::Matrix3Xi& before_;  ///< triangles before any cut
   const int most_;
   std::vector<Eigen::Vector3d> X_;
   std::vector<Eigen::Vector3i> between_, F_;
   std::vector<int> parent_;
+  std::vector<double> longest_;  ///< edges wanted of each triangle (m)
   std::map<Edge, int> left_of_;  ///< of directed edges, the triangle
   std::priority_queue<std::pair<double, Edge>> wanted_;
 };

@@ -21,7 +21,8 @@ CutSurface cut_across(const SurfaceMesh& surface, double across);
 Eigen::VectorXd edges_across(const SurfaceMesh& surface, double across);
 
 /// Bisects edges that are longer than wanted, those most so first. A triangle is always cut at its longest
-/// edge, so that no angle becomes less than half of the least one before [Rivara 1984].
+/// edge, so that no angle becomes less than half of the least one before [Rivara 1984]. A surface that is cut
+/// already may be cut further.
 /// @param longest  of each triangle's edges (m)
 /// @param most     vertices that the result has no more than, but for those that end a cut
 SurfaceMesh cut_surface(const SurfaceMesh& surface, const Eigen::VectorXd& longest, int most);

@@ -188,6 +188,15 @@ def test_conclusion_says_what_limits_it():
     assert failing[0] == "No model is shown to serve here; do not use affine (30 %)."
 
 
+def test_conclusion_names_whose_tetrahedra_were_turned_inside_out():
+    models = {
+        name: model_of(0.01, least_jacobian=least) for name, least in (("a", -0.1), ("b", 0.2), ("c", None))
+    }
+    assert "Tetrahedra of a springs were turned inside out." in conclusion(comparison_of(models, "a"))
+    words = " ".join(conclusion(comparison_of(models, "a", least_jacobian=0.0)))
+    assert "Tetrahedra of the reference and a springs were turned inside out." in words
+
+
 def test_without_a_reference_no_model_is_recommended():
     alone = {"volume_change": 0.1, "largest_displacement": 1.0}
     models = {name: model_of(**alone, kinetic_energy_left=left) for name, left in (("a", 0.001), ("b", 0.5))}
@@ -219,14 +228,19 @@ def test_conclusion_is_the_second_sentence_of_page_and_terminal():
 
 def test_tables_hold_sizes_trust_and_seconds_of_each_method():
     diagnostics = {"pressure_error": 0.01, "bending_error": 0.25, "bending_compliance": 0.99}
-    more = {"diagnostics": diagnostics, "n_floppy_motions": 2, "floppy_load_share": 0.03}
+    more = {
+        "diagnostics": diagnostics,
+        "n_floppy_motions": 2,
+        "floppy_load_share": 0.03,
+        "estimated_error": 0.04,
+    }
     more["seconds"] = {"start-up": 0.25, "mesh": 0.5, "solve": 1.5}
     errors, trust, seconds = tables(comparison_of({"affine": model_of(**more)}))
     springs, elements = cells_of(errors), cells_of(errors, 1)
     assert [springs[part] for part in ("nodes", "springs", "dofs")] == ["10", "30", "30"]
     assert [springs[part] for part in ("displacement error", "at worst")] == ["20 %", "30 %"]
     assert [elements[part] for part in ("nodes", "springs", "dofs")] == ["11", "-", "33"]
-    assert trust[1] == [["springs, affine", "1 %", "-", "25 %", "-", "2 (3 % of the load)"]]
+    assert trust[1] == [["springs, affine", "1 %", "-", "25 %", "-", "2 (3 % of the load)", "4 %"]]
     assert list(cells_of(seconds).values())[1:] == ["0.25", "0.50", "-", "-", "1.50", "-", "2.25"]
     assert list(cells_of(seconds, 1).values())[1:] == ["-", "2.00", "-", "1.00", "3.00", "-", "6.00"]
 

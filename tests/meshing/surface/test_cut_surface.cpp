@@ -102,6 +102,27 @@ TEST_P(Cut, LeavesNoAngleBelowHalfOfTheLeastBefore) {
   EXPECT_GE(least_angle(after), least_angle(before) / 2 - kRounding);
 }
 
+TEST_P(Cut, ASecondTimeIsAsIfItHadBeenCutSoAtOnce) {
+  const SurfaceMesh again = cut_surface(after, Eigen::VectorXd::Constant(after.F.cols(), wanted / 2), 100000);
+  const SurfaceMesh at_once =
+      cut_surface(before, Eigen::VectorXd::Constant(before.F.cols(), wanted / 2), 100000);
+  EXPECT_EQ(again.X.leftCols(after.X.cols()), after.X);
+  EXPECT_EQ(again.cuts.F, before.F);
+  ASSERT_EQ(again.X.cols(), at_once.X.cols());
+  const auto places = [](const SurfaceMesh& surface) {
+    std::set<std::vector<double>> result;  // of vertices, and the corners that they lie between
+    for (Eigen::Index v = 0; v < surface.X.cols(); ++v) {
+      const Eigen::Vector3d x = surface.X.col(v);
+      Eigen::Vector3i between = surface.cuts.between.col(v);
+      std::sort(between.begin(), between.end());
+      if (between[1] == between[2]) between[1] = between[0];  // on an edge
+      result.insert({x[0], x[1], x[2], 1. * between[0], 1. * between[1], 1. * between[2]});
+    }
+    return result;
+  };
+  EXPECT_EQ(places(again), places(at_once));
+}
+
 TEST(CutSurface, CutsNeighboursOfSmallTrianglesAtTheirLongestEdges) {
   const SurfaceMesh plate = box({10, 1, 0.2});
   Eigen::VectorXd wanted = Eigen::VectorXd::Constant(plate.F.cols(), 100);

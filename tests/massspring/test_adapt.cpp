@@ -1,0 +1,99 @@
+#include <gtest/gtest.h>
+
+#include "massspring/adapt.h"
+#include "meshing/scene/build_network.h"
+#include "meshing/scene/surface_problem.h"
+#include "meshing/surface/cut_surface.h"
+#include "meshing/surface/surface.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Eigen::Matrix3Xd;
+
+/// A bar that is clamped where x is least and bent by its weight.
+Scene bent_bar(int n_vertices) {
+  Scene scene;
+  scene.surface.shape = "bar";
+  scene.surface.n_vertices = n_vertices;
+  scene.surface.size = {4, 1, 1};
+  scene.material = {1e6, 0.25, 1000, 0};
+  scene.gravity = Eigen::Vector3d(0, -1, 0);
+  Support clamp;
+  clamp.region = {Box{{0, 0, 0}, {0.01, 1, 1}}, true};
+  scene.supports = {clamp};
+  return scene;
+}
+
+/// Displacement of the first n nodes under the full load.
+Matrix3Xd displacement_on(const SpringNetwork& network, const Scene& scene, Eigen::Index n) {
+  Simulation simulation(scene, network);
+  while (!simulation.has_ended()) simulation.advance();
+  return simulation.snapshot().u.leftCols(n);
+}
+
+}  // namespace
+
+TEST(ErrorEstimate, OfABentBarIsWithinHalfOfItsDistanceToAFarFinerOne) {
+  const Scene scene = bent_bar(120);
+  const SurfaceMesh surface = load_surface(scene.surface);
+  const SpringNetwork network = build_network(surface, scene.network, false, true);
+  const ErrorEstimate estimate = estimate_error(scene, surface, network);
+  const Eigen::Index n = surface.X.cols();
+  const SurfaceMesh fine = cut_surface(surface, Eigen::VectorXd::Constant(surface.F.cols(), 0.12), 100000);
+  ASSERT_GT(fine.X.cols(), 10 * n);
+  const Matrix3Xd exact = displacement_on(build_network(fine, scene.network, false, true), scene, n),
+                  error = displacement_on(network, scene, n) - exact;
+  const Eigen::VectorXd areas = vertex_areas(surface.X, surface.F);
+  const auto norm = [&](const Matrix3Xd& v) { return std::sqrt(v.colwise().squaredNorm().dot(areas)); };
+  const double expected = norm(error) / norm(exact);
+  ASSERT_GT(expected, 0.005);
+  EXPECT_NEAR(estimate.error, expected, expected / 2);
+  ASSERT_EQ(estimate.of_vertex.size(), n);
+  EXPECT_NEAR(norm(estimate.of_vertex.transpose().replicate(3, 1) / std::sqrt(3.)), norm(error),
+              norm(error) / 2);
+}
+
+TEST(ErrorEstimate, OfUniformStretchIsRounding) {
+  Scene scene = bent_bar(60);
+  scene.gravity.reset();
+  scene.supports.clear();
+  Load load;
+  load.pressure = 1e3;
+  scene.loads = {load};
+  const SurfaceMesh surface = load_surface(scene.surface);
+  EXPECT_LT(estimate_error(scene, surface, build_network(surface, scene.network, false, true)).error, 1e-6);
+}
+
+TEST(AdaptSurface, EndsWhereTheErrorIsBelowItsTarget) {
+  const Scene scene = bent_bar(60);
+  const SurfaceMesh surface = load_surface(scene.surface);
+  constexpr double kTarget = 0.02;
+  const AdaptedSurface adapted = adapt_surface(scene, surface, kTarget);
+  ASSERT_TRUE(adapted.is_reached);
+  EXPECT_LE(adapted.estimate.error, kTarget);
+  EXPECT_EQ(adapted.errors.size() + 1, adapted.n_nodes.size());
+  EXPECT_EQ(adapted.n_nodes.back(), adapted.network.X.cols());
+  EXPECT_EQ(adapted.surface.X.leftCols(surface.X.cols()), surface.X);
+  const ErrorEstimate judged = estimate_error(scene, adapted.surface, adapted.network);
+  EXPECT_LT(judged.error, 1.5 * kTarget);
+  EXPECT_GT(estimate_error(scene, surface, build_network(surface, scene.network, false, true)).error,
+            kTarget);
+}
+
+TEST(AdaptSurface, CutsNearTheClampFirst) {
+  const Scene scene = bent_bar(500);
+  const SurfaceMesh surface = load_surface(scene.surface);
+  const AdaptedSurface adapted = adapt_surface(scene, surface, 1e-2);
+  const auto near = [](const SurfaceMesh& body, double from, double to) {
+    return (body.X.row(0).array() >= from && body.X.row(0).array() < to).count();
+  };
+  const double x0 = surface.X.row(0).minCoeff();
+  const auto growth = [&](double from, double to) {
+    return static_cast<double>(near(adapted.surface, x0 + from, x0 + to)) /
+           static_cast<double>(near(surface, x0 + from, x0 + to));
+  };
+  EXPECT_GT(growth(0, 1), 1.5 * growth(3, 4.1));
+}
+
+}  // namespace testbed::massspring
