@@ -91,7 +91,7 @@ class Bench:
         self.store = store or Store(folder / "points", time_limit=900)
         (folder / "scenes").mkdir(parents=True, exist_ok=True)
 
-    def _run(self, program: str, scene: Path, nu: str, *overrides: str) -> Run:
+    def run(self, program: str, scene: Path, nu: str, *overrides: str) -> Run:
         """Raises RunError for a run that is not ok."""
         options = ("--no-diagnostics",) if program == "massspring" else ()
         outcome = self.store.run(Point(program, scene, (f"material.nu={nu}", *overrides), options))
@@ -100,14 +100,14 @@ class Bench:
             raise RunError(": ".join(word for word in words if word))
         return load_run(outcome.folder)
 
-    def _elements(self, scene: Path, nu: str, refine: int) -> Run:
-        return self._run("fem_reference", scene, nu, f"reference.refine={refine}", _TOLERANCE)
+    def elements(self, scene: Path, nu: str, refine: int) -> Run:
+        return self.run("fem_reference", scene, nu, f"reference.refine={refine}", _TOLERANCE)
 
     def _yardsticks(self, scene: Path, case: Case) -> tuple[Run, Run]:
         """The finest, and the one before."""
-        runs = [self._elements(scene, case.nu, refine) for refine in (0, 1)]
+        runs = [self.elements(scene, case.nu, refine) for refine in (0, 1)]
         if case.kind == "held" and 8 * runs[-1].record["n_tetrahedra"] <= _MOST_TETRAHEDRA:
-            runs.append(self._elements(scene, case.nu, 2))
+            runs.append(self.elements(scene, case.nu, 2))
         return runs[-1], runs[-2]
 
     def scenes(self, case: Case) -> tuple[Path, Path | None]:
@@ -132,13 +132,13 @@ class Bench:
         """A row for each method. What fails is a row that says why."""
         scene, cut = self.scenes(case)
         runs: dict[str, Callable[[], Run]] = {
-            SPRINGS: lambda: self._run("massspring", scene, case.nu, f"network.calibration={SPRINGS}"),
-            UNCUT: lambda: self._run("massspring", scene, case.nu, f"network.calibration={SPRINGS}", _UNCUT),
-            LINEAR: lambda: self._run("massspring", scene, case.nu, f"network.calibration={LINEAR}"),
-            FEM_P2: lambda: self._elements(scene, case.nu, 0),
+            SPRINGS: lambda: self.run("massspring", scene, case.nu, f"network.calibration={SPRINGS}"),
+            UNCUT: lambda: self.run("massspring", scene, case.nu, f"network.calibration={SPRINGS}", _UNCUT),
+            LINEAR: lambda: self.run("massspring", scene, case.nu, f"network.calibration={LINEAR}"),
+            FEM_P2: lambda: self.elements(scene, case.nu, 0),
         }
         if cut:
-            runs[EQUAL] = lambda: self._run(
+            runs[EQUAL] = lambda: self.run(
                 "massspring", cut, case.nu, f"network.calibration={SPRINGS}", _UNCUT
             )
         row = _row_of(case.body, case.kind, case.load, case.nu)

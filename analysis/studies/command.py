@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ..paths import ROOT
 from ..runs import RunError
-from . import accuracy, cost, gallery, kernels, paper, scaling, stability, work_precision
+from . import accuracy, cost, estimate, gallery, kernels, paper, scaling, stability, work_precision
 from .result import Result, protocol_of, text_of, write
 
 
@@ -61,6 +61,11 @@ STUDIES = {
         accuracy.study,
         frozenset({"quick", "kept_back"}),
     ),
+    "estimate": Study(
+        "the springs' own estimates beside their errors, and nodes added for a target, on the same bodies: an hour",
+        estimate.study,
+        frozenset({"quick", "kept_back"}),
+    ),
 }
 
 
@@ -95,7 +100,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"for one timed run ({_TIME_LIMIT}); what takes longer is a row that says so",
     )
     parser.add_argument(
-        "--kept-back", action="store_true", help="accuracy: the bodies too that nothing was developed on"
+        "--kept-back",
+        action="store_true",
+        help="accuracy, estimate: the bodies too that nothing was developed on",
     )
     parser.add_argument(
         "--against", metavar="COMMIT", help="kernels: build this commit apart, and measure it in the same run"
