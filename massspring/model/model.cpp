@@ -168,7 +168,10 @@ void add_forces_at(const MassSpringModel&, const State& state, const Springs& of
 }
 void add_forces_at(const MassSpringModel& model, const State& state, const TetSprings& of,
                    Eigen::Matrix3Xd& f) {
-  add_forces(of, displacement(model, state), f, state.patch_scale);
+  if (state.u.size() > 0) return add_forces(of, state.u, f, state.patch_scale);
+  thread_local Eigen::Matrix3Xd u;  // kept, so that a step allocates nothing
+  u = state.x - model.network.X;
+  add_forces(of, u, f, state.patch_scale);
 }
 
 template <class Energy>
