@@ -106,7 +106,8 @@ void describe(V& v, SurfaceSource& s) {
   v("normalise", s.normalise, "scale so that the bounding box's smallest side is 1 m, centre at the origin");
   v("across", s.across, kNotNegative,
     "cut triangles in their planes until this many edges fit across the body; 0: none; not for networks of "
-    "springs");
+    "links, "
+    "as PCP makes");
 }
 
 template <class V>
