@@ -52,16 +52,6 @@ ErrorEstimate distance(const SurfaceMesh& surface, const Equilibrium& coarse, co
   return {norm(difference) / norm(deformation(fine.u.leftCols(n)).colwise().norm().transpose()), difference};
 }
 
-VectorXd longest_edges(const SurfaceMesh& surface) {
-  VectorXd longest(surface.F.cols());
-  for (Eigen::Index f = 0; f < longest.size(); ++f) {
-    const Matrix3d x = surface.X(Eigen::all, surface.F.col(f));
-    longest[f] =
-        std::max({(x.col(0) - x.col(1)).norm(), (x.col(1) - x.col(2)).norm(), (x.col(2) - x.col(0)).norm()});
-  }
-  return longest;
-}
-
 /// For each vertex of the surface, squared jumps of the displacement's gradient between the tetrahedra that are
 /// nearest to it and their nodes' averages, times volume [Zienkiewicz & Zhu 1987].
 VectorXd jumps(const SpringNetwork& network, const Matrix3Xd& u) {

@@ -10,7 +10,7 @@ namespace testbed::massspring {
 /// Of the surface's displacement at full load.
 struct ErrorEstimate {
   double error;               ///< relative, in the L2 norm
-  Eigen::VectorXd of_vertex;  ///< m
+  Eigen::VectorXd of_vertex;  ///< m, at the surface's vertices that the coarser network has, which come first
 };
 
 /// Of springs on a surface, by their distance to those on the same triangles cut in four, as if errors fell with

@@ -117,6 +117,16 @@ class Cutter {
 
 }  // namespace
 
+Eigen::VectorXd longest_edges(const SurfaceMesh& surface) {
+  Eigen::VectorXd longest(surface.F.cols());
+  for (Eigen::Index f = 0; f < longest.size(); ++f) {
+    const Eigen::Matrix3d x = surface.X(Eigen::all, surface.F.col(f));
+    longest[f] =
+        std::max({(x.col(0) - x.col(1)).norm(), (x.col(1) - x.col(2)).norm(), (x.col(2) - x.col(0)).norm()});
+  }
+  return longest;
+}
+
 Eigen::VectorXd edges_across(const SurfaceMesh& surface, double across) {
   constexpr double kPerBody = 6 / 1.3;  // edges along a cube of the body's volume
   constexpr double kOff = 1e-6;         // of an edge, from the triangle itself
@@ -124,13 +134,10 @@ Eigen::VectorXd edges_across(const SurfaceMesh& surface, double across) {
   const double largest = std::cbrt(volume(surface.X, surface.F)) / kPerBody;
   const SurfaceTree tree(surface);
   const Eigen::Matrix3Xd inward = -area_vectors(surface.X, surface.F).colwise().normalized();
-  Eigen::VectorXd longest(surface.F.cols());
+  Eigen::VectorXd longest = longest_edges(surface);
   for (Eigen::Index f = 0; f < longest.size(); ++f) {
-    const Eigen::Matrix3d corners = surface.X(Eigen::all, surface.F.col(f));
-    const Eigen::Vector3d centroid = corners.rowwise().mean();
-    const double edge =
-        std::max({(corners.col(0) - corners.col(1)).norm(), (corners.col(1) - corners.col(2)).norm(),
-                  (corners.col(2) - corners.col(0)).norm()});
+    const Eigen::Vector3d centroid = surface.X(Eigen::all, surface.F.col(f)).rowwise().mean();
+    const double edge = longest[f];
     const auto fits = [&](double h) {
       return !tree.crosses(centroid + kOff * edge * inward.col(f), centroid + across * h * inward.col(f));
     };

@@ -15,6 +15,9 @@ struct CutSurface {
 /// thin sheet would take them without end. 0 cuts none.
 CutSurface cut_across(const SurfaceMesh& surface, double across);
 
+/// Of each triangle (m).
+Eigen::VectorXd longest_edges(const SurfaceMesh& surface);
+
 /// Longest edge wanted of each triangle (m): that of which `across` fit through the body from its centroid
 /// inward, and no more than fit a body of this volume, however thick it is there.
 /// @param across  > 0
