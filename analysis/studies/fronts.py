@@ -192,8 +192,7 @@ def plot(scene: SceneStudy) -> str:
 
 def _seconds(m: Measurement, panel: int) -> list[float]:
     if panel == 2 and m.two_threads:
-        spent = m.two_threads.record["seconds"]
-        return [sum(spent.get(stage, 0) for stage in ("mesh", "setup", "assemble", "solve"))]
+        return [m.seconds_on_two_threads]
     return m.seconds(*(("solve",) if panel == 1 else ()))
 
 
@@ -225,20 +224,21 @@ CAPTION = (
 def table(scene: SceneStudy) -> Table:
     """Head and rows, every measurement of the scene."""
     head = [
-        "method", "vertices", "step (s)", "nodes", "runs", "error", "from", "to", "volume error", "of reference", "mesh (s)",
+        "method", "vertices", "step (s)", "target", "nodes", "runs", "error", "from", "to", "volume error", "of reference", "mesh (s)",
         "set-up (s)", "solve (s)", "whole (s)", "from (s)", "to (s)", "memory (MB)", "",
     ]  # fmt: skip
     rows = []
     for m in scene.measurements:
         words = dict(word.split("=") for word in scene.overrides(m.rung))
         step = significant(float(words["time.step"])) if "time.step" in words else "-"
-        where = [label_of(m.method.name), words["surface.n_vertices"], step]
+        target = percent(m.rung.target) if m.rung.target else "-"
+        where = [label_of(m.method.name), words["surface.n_vertices"], step, target]
         if not m.outcomes:
             rows.append([*where, *["-"] * 14, m.message])
             continue
         seconds, errors = m.seconds(), m.errors or [float("nan")]
         volume = percent(median(m.volume_errors) if m.volume_errors else None)
-        stages = [median(m.seconds(*s)) for s in (("mesh",), ("setup", "assemble"), ("solve",), ())]
+        stages = [median(m.seconds(*s)) for s in (("mesh",), ("adapt", "setup", "assemble"), ("solve",), ())]
         rows.append(
             [
                 *where, str(m.outcomes[0].record["n_nodes"]), str(len(m.outcomes)), percent(m.error), percent(min(errors)),

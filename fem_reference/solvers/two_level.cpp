@@ -18,6 +18,7 @@ constexpr int kMaxIterations = 2000;
 constexpr int kTurns = 20;
 constexpr double kNear = 1e-3;  // tolerance of the steps that end at an equilibrium
 constexpr double kRounding = 1e-5;
+constexpr double kLowest = 1e-4;  // residual that rounding may leave in single precision
 /// Of the diagonal, where rigid motions are free; the larger ones where a body out of balance would turn or
 /// buckle.
 constexpr double kShifts[] = {1e-8, 1e-4, 1e-2, 1};
@@ -195,7 +196,7 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
   PaddedField rest, solution;
   pad(r, 1 / size, rest);
   solution.setZero(4, rest.cols());
-  bool is_stopped = false;  // by a direction of no stiffness
+  bool is_stopped = false;  // by a direction of no stiffness, or by rounding: a factor would change nothing
   const auto iterate = [&](int max_iterations) {
     const Pass pass(*this, A, rigid);
     pass.remove_rigid(rest);
@@ -212,8 +213,9 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
           [&](const PaddedField& q, PaddedField& z) { pass.precondition(q, z); }, rest, 1, solution,
           tolerance, max_iterations - n);
       n += report.iterations;
-      is_stopped = report.curvature < 0;
-      if (!is_stopped || tolerance > kNear) break;
+      const bool is_indefinite = report.curvature < 0;
+      is_stopped = is_indefinite || (report.curvature > 0 && report.residual <= kLowest);
+      if (!is_indefinite || tolerance > kNear) break;
       // An equilibrium that would buckle is one as well: near it, along the soft motion too.
       advance(static_cast<float>(dot(rest, p) / dot(p, Ap)), p, Ap, solution, rest);
     }
