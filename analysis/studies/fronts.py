@@ -224,8 +224,8 @@ CAPTION = (
 def table(scene: SceneStudy) -> Table:
     """Head and rows, every measurement of the scene."""
     head = [
-        "method", "vertices", "step (s)", "target", "nodes", "runs", "error", "from", "to", "volume error", "of reference", "mesh (s)",
-        "set-up (s)", "solve (s)", "whole (s)", "from (s)", "to (s)", "memory (MB)", "",
+        "method", "vertices", "step (s)", "target", "nodes", "runs", "error", "from", "to", "volume error", "of reference",
+        "mesh (s)", "set-up (s)", "solve (s)", "whole (s)", "from (s)", "to (s)", "memory (MB)", "",
     ]  # fmt: skip
     rows = []
     for m in scene.measurements:

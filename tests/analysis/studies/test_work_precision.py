@@ -206,6 +206,46 @@ def test_references_of_large_strain_are_refined_while_they_have_a_sixth_of_the_t
         assert any(f"time.residual={residual}" in point.overrides for point in methods)
 
 
+def test_surfaces_whose_reference_would_be_too_large_are_not_raced(tmp_path):
+    for n_tetrahedra, n_springs in ((12_500, 1), (12_501, 0)):
+        (tmp_path / str(n_tetrahedra)).mkdir()
+        ladder = Ladder(tmp_path / str(n_tetrahedra), 0.032, n=n_tetrahedra)
+        study = study_over(ladder, f'{STATIC}[material]\nlaw = "neo_hookean"\n')
+        programs = {point.program for point in ladder.points}
+        assert programs == {"fem_reference", "massspring"} if n_springs else {"fem_reference"}
+        assert {m.is_good for m in study.measurements} == {bool(n_springs)}
+    assert {m.message for m in study.measurements} == {
+        "no reference: 100008 tetrahedra, expected 100000 at most"
+    }
+    assert len(ladder.points) == 1
+
+
+def test_adaptive_springs_have_a_rung_for_every_target(tmp_path):
+    (tmp_path / "scene.toml").write_text(STATIC)
+    study = SceneStudy(tmp_path / "scene.toml", QUICK, *[Ladder(tmp_path)] * 2)
+    key = "network.target_error="
+    asked = [
+        (m.method.name, m.rung.size, *(word for word in study.point(m, 0).overrides if word.startswith(key)))
+        for m in study.measurements
+    ]
+    adaptive = [row for row in asked if len(row) > 2]
+    assert {name for name, *_ in adaptive} == {"node_averaged, adaptive"}
+    assert {row[1:] for row in adaptive} == {
+        (size, f"{key}{target}") for size in QUICK.factors for target in (0.1, 0.05, 0.02, 0.01)
+    }
+    assert "node_averaged, adaptive" not in {row[0] for row in asked if len(row) == 2}
+
+
+def test_seconds_of_adaptive_springs_are_those_of_all_their_networks():
+    assert measurement(timed(mesh=1, adapt=10, setup=2, solve=3, estimate=100)).whole == 16
+
+
+def test_squashed_ball_is_pressed_by_a_tenth(tmp_path):
+    for name, changes in (("squash", 1), ("inflate", 0)):
+        study = SceneStudy(ROOT / "analysis" / "scenes" / f"{name}.toml", QUICK, *[Ladder(tmp_path)] * 2)
+        assert study.overrides(Rung(1)).count("supports.1.displacement=[0, -0.2, 0]") == changes
+
+
 def test_dynamic_reference_states_its_error_in_time_and_space(tmp_path):
     in_time, in_space = 0.016 / 0.1**2, 0.001
     ladder = Ladder(tmp_path, in_space, 8, in_time)
