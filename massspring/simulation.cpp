@@ -38,6 +38,15 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
     model.springs->damping = scene.network.spring_damping;
   }
   if (scene.skin) add_skin(*scene.skin, model);
+  if (!scene.seams.empty()) {
+    const auto stitches = discretise(scene, surface).stitches;
+    const auto m = static_cast<Eigen::Index>(stitches.size());
+    model.seams = Seams{Eigen::Matrix2Xi(2, m), Eigen::VectorXd(m)};
+    for (Eigen::Index s = 0; s < m; ++s) {
+      model.seams->E.col(s) << stitches[s].a, stitches[s].b;
+      model.seams->stiffness(s) = stitches[s].stiffness;
+    }
+  }
   if (scene.volume && scene.volume->local > 0) {
     model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
     for (Eigen::Index t = 0; t < network.T.cols(); ++t)

@@ -12,9 +12,10 @@ import numpy as np
 from PIL import Image
 
 from ..drawing.film import draw_film, draw_strip
+from ..drawing.warp import WARPS
 from ..points import Outcome, Point, Store, read_toml
 from ..report import Table
-from ..runs import Run, RunError, load_frames
+from ..runs import Array, Run, RunError, load_frames
 
 #: Form: the integrator, and the step over the scene's.
 FORMS = {
@@ -25,6 +26,7 @@ FORMS = {
 }
 _OURS = "ours"
 _SHOWN = tuple(FORMS)[::2]  # in strips
+_FRAMES = 20  # of a film, in each direction
 _FAR = 2.0  # diagonals of the body: a frame that moves farther shows nothing
 
 
@@ -56,6 +58,14 @@ def sound_part(run: Run) -> Run:
     return Run(run.folder, run.record, curves, run.times[:n], run.files[:n])
 
 
+def there_and_back(*runs: Run) -> Array:
+    """Times of a film of runs that may end early: forwards, then backwards by every warp of figure 10."""
+    first, last = max(run.times[0] for run in runs), min(run.times[-1] for run in runs)
+    shares = np.linspace(0, 1, _FRAMES)
+    parts = [shares, *(1 - warp(shares) for warp in WARPS.values())]
+    return np.asarray(first + (last - first) * np.concatenate(parts))
+
+
 def _row(scene: str, form: str, outcome: Outcome, run: Run | None) -> list[str]:
     record = outcome.record
     done = f"{record['n_steps_done']} of {record['n_steps']}" if "n_steps" in record else "-"
@@ -76,7 +86,7 @@ def _stacked(pictures: list[Path], file: Path) -> Path:
 
 
 def figure_11(scenes: list[Path], store: Store, folder: Path) -> tuple[dict[str, Path], Table]:
-    """Strips of our method above those as published, a film of both, and how each run ended."""
+    """Strips of our method above those as published, a film of both there and back, and how each run ended."""
     strips: dict[str, Path] = {}
     rows = []
     for scene in scenes:
@@ -96,9 +106,9 @@ def figure_11(scenes: list[Path], store: Store, folder: Path) -> tuple[dict[str,
         for picture, (form, run) in zip(pictures, shown.items(), strict=True):
             draw_strip(picture, {form: run})
         if {_OURS, _SHOWN[0]} <= shown.keys():
-            draw_film(
-                folder / f"{scene.stem}_published.gif", {form: shown[form] for form in (_OURS, _SHOWN[0])}
-            )
+            both = {form: shown[form] for form in (_OURS, _SHOWN[0])}
+            times = there_and_back(*both.values())
+            draw_film(folder / f"{scene.stem}_published.gif", both, seconds=8, times=times)
         if pictures:
             strips[scene.stem] = _stacked(pictures, folder / f"{scene.stem}_published.png")
     head = ["scene", "form", "status", "steps", "volume at the end", "linear iterations"]

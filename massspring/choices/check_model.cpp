@@ -98,7 +98,8 @@ const Reading kReadings[] = {
 }  // namespace
 
 bool may_estimate(const Scene& scene, const Calibration& calibration) {
-  return !is_dynamic(scene) && calibration.is_coupled && !has_links(scene, calibration);
+  return !is_dynamic(scene) && calibration.is_coupled && !has_links(scene, calibration) &&
+         scene.seams.empty();
 }
 
 std::vector<std::string> models_of(const Scene& scene) {

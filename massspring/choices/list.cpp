@@ -23,6 +23,7 @@ nlohmann::ordered_json list_choices() {
                        {"ends_where_it_solves", i.ends_where_it_solves}});
   Scene scene;  // with one of each table
   scene.supports.emplace_back();
+  scene.seams.emplace_back();
   scene.loads.emplace_back();
   scene.initial.emplace_back();
   scene.collapse.emplace().pivots.push_back({{0, 0, 0}, {}, 0, {}});

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "massspring/energies/bending.h"
+#include "massspring/energies/seams.h"
 #include "massspring/energies/springs.h"
 #include "massspring/energies/tet_springs.h"
 #include "massspring/energies/volume_force.h"
@@ -32,13 +33,15 @@ struct MassSpringModel {
   std::optional<TetSprings> tet_springs;    ///< springs coupled within tetrahedra
   std::optional<Bending> bending;           ///< of the skin
   std::optional<LocalVolume> local_volume;  ///< of every tetrahedron
+  std::optional<Seams> seams;               ///< between parts of the surface
   std::shared_ptr<const LinearElasticity> linear;  ///< small strain; absent: full geometry
 };
 
 /// The elastic energies that a model may have. Each has the verbs energy, add_forces, add_hessian and
 /// pairs_of, which is all that sums, matrices and their patterns are made of.
 inline constexpr std::tuple kElasticEnergies{&MassSpringModel::springs, &MassSpringModel::tet_springs,
-                                             &MassSpringModel::bending, &MassSpringModel::local_volume};
+                                             &MassSpringModel::bending, &MassSpringModel::local_volume,
+                                             &MassSpringModel::seams};
 
 /// Calls visit(energy) for each energy that the model has, in the order of the list.
 template <class Visit>

@@ -182,6 +182,7 @@ std::string unmodelled_part(const Scene& scene) {
   if (!frame_of(scene.supports))
     return "supports in directions neither parallel nor at right angles: the reference holds along three "
            "axes";
+  if (!scene.seams.empty()) return "seams: the reference ties nothing";
   if (scene.volume || scene.skin) return "volume or skin: the reference is the solid alone";
   if (scene.collapse)
     for (const Pivot& pivot : scene.collapse->pivots)

@@ -381,6 +381,7 @@ std::string large_strain_part(const Scene& scene) {
   if (!scene.obstacles.empty()) return "obstacles: bodies touch where they are, not where they were at rest";
   if (scene.self_contact.is_on) return "self_contact.on: a surface that touches itself has moved far";
   if (scene.skin) return "skin: it wrinkles, which turns it far";
+  if (!scene.seams.empty()) return "seams: they turn with the parts that they tie";
   if (scene.volume) return "volume: it acts on the surface where that is, not where it was at rest";
   for (const Load& load : scene.loads)
     if (load.is_follower)

@@ -77,6 +77,13 @@ struct Support {
   std::optional<double> end;                      ///< s; nothing is prescribed from here on
 };
 
+/// Stitches between two parts of the surface: each vertex of the first is tied to the nearest of the second
+/// [paper 3.2].
+struct Seam {
+  Region from, to;
+  double stiffness = 0;  ///< of a stitch, whose rest length is zero (N/m)
+};
+
 /// A term of a polynomial stress field: exponents i, j, k and the stress xx, yy, zz, yz, xz, xy (Pa) that
 /// x^i y^j z^k multiplies.
 using StressTerm = Eigen::Matrix<double, 9, 1>;
@@ -226,6 +233,7 @@ struct Scene {
   Material material;
   std::optional<Eigen::Vector3d> gravity;  ///< m/s2
   std::vector<Support> supports;
+  std::vector<Seam> seams;
   std::vector<Load> loads;
   std::vector<InitialMotion> initial;
   LoadScale load_scale;

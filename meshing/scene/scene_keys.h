@@ -120,10 +120,10 @@ void describe(V& v, Material& m) {
     "of the lowest vibration, over critical, by mass-proportional damping as well");
   v("stiffness_damping", m.stiffness_damping, kNotNegative,
     "stiffness-proportional damping (s), elements only");
-  v.choice(
-      "law", m.law,
-      "small_strain or neo_hookean, of both solvers; absent: neo_hookean with obstacles, self_contact, skin, "
-      "volume, a follower load, a collapse in time or the spin of a body without supports");
+  v.choice("law", m.law,
+           "small_strain or neo_hookean, of both solvers; absent: neo_hookean with obstacles, self_contact, "
+           "seams, "
+           "skin, volume, a follower load, a collapse in time or the spin of a body without supports");
 }
 
 template <class V>
@@ -140,6 +140,13 @@ void describe(V& v, Support& s) {
   v.check("motion", is_ascending(s.motion), "ascending times");
   v.check("motion", s.motion.empty() || s.displacement.isZero(0), "no displacement besides");
   v("end", s.end, kPositive, "s, of a dynamic scene: its nodes are free from then on");
+}
+
+template <class V>
+void describe(V& v, Seam& s) {
+  v.inline_table("from", s.from, "vertices that are tied");
+  v.inline_table("to", s.to, "each to the nearest of these");
+  v.required("stiffness", s.stiffness, kPositive, "of a stitch, whose rest length is zero (N/m)");
 }
 
 template <class V>
@@ -319,6 +326,7 @@ void describe(V& v, Scene& s) {
   v.table("surface", s.surface);
   v.table("material", s.material);
   v.list("supports", s.supports);
+  v.list("seams", s.seams);
   v.list("loads", s.loads);
   v.list("initial", s.initial);
   v.table("load_scale", s.load_scale);

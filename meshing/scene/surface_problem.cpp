@@ -6,20 +6,43 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "meshing/base/kd_tree.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::meshing {
 namespace {
 
-/// @param part  of the scene, whose region no such `piece` of the surface lies in
-[[noreturn]] void refuse_empty(const Scene& scene, const std::string& part, const std::string& piece,
+/// @param region  of the scene, which no such `piece` of the surface lies in
+[[noreturn]] void refuse_empty(const Scene& scene, const std::string& region, const std::string& piece,
                                const SurfaceMesh& surface) {
   std::ostringstream what;
-  const auto place = scene.places.find(part + ".region");
+  const auto place = scene.places.find(region);
   if (place != scene.places.end()) what << place->second << ": ";
-  what << part << ": no " << piece << " of the surface lies in its region; the body reaches from "
+  what << region << ": no " << piece << " of the surface lies there; the body reaches from "
        << surface.X.rowwise().minCoeff().transpose() << " to " << surface.X.rowwise().maxCoeff().transpose();
   throw std::runtime_error(what.str());
+}
+
+/// Each vertex of one region tied to the nearest of the other.
+void add_stitches(const Scene& scene, size_t k, const SurfaceMesh& surface,
+                  std::vector<SurfaceProblem::Stitch>& stitches) {
+  const auto& [from, to, stiffness] = scene.seams[k];
+  const std::string name = "seams." + std::to_string(k);
+  const std::vector<int> first = vertices_in(from, surface), second = vertices_in(to, surface);
+  if (first.empty()) refuse_empty(scene, name + ".from", "node", surface);
+  if (second.empty()) refuse_empty(scene, name + ".to", "node", surface);
+  const Eigen::Matrix3Xd ends = surface.X(Eigen::all, second);
+  const KdTree tree(ends);
+  for (const int a : first) {
+    const int b = second[tree.nearest(surface.X.col(a), 1)[0]];
+    if (a == b) {
+      std::ostringstream what;
+      what << name << ": from and to both hold the node at (" << surface.X.col(a).transpose()
+           << ") m, expected no node in common";
+      throw std::runtime_error(what.str());
+    }
+    stitches.push_back({a, b, stiffness});
+  }
 }
 
 }  // namespace
@@ -29,9 +52,10 @@ SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface) {
   for (size_t s = 0; s < scene.supports.size(); ++s) {
     const Support& support = scene.supports[s];
     std::vector<int> vertices = vertices_in(support.region, surface);
-    if (vertices.empty()) refuse_empty(scene, "supports." + std::to_string(s), "node", surface);
+    if (vertices.empty()) refuse_empty(scene, "supports." + std::to_string(s) + ".region", "node", surface);
     problem.held.push_back({std::move(vertices), support});
   }
+  for (size_t k = 0; k < scene.seams.size(); ++k) add_stitches(scene, k, surface, problem.stitches);
   const Eigen::Index n = surface.F.cols();
   problem.traction = Eigen::Matrix3Xd::Zero(3, n);
   problem.follower_pressure = Eigen::VectorXd::Zero(n);
@@ -41,7 +65,7 @@ SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface) {
     const Load& load = scene.loads[l];
     const std::vector<int> triangles = triangles_in(load.region, surface);
     const std::string name = "loads." + std::to_string(l);
-    if (triangles.empty()) refuse_empty(scene, name, "triangle", surface);
+    if (triangles.empty()) refuse_empty(scene, name + ".region", "triangle", surface);
     if (load.is_follower && !is_closed(surface.F(Eigen::all, triangles)))
       throw std::runtime_error(
           name + ".follower = true, expected a region that holds whole components of the surface");

@@ -13,6 +13,12 @@ struct SurfaceProblem {
     Support support;
   };
   std::vector<Held> held;
+  /// Vertices tied to each other, and by how stiff a stitch (N/m).
+  struct Stitch {
+    int a, b;
+    double stiffness;
+  };
+  std::vector<Stitch> stitches;
   Eigen::Matrix3Xd traction;  ///< dead, of pressure also, on each triangle at rest (Pa), 3 x m
   /// Further traction of triangles at rest: the sum of the stress's terms times the outward normal.
   struct Stressed {
@@ -24,9 +30,9 @@ struct SurfaceProblem {
       follower_pressure;  ///< on each deformed triangle (Pa), m; triangles of one value are closed
 };
 
-/// The scene's supports and loads on its surface.
-/// @throws std::runtime_error when a support or load meets no vertex or triangle, or a follower pressure a
-/// part of a component of the surface.
+/// The scene's supports, seams and loads on its surface.
+/// @throws std::runtime_error when a support, seam or load meets no vertex or triangle, a seam ties a vertex to
+/// itself, or a follower pressure acts on a part of a component of the surface.
 SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface);
 
 /// Displacement (m) that a support prescribes at a time (s), in static scenes at a load factor.

@@ -54,7 +54,10 @@ void step(benchmark::State& bench, const Table1& row, double E, const std::strin
   const Contacts floor = make_floor(model);
   State state = initial_state(model);
   constexpr double kTolerance = 1e-4, kFrame = 1. / 60;
-  const double h = find_integrator(integrator).is_explicit ? 0.5 * stable_step(model, forces, state) : kFrame;
+  // Explicit Euler gains energy in steps of any length, in short ones little while it is timed.
+  const double part = integrator == "explicit_euler" ? 0.01 : 0.5;
+  const double h =
+      find_integrator(integrator).is_explicit ? part * stable_step(model, forces, state) : kFrame;
   TimeStepper stepper(model, forces, integrator, 1, {kTolerance}, floor);
   for (int n = 0; n < kWarmUp; ++n) stepper.step(state, h);
   double linear_iterations = 0;
@@ -319,7 +322,8 @@ void coupled_step(benchmark::State& bench, const char* model_name) {
 
 int main(int argc, char** argv) {
   for (const Table1& row : kModels)
-    for (const char* integrator : {"symplectic_euler", "implicit_euler", "minimising_euler"})
+    for (const char* integrator :
+         {"explicit_euler", "symplectic_euler", "implicit_euler", "minimising_euler"})
       for (const double E : {kSoft, kStiff}) {
         if (find_integrator(integrator).is_explicit && E == kStiff) continue;  // the same work
         const std::string label =

@@ -3,6 +3,9 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <string>
 
 #include "massspring/simulation.h"
 #include "tests/meshing/box_tets.h"
@@ -208,6 +211,91 @@ TEST(Supports, RefuseToMoveANodeThatAnotherHoldsAlongOtherDirections) {
   }
   box.scene.supports[1].displacement.setZero();
   EXPECT_EQ(Simulation(box.scene, box.network).forces().constraints.at(0).S, Eigen::Matrix3d::Zero());
+}
+
+/// Bars of two cubes, one behind the other along x with a gap (m) in between; none: one bar of four.
+SpringNetwork bars(std::optional<double> gap) {
+  const TetMesh whole = box_tets(4, 1, 1, 0.25), half = box_tets(2, 1, 1, 0.25);
+  if (!gap) return {whole.X, whole.F, {}, whole.T, whole.n_surface};
+  const auto n = static_cast<int>(half.X.cols());
+  SpringNetwork both{Matrix3Xd(3, 2 * n),
+                     Eigen::Matrix3Xi(3, 2 * half.F.cols()),
+                     {},
+                     Eigen::Matrix4Xi(4, 2 * half.T.cols()),
+                     2 * n};
+  both.X << half.X, half.X.colwise() + Vector3d(0.5 + *gap, 0, 0);
+  both.F << half.F, (half.F.array() + n).matrix();
+  both.T << half.T, (half.T.array() + n).matrix();
+  return both;
+}
+
+/// Rolling on x = 0, y = 0 and z = 0, and pulled along x at its end.
+Scene pulled(double length) {
+  constexpr double kNear = 1e-3;  // m
+  Scene scene;
+  scene.material = {1e6, 0.3, 1000, 0};
+  scene.material.law = MaterialLaw::NeoHookean;
+  for (int c = 0; c < 3; ++c) {
+    Support roller;
+    roller.region.shape = HalfSpace{Vector3d::Constant(kNear), Vector3d::Unit(c)};
+    roller.fixed = {c == 0, c == 1, c == 2};
+    scene.supports.push_back(roller);
+  }
+  Load pull;
+  pull.region.shape = HalfSpace{Vector3d(length - kNear, 0, 0), Vector3d(-1, 0, 0)};
+  pull.traction = {1e5, 0, 0};
+  scene.loads = {pull};
+  scene.time.load_steps = 2;
+  return scene;
+}
+
+Matrix3Xd pulled_nodes(const Scene& scene, const SpringNetwork& network) {
+  Simulation simulation(scene, network);
+  while (!simulation.has_ended()) simulation.advance();
+  EXPECT_EQ(simulation.report().status, Status::Ok) << simulation.report().reason;
+  return simulation.state().x;
+}
+
+// Uniform stress passes a seam: its parts stretch as one bar does, and what is left of the gap carries the pull.
+TEST(Seams, CloseAGapAndPassStressOn) {
+  constexpr double kGap = 0.1, kStitch = 1e9, kPull = 1e5 * 0.25 * 0.25;
+  Scene sewn = pulled(1 + kGap);
+  sewn.seams = {{{Box{{0.5, -1, -1}, {0.5, 1, 1}}}, {Box{{0.6, -1, -1}, {0.6, 1, 1}}}, kStitch}};
+  const SpringNetwork parts = bars(kGap);
+  const Matrix3Xd x = pulled_nodes(sewn, parts);
+  const double end = pulled_nodes(pulled(1), bars({})).row(0).maxCoeff();
+  ASSERT_GT(end, 1.05);
+  EXPECT_NEAR(x.row(0).maxCoeff(), end, kPull / kStitch);
+  const Eigen::Index n = x.cols() / 2;
+  const auto pull = [&](Eigen::Index a) {
+    Eigen::Index b;
+    (parts.X.rightCols(n).colwise() - parts.X.col(a)).colwise().norm().minCoeff(&b);
+    return kStitch * (x(0, n + b) - x(0, a));
+  };
+  double force = 0;
+  for (Eigen::Index a = 0; a < n; ++a)
+    if (parts.X(0, a) == 0.5) force += pull(a);
+  EXPECT_NEAR(force, kPull, 1e-3 * kPull);
+}
+
+TEST(Seams, RefuseANodeTiedToItselfAndRegionsWithoutNodes) {
+  const SpringNetwork parts = bars(0.1);
+  const auto error_of = [&](double from, double to) -> std::string {
+    Scene scene = pulled(1.1);
+    scene.seams = {{{Box{{from, -1, -1}, {from, 1, 1}}}, {Box{{to, -1, -1}, {to, 1, 1}}}, 1}};
+    try {
+      Simulation(scene, parts).has_ended();
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(error_of(0.5, 0.6), "");
+  EXPECT_EQ(error_of(0.5, 0.5),
+            "seams.0: from and to both hold the node at (0.5   0   0) m, expected no node in common");
+  EXPECT_EQ(error_of(0.5, 7),
+            "seams.0.to: no node of the surface lies there; the body reaches from 0 0 0 to  1.1 0.25 0.25");
+  EXPECT_EQ(error_of(7, 0.5).substr(0, 12), "seams.0.from");
 }
 
 }  // namespace

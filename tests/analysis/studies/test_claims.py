@@ -44,6 +44,37 @@ def test_depletion_of_a_second_is_that_of_the_steps_in_it():
                 assert left == pytest.approx(1 - own["collapse"]["coefficient"], rel=1e-6)
 
 
+def test_film_goes_there_and_back_by_every_warp(ball, tmp_path):
+    """From the later start to the earlier end; the explosion has shown half of it after an eighth of its time."""
+    runs = []
+    for number, times in enumerate((np.linspace(0, 1, 5), np.linspace(0.5, 3, 5))):
+        write_run(tmp_path / str(number), *ball, lambda X: 0 * X, times, calibration="uniform")
+        runs.append(load_frames(tmp_path / str(number)))
+    forwards, constant, elastic, explode = np.split(published.there_and_back(*runs), 4)
+    assert forwards == pytest.approx(np.linspace(0.5, 1, len(forwards)))
+    assert constant == pytest.approx(forwards[::-1])
+    for back in (elastic, explode):
+        assert (back[0], back[-1]) == (1, 0.5) and (np.diff(back) < 0).all()
+    assert (elastic[1] > constant[1]) and (explode[len(explode) // 8 + 1] < 0.75)
+
+
+def test_far_side_answers_when_it_has_lost_a_tenth_of_its_speed(ball, tmp_path):
+    """A ball at 2 m/s stops as a whole at 0.1 s; another goes on, its nodes swinging to the left and right."""
+    X, F = ball
+    times = np.linspace(0, 0.2, 101)
+    side = np.where(np.arange(len(X) + 3) % 2, 0.5, -0.5)
+    fields = {
+        "stops": (lambda X: 0 * X + [0, 1, 0], lambda time: -2 * min(time, 0.1)),
+        "swings": (lambda X: 0 * X + [0, 1, 0] + side[: len(X), None] * [1, 0, 0], lambda time: -2 * time),
+    }
+    found = {}
+    for name, (field, amplitude) in fields.items():
+        write_run(tmp_path / name, X, F, field, times, amplitude, calibration="uniform")
+        found[name] = claims.answer_and_oscillation(load_run(tmp_path / name))
+    assert found["stops"] == pytest.approx((101, 0))
+    assert found["swings"] == pytest.approx((np.inf, np.var(side[: len(X)])))
+
+
 def test_frames_count_until_the_body_is_far_away(ball, tmp_path):
     """Moved by 0, 1.03, 2.07 and 3.1 of its diagonals; two are far."""
     size = np.linalg.norm(np.ptp(ball[0], axis=0))

@@ -99,6 +99,7 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
             "obstacles or self_contact");
   EXPECT_EQ(part_with(moving_ball(), [](Scene& s) { s.self_contact.is_on = true; }),
             "obstacles or self_contact");
+  EXPECT_EQ(part_with(ball(), [](Scene& s) { s.seams.emplace_back(); }), "seams");
   EXPECT_EQ(part_with(ball(), [](Scene& s) { s.volume.emplace(); }), "volume or skin");
   EXPECT_EQ(part_with(ball(), [](Scene& s) { s.skin.emplace(); }), "volume or skin");
   EXPECT_EQ(part_with(ball(), [](Scene& s) { s.collapse.emplace().pivots.emplace_back(); }), "");
@@ -152,10 +153,10 @@ TEST(CheckOnSurface, RefusesARegionThatHoldsNothingWithItsPlaceAndTheBodysBox) {
   Scene scene = ball();
   scene.supports.emplace_back().region.shape = Box{{90, 0, 0}, {99, 1, 1}};
   scene.places["supports.0.region"] = "a.toml:7";
-  expect_parts(refusal_on(scene, surface), {"a.toml:7: supports.0: no node", "from 0 0 0 to 3 2 1"});
+  expect_parts(refusal_on(scene, surface), {"a.toml:7: supports.0.region: no node", "from 0 0 0 to 3 2 1"});
   scene.supports.clear();
   scene.loads.emplace_back().region.shape = Ball{{9, 9, 9}, 1};
-  expect_parts(refusal_on(scene, surface), {"loads.0: no triangle"});
+  expect_parts(refusal_on(scene, surface), {"loads.0.region: no triangle"});
 }
 
 TEST(CheckOnSurface, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {

@@ -227,7 +227,8 @@ TEST(Scene, LawIsThatOfSmallStrainUnlessAPartGoesBeyondIt) {
   for (const std::string& part : std::vector<std::string>{
            "[[obstacles]]\nsphere = { center = [0, 9, 0], radius = 1 }\n" + moving,
            "[self_contact]\non = true\n" + moving, std::string("[skin]\nbending = 1\n"),
-           std::string("[volume]\n"), std::string("[[loads]]\npressure = 1\nfollower = true\n"),
+           std::string("[volume]\n"), std::string("[[seams]]\nstiffness = 1\n"),
+           std::string("[[loads]]\npressure = 1\nfollower = true\n"),
            "[collapse]\ncoefficient = 0.1\n" + moving, "[[initial]]\nspin = [1, 0, 0]\n" + moving}) {
     EXPECT_EQ(law(ball + part), MaterialLaw::NeoHookean) << part;
     const std::string refusal = error_of(ball + "[material]\nlaw = \"small_strain\"\n" + part);

@@ -1,0 +1,33 @@
+#include "massspring/energies/seams.h"
+
+namespace testbed::massspring {
+
+double energy(const Seams& seams, const Eigen::Matrix3Xd& x) {
+  double sum = 0;
+  for (Eigen::Index s = 0; s < seams.E.cols(); ++s)
+    sum += seams.stiffness(s) / 2 * (x.col(seams.E(0, s)) - x.col(seams.E(1, s))).squaredNorm();
+  return sum;
+}
+
+void add_forces(const Seams& seams, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) {
+  for (Eigen::Index s = 0; s < seams.E.cols(); ++s) {
+    const int a = seams.E(0, s), b = seams.E(1, s);
+    const Eigen::Vector3d pull = seams.stiffness(s) * (x.col(b) - x.col(a));
+    f.col(a) += pull;
+    f.col(b) -= pull;
+  }
+}
+
+void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, BlockMatrix& K) {
+  for (Eigen::Index s = 0; s < seams.E.cols(); ++s) {
+    const int a = seams.E(0, s), b = seams.E(1, s);
+    for (const int k : {K.diagonal[a], K.diagonal[b]}) K.block[k].diagonal().array() += seams.stiffness(s);
+    for (const int k : {K.find(a, b), K.find(b, a)}) K.block[k].diagonal().array() -= seams.stiffness(s);
+  }
+}
+
+Eigen::Matrix2Xi pairs_of(const Seams& seams) {
+  return seams.E;
+}
+
+}  // namespace testbed::massspring
