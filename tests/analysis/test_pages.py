@@ -81,7 +81,7 @@ def test_the_readme_is_short():
 
 @every_page
 def test_no_sentence_is_long(file):
-    assert [s for s in sentences(file.read_text()) if n_words(s) > 30] == []
+    assert [s for s in sentences(file.read_text()) if n_words(s) > 25] == []
 
 
 @every_page
