@@ -288,16 +288,18 @@ class SceneStudy:
                 m.message = str(known)
             else:
                 _, m.reference_error = known
-        slow: set[tuple[Method, float]] = set()
+        slow: dict[tuple[Method, float], int] = {}  # number of the rung that took too long
         n_draws = max(m.method.n_draws(self.effort) for m in self.measurements)
         for draw in range(n_draws):
             for number, m in enumerate(self.measurements, 1):
                 if draw >= m.method.n_draws(self.effort) or (m.message and not m.outcomes):
                     continue
-                if (m.method, m.rung.target) in slow:
+                if number > slow.get((m.method, m.rung.target), number):
                     m.message = "not tried: beyond the time limit on a coarser rung"
                     continue
-                self._draw(m, draw, slow)
+                self._draw(m, draw)
+                if m.message.startswith("time limit"):
+                    slow.setdefault((m.method, m.rung.target), number)
                 done = f"{self.name} [{draw + 1}/{n_draws}, {number}/{len(self.measurements)}]"
                 said = m.message or f"{m.outcomes[-1].wall:.2f} s"
                 say(f"{done} {m.method.name} x {m.rung.size:g}: {said}", is_quiet)
@@ -310,11 +312,9 @@ class SceneStudy:
         if not is_dynamic(self.scene):
             self._tighten(is_quiet)
 
-    def _draw(self, m: Measurement, draw: int, slow: set[tuple[Method, float]]) -> None:
+    def _draw(self, m: Measurement, draw: int) -> None:
         outcome = self.timed.run(self.point(m, draw))
         if outcome.status != "ok":
-            if outcome.status == "time limit":
-                slow.add((m.method, m.rung.target))
             m.message = f"{outcome.status}: {outcome.message}".removesuffix(": ")
             return
         m.outcomes.append(outcome)

@@ -398,6 +398,27 @@ def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
     assert all(len(row) == len(head) for row in rows)
 
 
+def test_rungs_coarser_than_a_slow_one_are_drawn_again(tmp_path):
+    class Slow(Ladder):
+        """Quadratic elements take too long on the finer of two surfaces."""
+
+        def run(self, point):
+            outcome = super().run(point)
+            is_slow = {"surface.n_vertices=1284", "reference.degree=2", "time.load_steps=1"} <= set(
+                point.overrides
+            )
+            return Outcome("time limit", "stopped", 9, 9, 0) if is_slow and not point.options else outcome
+
+    (tmp_path / "scene.toml").write_text(STATIC + '[material]\nlaw = "neo_hookean"\n')
+    ladder = Slow(tmp_path)
+    study = SceneStudy(tmp_path / "scene.toml", Effort((1, 2), (1,), (1,), (1, 1), 3, 0), ladder, ladder)
+    study.run(is_quiet=True)
+    found = {
+        m.rung.size: (len(m.outcomes), m.message) for m in study.measurements if m.method.name == "fem_p2"
+    }
+    assert found == {1: (3, ""), 2: (0, "time limit: stopped")}
+
+
 def test_time_limit_is_that_of_timed_runs_alone(tmp_path, monkeypatch):
     """References have half an hour."""
     ladders = {}
