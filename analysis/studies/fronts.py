@@ -166,15 +166,17 @@ def section(scene: SceneStudy) -> Section:
 
 
 def plot(scene: SceneStudy) -> str:
-    """Error over the seconds of the whole, over those of the solution alone, and over those of two threads."""
-    figure = Figure(figsize=(13, 5), layout="constrained")
-    axes: list[Axes] = list(figure.subplots(1, 3, sharey=True))
+    """Error over the seconds of the whole, over those of the solution alone, and over those of two threads where measured."""
     known = [m for m in scene.measurements if m.error is not None]
     band = max((m.reference_error or 0 for m in known), default=0)
-    titles = ("meshing, set-up and solution", "solution alone", "the whole on two threads")
+    titles = ["meshing, set-up and solution", "solution alone"]
+    if any(m.two_threads for m in known):
+        titles.append("the whole on two threads")
+    figure = Figure(figsize=(1 + 4 * len(titles), 5), layout="constrained")
+    axes: list[Axes] = list(figure.subplots(1, len(titles), sharey=True))
     for axis, title in zip(axes, titles, strict=True):
         for method in dict.fromkeys(m.method for m in known):
-            rungs = [m for m in known if m.method == method and (axis is not axes[2] or m.two_threads)]
+            rungs = [m for m in known if m.method == method and (axis not in axes[2:] or m.two_threads)]
             if rungs:
                 _draw(axis, rungs, [_seconds(m, axes.index(axis)) for m in rungs])
         axis.set_xscale("log")

@@ -20,12 +20,13 @@ strain, 1e-6 at large. A table tells how much a hundredth of these would change 
 Runs are timed one at a time, interleaved: every method once, then every method again. Seconds are meshing, set-up and
 solution. Each program makes its own tetrahedra, so nothing is shared. The start of a program, the writing of files and what
 the springs' program spends on diagnosing itself are left out. A run that waited for a core is repeated up to three times, then
-marked and left out of the seconds. The last panel has two threads.
+marked and left out of the seconds. The last panel has two threads, where the study may use two cores.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -304,7 +305,7 @@ class SceneStudy:
                 said = m.message or f"{m.outcomes[-1].wall:.2f} s"
                 say(f"{done} {m.method.name} x {m.rung.size:g}: {said}", is_quiet)
         for m in self.measurements:
-            if m.timed:
+            if m.timed and len(os.sched_getaffinity(0)) > 1:
                 two = self.timed.run(replace(self.point(m, 0, attempt=_ATTEMPTS), prefix=_TWO_THREADS))
                 m.two_threads = two if two.status == "ok" else None
             if m.outcomes:

@@ -398,6 +398,19 @@ def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
     assert all(len(row) == len(head) for row in rows)
 
 
+@pytest.mark.parametrize("cores, panels", [({0}, 2), ({0, 1}, 3)])
+def test_two_threads_are_timed_where_there_are_two_cores(cores, panels, tmp_path, monkeypatch):
+    monkeypatch.setattr(work_precision.os, "sched_getaffinity", lambda _: cores)
+    study = study_over(Ladder(tmp_path, 0.032), STATIC)
+    assert {m.two_threads is not None for m in study.measurements} == {panels == 3}
+    assert {point.prefix for point in study.timed.points} == {
+        (),
+        *([work_precision._TWO_THREADS] if panels == 3 else []),
+    }
+    svg = fronts.plot(study)
+    assert svg.count("seconds: ") == panels and ("on two threads" in svg) == (panels == 3)
+
+
 def test_rungs_coarser_than_a_slow_one_are_drawn_again(tmp_path):
     class Slow(Ladder):
         """Quadratic elements take too long on the finer of two surfaces."""
