@@ -133,7 +133,7 @@ def test_plot_has_bars_over_all_seeds(drawn):
     """Of runs of 2, 40 and 3 s, of which 1 s is not the solve, with errors of 20, 10 and 5 %."""
     runs = [timed(setup=1, solve=solve) for solve in (1, 39, 2)]
     rung = measurement(*runs, errors=[0.2, 0.1, 0.05], reference_error=0.06)
-    whole, solve, _ = drawn(fronts).plot(SimpleNamespace(name="", measurements=[rung])).axes
+    whole, solve = drawn(fronts).plot(SimpleNamespace(name="", measurements=[rung])).axes
     for axes, seconds in ((whole, (2, 3, 40)), (solve, (1, 2, 39))):
         across, up = (bars.get_segments()[0] for bars in axes.containers[0].lines[2])
         np.testing.assert_allclose(across, [[seconds[0], 10], [seconds[2], 10]])
