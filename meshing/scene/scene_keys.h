@@ -106,8 +106,7 @@ void describe(V& v, SurfaceSource& s) {
   v("normalise", s.normalise, "scale so that the bounding box's smallest side is 1 m, centre at the origin");
   v("across", s.across, kNotNegative,
     "cut triangles in their planes until this many edges fit across the body; 0: none; not for networks of "
-    "links, "
-    "as PCP makes");
+    "links, as PCP makes");
 }
 
 template <class V>
@@ -122,8 +121,7 @@ void describe(V& v, Material& m) {
     "stiffness-proportional damping (s), elements only");
   v.choice("law", m.law,
            "small_strain or neo_hookean, of both solvers; absent: neo_hookean with obstacles, self_contact, "
-           "seams, "
-           "skin, volume, a follower load, a collapse in time or the spin of a body without supports");
+           "seams, skin, volume, a follower load, a collapse in time or the spin of a body without supports");
 }
 
 template <class V>
