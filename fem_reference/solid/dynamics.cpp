@@ -1,6 +1,5 @@
 #include "fem_reference/solid/dynamics.h"
 
-#include <Eigen/CholmodSupport>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,32 +10,26 @@
 namespace testbed::fem {
 namespace {
 
+using meshing::SparseCholesky;
 using Sparse = Eigen::SparseMatrix<double>;
-using Cholesky = Eigen::CholmodSupernodalLLT<Sparse>;
-
-/// Whether A is positive definite.
-bool factorise(const Sparse& A, Cholesky& factor) {
-  factor.cholmod().print = 0;
-  factor.compute(A);
-  return factor.info() == Eigen::Success;
-}
 
 [[noreturn]] void refuse_indefinite() {
   throw std::runtime_error("the matrix is not positive definite, expected sound tetrahedra and mass");
 }
 
-/// Rows and columns `keep` of A.
+/// The lower triangle of rows and columns `keep` (ascending) of A.
 Sparse restricted(const Sparse& A, const std::vector<int>& keep) {
   std::vector<int> place(A.rows(), -1);
   for (size_t i = 0; i < keep.size(); ++i) place[keep[i]] = static_cast<int>(i);
-  std::vector<Eigen::Triplet<double>> entries;
-  for (int j = 0; j < A.outerSize(); ++j)
-    for (Sparse::InnerIterator entry(A, j); entry; ++entry)
-      if (place[entry.row()] >= 0 && place[j] >= 0)
-        entries.emplace_back(place[entry.row()], place[j], entry.value());
   const auto n = static_cast<Eigen::Index>(keep.size());
   Sparse part(n, n);
-  part.setFromTriplets(entries.begin(), entries.end());
+  part.reserve(A.nonZeros() / 2 + n);
+  for (int j = 0; j < n; ++j) {
+    part.startVec(j);
+    for (Sparse::InnerIterator entry(A, keep[j]); entry; ++entry)
+      if (place[entry.row()] >= j) part.insertBack(place[entry.row()], j) = entry.value();
+  }
+  part.finalize();
   return part;
 }
 
@@ -57,12 +50,12 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
   // Far below the first elastic eigenvalue, far above rounding.
   constexpr double kShift = 1e-8, kZero = 1e-12;
   const double highest = (K.diagonal().array() / M.diagonal().array()).maxCoeff();
-  Cholesky factor;
-  if (!factorise(K + kShift * highest * M, factor)) refuse_indefinite();
+  const SparseCholesky factor(K + kShift * highest * M);
+  if (!factor.is_ok()) refuse_indefinite();
   using Eigen::MatrixXd;
   const LowestModes found =
-      lowest_modes({[&](const MatrixXd& x) -> MatrixXd { return K * x; },
-                    [&](const MatrixXd& x) -> MatrixXd { return M * x; },
+      lowest_modes({[&](const MatrixXd& x) -> MatrixXd { return K.selfadjointView<Eigen::Lower>() * x; },
+                    [&](const MatrixXd& x) -> MatrixXd { return M.selfadjointView<Eigen::Lower>() * x; },
                     [&](const MatrixXd& x) -> MatrixXd { return factor.solve(x); }, K.rows(), kZero* highest},
                    n);
   Modes modes{found.eigenvalue.cwiseSqrt() / (2 * M_PI), MatrixXd::Zero(stiffness.rows(), found.shape.cols()),
@@ -71,12 +64,8 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
   return modes;
 }
 
-struct TimeIntegrator::Factor {
-  Cholesky cholesky;
-};
-
 TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme)
-    : Motion(std::move(system), h), scheme_(scheme), factor_(std::make_unique<Factor>()) {
+    : Motion(std::move(system), h), scheme_(scheme) {
   const auto n = system_.K.rows();
   find_free();
   restart(Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n));
@@ -84,15 +73,21 @@ TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& sche
 
 void TimeIntegrator::find_free() {
   free_ = all_but(system_.held, system_.K.rows());
+  factor_.reset();
   if (!factorise(system_.K)) refuse_indefinite();
 }
-
-TimeIntegrator::~TimeIntegrator() = default;
 
 Linearisation Motion::respond(const Eigen::VectorXd& u, bool with_tangent) const {
   if (system_.linearise) return system_.linearise(u, with_tangent);
   const Eigen::VectorXd force = system_.K * u;
   return {force, {}, u.dot(force) / 2};
+}
+
+Eigen::VectorXd Motion::force_of(const Eigen::VectorXd& u) const {
+  if (!system_.forces) return respond(u, false).force;
+  Eigen::Matrix3Xd force;
+  system_.forces(u, force);
+  return force.reshaped();
 }
 
 Motion::HeldState Motion::held_at(double t) const {
@@ -112,7 +107,14 @@ bool TimeIntegrator::factorise(const Sparse& tangent) {
              (1 - alpha_f) * beta * h_ * h_ * tangent;
   if (system_.stiffness_damping > 0) A += (1 - alpha_f) * gamma * h_ * system_.stiffness_damping * system_.K;
   ++n_factorisations_;
-  return fem::factorise(restricted(A, free_), factor_->cholesky);
+  const Sparse lower = restricted(A, free_);
+  if (factor_)
+    factor_->update(lower);
+  else
+    factor_.emplace(lower);
+  if (!factor_->is_ok()) return false;
+  if (system_.linearise) rounded_ = factor_->rounded();
+  return true;
 }
 
 void Motion::hold(const std::vector<int>& held, std::function<Eigen::VectorXd(double t)> motion) {
@@ -136,18 +138,32 @@ void TimeIntegrator::go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
   const HeldState held = start_at(u, v);
   a_ = Eigen::VectorXd::Zero(u.size());
   a_(system_.held) = held.a;
-  f_ = respond(u_, false).force;
-  Cholesky mass;
-  if (!fem::factorise(restricted(system_.M, free_), mass)) refuse_indefinite();
+  f_ = force_of(u_);
+  const SparseCholesky mass(restricted(system_.M, free_));
+  if (!mass.is_ok()) refuse_indefinite();
   const Eigen::VectorXd residual = system_.load - system_.M * (a_ + system_.damping * v_).eval() - f_ -
                                    system_.stiffness_damping * (system_.K * v_);
   a_(free_) = mass.solve(residual(free_).eval()).eval();
 }
 
+/// What the factor in single precision makes of r.
+Eigen::VectorXd TimeIntegrator::solve_rounded(const Eigen::VectorXd& r) const {
+  const Eigen::Index n = r.size(), n_columns = (n + 2) / 3;
+  const double size = r.norm();
+  Eigen::Matrix3Xd field = Eigen::Matrix3Xd::Zero(3, n_columns);
+  field.reshaped().head(n) = r;
+  meshing::PaddedField padded, solution;
+  meshing::pad(field, size > 0 ? 1 / size : 1, padded);
+  rounded_.solve(padded, solution);
+  field.setZero();
+  meshing::add_unpadded(solution, size, field);
+  return field.reshaped().head(n);
+}
+
 bool TimeIntegrator::step() {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
   const bool is_linear = !system_.linearise;
-  constexpr double kTolerance = 1e-9, kRounding = 1e-6, kSlow = 0.1;
+  constexpr double kTolerance = 1e-9, kRounding = 1e-6, kSlow = 0.3;
   constexpr int kMaxIterations = 50;
   const HeldState held = held_at(t() + h_);
   // Free unknowns that stay where they are strain the body no more than it is.
@@ -167,32 +183,33 @@ bool TimeIntegrator::step() {
   if (is_linear) {
     const Eigen::VectorXd residual =
         system_.load - inertia() -
-        system_.K * ((1 - alpha_f) * u + alpha_f * u_ + system_.stiffness_damping * velocity).eval();
-    a(free_) += factor_->cholesky.solve(residual(free_).eval());
+        force_of((1 - alpha_f) * u + alpha_f * u_ + system_.stiffness_damping * velocity);
+    a(free_) += factor_->solve(residual(free_).eval());
     follow();
   }
   bool is_new = false;
   double before = std::numeric_limits<double>::infinity();
   for (int iteration = 0; !is_linear; ++iteration, ++n_newton_iterations_, follow()) {
     if (iteration == kMaxIterations) return false;
-    Linearisation response = respond(u, false);
-    if (!std::isfinite(response.energy)) {
+    Eigen::VectorXd f = force_of(u);
+    const double f_size = f.norm();
+    if (!std::isfinite(f_size)) {
       a = ((a + sound) / 2).eval();
       continue;
     }
-    sound = a;
-    const Eigen::VectorXd M_a = inertia(), residual = (system_.load - M_a - (1 - alpha_f) * response.force -
+    const Eigen::VectorXd M_a = inertia(), residual = (system_.load - M_a - (1 - alpha_f) * f -
                                                        alpha_f * f_)(free_);
-    const double size = system_.load.norm() + M_a.norm() + response.force.norm(), error = residual.norm();
+    const double size = system_.load.norm() + M_a.norm() + f_size, error = residual.norm();
     const bool is_slow = error > kSlow * before;
     if (error <= kTolerance * size || (is_new && is_slow && error <= kRounding * size)) {
-      f_ = std::move(response.force);
+      f_ = std::move(f);
       break;
     }
+    sound = a;
     is_new = is_slow;
     if (is_new && !factorise(respond(u, true).tangent)) return false;
     before = error;
-    a(free_) += factor_->cholesky.solve(residual);
+    a(free_) += solve_rounded(residual);
   }
   u_.swap(u);
   v_.swap(v);

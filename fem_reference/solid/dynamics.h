@@ -4,10 +4,11 @@
 #include <Eigen/Core>
 #include <Eigen/SparseCore>
 #include <functional>
-#include <memory>
+#include <optional>
 #include <vector>
 
 #include "fem_reference/solid/elasticity.h"
+#include "meshing/algebra/cholesky.h"
 
 namespace testbed::fem {
 
@@ -48,7 +49,7 @@ struct Dynamics {
   std::function<Eigen::VectorXd(double t)> held_motion;
   /// f and its tangent (if asked for) at finite strain; empty: K u.
   std::function<Linearisation(const Eigen::VectorXd& u, bool with_tangent)> linearise;
-  /// The same f alone, which explicit steps ask for; empty: from the others.
+  /// The same f alone, not finite where its energy is not; empty: from the others.
   std::function<void(const Eigen::VectorXd& u, Eigen::Matrix3Xd& force)> forces = {};
 };
 
@@ -83,6 +84,8 @@ class Motion {
   /// Takes over where a motion starts, but for what is held, whose state it returns.
   HeldState start_at(const Eigen::VectorXd& u, const Eigen::VectorXd& v);
   Linearisation respond(const Eigen::VectorXd& u, bool with_tangent) const;
+  /// f(u), not finite where the energy is not.
+  Eigen::VectorXd force_of(const Eigen::VectorXd& u) const;
   /// Takes over what is held.
   virtual void find_free() = 0;
   /// From a displacement and a velocity at t().
@@ -95,11 +98,10 @@ class Motion {
 };
 
 /// The generalised-alpha method. Each step is solved by sparse Cholesky: with one factor where f is linear,
-/// else by Newton's method, whose factor is renewed where it converges slowly.
+/// else by Newton's method with a factor in single precision, renewed where iterations converge slowly.
 class TimeIntegrator : public Motion {
  public:
   TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme);
-  ~TimeIntegrator() override;
 
   bool step() override;
 
@@ -107,12 +109,13 @@ class TimeIntegrator : public Motion {
   void find_free() override;
   void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
   bool factorise(const Eigen::SparseMatrix<double>& tangent);
+  Eigen::VectorXd solve_rounded(const Eigen::VectorXd& r) const;
 
   TimeScheme scheme_;
   Eigen::VectorXd a_, f_;  // f_: f(u_)
   std::vector<int> free_;
-  struct Factor;
-  std::unique_ptr<Factor> factor_;
+  std::optional<meshing::SparseCholesky> factor_;
+  meshing::RoundedFactor rounded_;  // at finite strain
 };
 
 }  // namespace testbed::fem

@@ -88,10 +88,10 @@ void Simulation::set_in_motion() {
   n_steps_ = meshing::n_steps(time, step_);
   timer_.start("solve");
   const std::optional<double> radius = scene_.reference.spectral_radius;
+  system.forces = [this](const Eigen::VectorXd& u, Eigen::Matrix3Xd& force) {
+    solid_.find_forces(u.reshaped(3, solid_.X().cols()), 1, force);
+  };
   if (is_explicit()) {
-    system.forces = [this](const Eigen::VectorXd& u, Eigen::Matrix3Xd& force) {
-      solid_.find_forces(u.reshaped(3, solid_.X().cols()), 1, force);
-    };
     motion_ = std::make_unique<CentralDifferences>(std::move(system), step_);
   } else {
     motion_ = std::make_unique<TimeIntegrator>(std::move(system), step_,

@@ -4,7 +4,6 @@
 #include <omp.h>
 
 #include <Eigen/CholmodSupport>
-#include <Eigen/SparseCore>
 #include <algorithm>
 
 namespace testbed::meshing {
@@ -42,63 +41,42 @@ double n_factor_entries(const BlockMatrix& A) {
   return 9 * n_blocks;
 }
 
-struct BlockCholesky::Factor {
-  Eigen::SparseMatrix<double> lower;
+struct SparseCholesky::Factor {
   Supernodal llt;
 };
 
-BlockCholesky::BlockCholesky(const BlockMatrix& A) : factor_(std::make_unique<Factor>()) {
-  Eigen::SparseMatrix<double>& lower = factor_->lower;
-  lower.resize(3 * A.rows(), 3 * A.rows());
-  std::vector<int> n_per_column(3 * A.rows());
-  for (int i = 0; i < A.rows(); ++i)
-    for (int c = 0; c < 3; ++c) n_per_column[3 * i + c] = 3 * (A.row_start[i + 1] - A.diagonal[i]) - c;
-  lower.reserve(n_per_column);
-  for (int i = 0; i < A.rows(); ++i)
-    for (int c = 0; c < 3; ++c)
-      for (int k = A.diagonal[i]; k < A.row_start[i + 1]; ++k)
-        for (int r = A.column[k] == i ? c : 0; r < 3; ++r) lower.insert(3 * A.column[k] + r, 3 * i + c) = 0;
-  lower.makeCompressed();
+SparseCholesky::SparseCholesky(const Eigen::SparseMatrix<double>& A) : factor_(std::make_unique<Factor>()) {
   // On two threads BLAS sums in another order: other bits, and seconds that are no longer those of one.
   // Looked up by name: other BLAS libraries lack it, and not every linker keeps a weak reference.
   if (void* const set_n_threads = dlsym(RTLD_DEFAULT, "openblas_set_num_threads"))
     reinterpret_cast<void (*)(int)>(set_n_threads)(1);
   factor_->llt.cholmod().print = 0;
-  factor_->llt.analyzePattern(lower);
+  factor_->llt.analyzePattern(A);
   update(A);
 }
 
-void BlockCholesky::update(const BlockMatrix& A) {
-  // Column 3 i + c of the lower triangle is row 3 i + c of the upper one: blocks j >= i of block row i.
-  double* value = factor_->lower.valuePtr();
-  for (int i = 0; i < A.rows(); ++i)
-    for (int c = 0; c < 3; ++c)
-      for (int k = A.diagonal[i]; k < A.row_start[i + 1]; ++k)
-        for (int r = A.column[k] == i ? c : 0; r < 3; ++r) *value++ = A.block[k](c, r);
+SparseCholesky::~SparseCholesky() = default;
+SparseCholesky::SparseCholesky(SparseCholesky&&) noexcept = default;
+SparseCholesky& SparseCholesky::operator=(SparseCholesky&&) noexcept = default;
+
+void SparseCholesky::update(const Eigen::SparseMatrix<double>& A) {
   // CHOLMOD asks for four threads in its small loops whatever the machine and OMP_NUM_THREADS say; waiting
   // for each other they make a factorisation up to four times as long.
   const int levels = omp_get_max_active_levels();
   omp_set_max_active_levels(0);
-  factor_->llt.factorize(factor_->lower);
+  factor_->llt.factorize(A);
   omp_set_max_active_levels(levels);
 }
 
-BlockCholesky::~BlockCholesky() = default;
-
-bool BlockCholesky::is_ok() const {
+bool SparseCholesky::is_ok() const {
   return factor_->llt.info() == Eigen::Success;
 }
 
-void BlockCholesky::solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const {
-  const Eigen::VectorXd solution = factor_->llt.solve(Eigen::Map<const Eigen::VectorXd>(b.data(), b.size()));
-  x = Eigen::Map<const Eigen::Matrix3Xd>(solution.data(), 3, b.cols());
-}
-
-Eigen::MatrixXd BlockCholesky::solve_columns(const Eigen::MatrixXd& b) const {
+Eigen::MatrixXd SparseCholesky::solve(const Eigen::MatrixXd& b) const {
   return factor_->llt.solve(b);
 }
 
-RoundedFactor BlockCholesky::rounded() const {
+RoundedFactor SparseCholesky::rounded() const {
   const cholmod_factor& L = factor_->llt.factor();
   const auto* first = static_cast<const int*>(L.super);
   const auto* begin = static_cast<const int*>(L.pi);
@@ -129,6 +107,51 @@ RoundedFactor BlockCholesky::rounded() const {
   for (std::size_t k = 0; k < L.n; ++k)
     result.unknown.push_back(4 * (permutation[k] / 3) + permutation[k] % 3);
   return result;
+}
+
+namespace {
+
+/// The lower triangle, of zeros.
+Eigen::SparseMatrix<double> lower_pattern(const BlockMatrix& A) {
+  Eigen::SparseMatrix<double> lower(3 * A.rows(), 3 * A.rows());
+  std::vector<int> n_per_column(3 * A.rows());
+  for (int i = 0; i < A.rows(); ++i)
+    for (int c = 0; c < 3; ++c) n_per_column[3 * i + c] = 3 * (A.row_start[i + 1] - A.diagonal[i]) - c;
+  lower.reserve(n_per_column);
+  for (int i = 0; i < A.rows(); ++i)
+    for (int c = 0; c < 3; ++c)
+      for (int k = A.diagonal[i]; k < A.row_start[i + 1]; ++k)
+        for (int r = A.column[k] == i ? c : 0; r < 3; ++r) lower.insert(3 * A.column[k] + r, 3 * i + c) = 0;
+  lower.makeCompressed();
+  return lower;
+}
+
+/// Values of the lower triangle.
+void fill(const BlockMatrix& A, Eigen::SparseMatrix<double>& lower) {
+  // Column 3 i + c of the lower triangle is row 3 i + c of the upper one: blocks j >= i of block row i.
+  double* value = lower.valuePtr();
+  for (int i = 0; i < A.rows(); ++i)
+    for (int c = 0; c < 3; ++c)
+      for (int k = A.diagonal[i]; k < A.row_start[i + 1]; ++k)
+        for (int r = A.column[k] == i ? c : 0; r < 3; ++r) *value++ = A.block[k](c, r);
+}
+
+}  // namespace
+
+BlockCholesky::BlockCholesky(const BlockMatrix& A) : lower_(lower_pattern(A)) {
+  update(A);
+}
+
+void BlockCholesky::update(const BlockMatrix& A) {
+  fill(A, lower_);
+  if (factor_)
+    factor_->update(lower_);
+  else
+    factor_.emplace(lower_);
+}
+
+void BlockCholesky::solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const {
+  x = factor_->solve(b.reshaped()).reshaped(3, b.cols());
 }
 
 }  // namespace testbed::meshing

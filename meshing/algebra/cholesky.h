@@ -1,7 +1,9 @@
 // Sparse Cholesky factorisation of a block matrix.
 #pragma once
 
+#include <Eigen/SparseCore>
 #include <memory>
+#include <optional>
 
 #include "meshing/algebra/block_matrix.h"
 #include "meshing/algebra/rounded_factor.h"
@@ -11,27 +13,46 @@ namespace testbed::meshing {
 /// Entries that the factor of a matrix would have, whose order cuts fill.
 double n_factor_entries(const BlockMatrix& A);
 
-/// Supernodal Cholesky factor (CHOLMOD) of a symmetric positive definite block matrix.
-class BlockCholesky {
+/// Supernodal Cholesky factor (CHOLMOD) of a symmetric positive definite matrix, whose lower triangle is read.
+class SparseCholesky {
  public:
-  explicit BlockCholesky(const BlockMatrix& A);
-  ~BlockCholesky();
+  explicit SparseCholesky(const Eigen::SparseMatrix<double>& A);
+  ~SparseCholesky();
+  SparseCholesky(SparseCholesky&&) noexcept;
+  SparseCholesky& operator=(SparseCholesky&&) noexcept;
 
   /// Factorises another matrix of the same pattern, whose analysis is kept.
-  void update(const BlockMatrix& A);
+  void update(const Eigen::SparseMatrix<double>& A);
 
   /// False when the matrix was not positive definite: then solve may not be called.
   bool is_ok() const;
-  /// x = A^-1 b, 3 x n.
-  void solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const;
-  /// A^-1 b for many columns at once, b of 3n x m. The factor is read once for all, not once for each.
-  Eigen::MatrixXd solve_columns(const Eigen::MatrixXd& b) const;
-  /// The factor in single precision, which takes a third of the time of solve. Under the same condition.
+  /// A^-1 b of one or many columns. The factor is read once for all, not once for each.
+  Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
+  /// The factor in single precision, which takes a third of the time of solve. Under the same condition. Three
+  /// unknowns share a column of the fields that it solves for.
   RoundedFactor rounded() const;
 
  private:
   struct Factor;
   std::unique_ptr<Factor> factor_;
+};
+
+/// The same of a block matrix.
+class BlockCholesky {
+ public:
+  explicit BlockCholesky(const BlockMatrix& A);
+
+  void update(const BlockMatrix& A);
+  bool is_ok() const { return factor_->is_ok(); }
+  /// x = A^-1 b, 3 x n.
+  void solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const;
+  /// A^-1 b for many columns at once, b of 3n x m.
+  Eigen::MatrixXd solve_columns(const Eigen::MatrixXd& b) const { return factor_->solve(b); }
+  RoundedFactor rounded() const { return factor_->rounded(); }
+
+ private:
+  Eigen::SparseMatrix<double> lower_;
+  std::optional<SparseCholesky> factor_;
 };
 
 }  // namespace testbed::meshing
