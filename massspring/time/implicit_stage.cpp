@@ -33,10 +33,16 @@ void bend(const SmallRotation& turn, double step, const Matrix3Xd& before, Matri
 ImplicitStage::ImplicitStage(Motion& motion, bool keeps_step)
     : motion_(motion),
       A_(motion),
+      kept_(motion, keeps_step),
       size_(
           (motion.model.network.X.rowwise().maxCoeff() - motion.model.network.X.rowwise().minCoeff()).norm()),
       energy_scale_(motion.model.material.E * volume(motion.model.network.X, motion.model.network.F)) {
   if (is_linear(motion)) constant_.emplace(motion, A_, solver_, keeps_step);
+}
+
+std::string ImplicitStage::solver_choice() const {
+  if (constant_) return constant_->choice();
+  return kept_.is_in_use() ? "Cholesky factor, kept while Newton's method converges fast" : solver_.choice();
 }
 
 /// Negative gradient of the sum.
@@ -96,19 +102,23 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     return sum;
   };
   objective.negative_gradient = [&](Matrix3Xd& r) { r = unbalanced(start, trial, a, w); };
+  const ImplicitMatrix::Factors factors{(1 / a + mass_damping) / a, 1, 1 / a};
+  const auto set = [&](Curvature curvature) { A_.set(trial, start.x, factors, curvature); };
+  kept_.begin();
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
     if (first == 0) first = r.norm();
     const double tolerance = std::clamp(r.norm() / first, kTightest, kLoosest);
     SolveReport linear;
     // The exact Hessian converges quadratically; where it is indefinite, conjugate gradients notice and stop.
-    bool is_exact = false;
+    bool is_exact = true, is_solved = kept_.solve(r, factors, set, A_, dx);
     for (Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
-      A_.set(trial, start.x, {(1 / a + mass_damping) / a, 1, 1 / a}, curvature);
+      if (is_solved) break;
+      set(curvature);
       dx = Matrix3Xd::Zero(3, r.cols());
       linear = solver_.solve(A_.system(), r, dx, tolerance);
       report.linear_iterations += linear.iterations;
       is_exact = curvature == Curvature::Exact;
-      if (linear.is_converged) break;
+      is_solved = linear.is_converged;
     }
     report.residual = linear.residual;
     if (is_free) turn = best_rotation(dx, before.x, model.mass);

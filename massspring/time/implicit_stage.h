@@ -2,17 +2,18 @@
 #pragma once
 
 #include "massspring/time/constant_matrix.h"
+#include "massspring/time/kept_factor.h"
 
 namespace testbed::massspring {
 
 /// Solves v = w + a M^-1 f(x, v), x = y + a v on the free directions as the minimum over x [(24)] of
 ///   1/(2 a^2) |x - y - a w|_M^2 + potential(x) + a R((x - y)/a),
 /// R the power that damping takes, springs damped along their directions at the start [Martin et al. 2011].
-/// Newton's method solves its linear systems no better than it needs, and lowers the sum in every iteration.
-/// Where forces are linear, one system with a constant matrix gives it.
+/// Newton's method lowers the sum in every iteration, by a factor that it keeps or else by systems solved no
+/// better than it needs. Where forces are linear, one system with a constant matrix gives it.
 class ImplicitStage {
  public:
-  /// Of Newton's last step, over the body's size: its error is far less.
+  /// Of Newton's last step, over the body's size: its error is less.
   static constexpr double kStepTolerance = 1e-9;
 
   /// @param keeps_step  steps have one length
@@ -22,7 +23,7 @@ class ImplicitStage {
   StepReport solve(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
                    Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
-  const std::string& solver_choice() const { return constant_ ? constant_->choice() : solver_.choice(); }
+  std::string solver_choice() const;
 
  private:
   Eigen::Matrix3Xd unbalanced(const State& start, const State& trial, double a,
@@ -33,6 +34,7 @@ class ImplicitStage {
   Motion& motion_;
   ImplicitMatrix A_;
   LinearSolver solver_;
+  KeptFactor kept_;
   std::optional<ConstantMatrix> constant_;  ///< of a linear motion
   double size_;                             ///< diagonal of the body's box at rest (m)
   double energy_scale_;                     ///< E times volume (J)
