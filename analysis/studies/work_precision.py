@@ -26,6 +26,7 @@ marked and left out of the seconds. The last panel has two threads, where the st
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import tomllib
 from dataclasses import dataclass, field, replace
@@ -55,6 +56,7 @@ _RESIDUAL = {True: 1e-4, False: 1e-6}  # of statics, by whether they are linear,
 _TIGHTER = 1e-2
 _TARGETS = (0.1, 0.05, 0.02, 0.01)  # errors for which adaptive springs add nodes
 _REFERENCE_LIMIT = 1800  # s
+_SLOWEST, _FASTEST = 1.3, 8  # ratio of the changes of two refinements, as in fem_reference/solid/richardson.cpp
 _MOST_AT_LARGE_STRAIN = 100_000  # tetrahedra of a reference
 _STAGES = ("mesh", "adapt", "setup", "assemble", "solve")  # of a method's own seconds
 _ATTEMPTS = 3
@@ -83,7 +85,7 @@ class Effort:
     seeds: tuple[int, int]  #: of networks and of coupled springs
     repetitions: int  #: of elements
     reference_tetrahedra: (
-        int  #: of a reference that is refined twice; motion and large strain each allow a sixth
+        int  #: of a reference that is refined twice; motion and large strain allow a sixth
     )
 
 
@@ -383,7 +385,8 @@ class SceneStudy:
 
     def _refinements(self, plain: Outcome) -> int:
         limit = self.effort.reference_tetrahedra
-        limit //= 6 ** (is_dynamic(self.scene) + (not is_linear(self.scene)))
+        if is_dynamic(self.scene) or not is_linear(self.scene):
+            limit //= 6
         n_tetrahedra = plain.record["n_tetrahedra"]
         if not is_linear(self.scene) and 8 * n_tetrahedra > _MOST_AT_LARGE_STRAIN:
             raise RunError(
@@ -406,17 +409,26 @@ class SceneStudy:
         return fine, study["estimated_error_l2_finest"] / study["error_ratio"] ** (n - 1)
 
     def _dynamic_reference(self, size: float) -> tuple[Outcome, float]:
-        """Refined in space and time; its error is what halving the step again (of second order) and refining changed."""
+        """Refined in space and time; its error is that of halving the step, of second order, and of refining."""
         shortest = min(self.effort.steps)
 
         def run(step: float, *more: str) -> Outcome:
             return self._run_reference(*self.overrides(Rung(size, step)), "reference.degree=2", *more)
 
+        def change(a: Outcome, b: Outcome) -> float:
+            return trajectory_error(load_run(a.folder), load_run(b.folder)).l2
+
         in_time, coarse = run(shortest / 4), run(shortest / 2)
-        refine = f"reference.refine={self._refinements(coarse)}"
-        fine = run(shortest / 4, refine)
-        error_in_time = trajectory_error(load_run(coarse.folder), load_run(in_time.folder)).l2 / 3
-        return fine, error_in_time + trajectory_error(load_run(in_time.folder), load_run(fine.folder)).l2
+        levels = [in_time]
+        for n in range(1, self._refinements(coarse) + 1):
+            levels.append(run(shortest / 4, f"reference.refine={n}"))
+        changes = [change(a, b) for a, b in itertools.pairwise(levels)]
+        ratio = changes[-2] / changes[-1] if len(changes) > 1 else 2  # one refinement: cautiously
+        if ratio < _SLOWEST:
+            raise RunError(
+                f"no reference: its refinements are not converging, each to 1 / {ratio:.2g} of the last, expected 1 / {_SLOWEST}"
+            )
+        return levels[-1], change(coarse, in_time) / 3 + changes[-1] / (min(ratio, _FASTEST) - 1)
 
 
 def study(arguments: argparse.Namespace, folder: Path) -> Result:

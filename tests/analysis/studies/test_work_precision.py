@@ -246,21 +246,31 @@ def test_squashed_ball_is_pressed_by_a_tenth(tmp_path):
         assert study.overrides(Rung(1)).count("supports.1.displacement=[0, -0.2, 0]") == changes
 
 
-def test_dynamic_reference_states_its_error_in_time_and_space(tmp_path):
+@pytest.mark.parametrize("ratio", [4, 8])
+@pytest.mark.parametrize("reference_tetrahedra, refinements", [(6 * 6400, 2), (6 * 6400 - 1, 1)])
+def test_dynamic_reference_states_its_error_in_time_and_space(
+    reference_tetrahedra, refinements, ratio, tmp_path
+):
     in_time, in_space = 0.016 / 0.1**2, 0.001
-    ladder = Ladder(tmp_path, in_space, 8, in_time)
-    study = study_over(ladder, DYNAMIC)
-    # The ladder's shortest step is 0.1 s, the reference's a quarter. Space: what a refinement changes.
-    error = 0.016 / 4**2 + in_space * (1 - 1 / 8)
+    study = study_over(Ladder(tmp_path, in_space, ratio, in_time), DYNAMIC, reference_tetrahedra)
+    # The ladder's shortest step is 0.1 s, the reference's a quarter. Space: what is left, of one refinement all that it changes.
+    of_space = in_space / ratio**2 if refinements == 2 else in_space * (1 - 1 / ratio)
     assert {row[2] for row in fronts.table(study)[1] if "Euler" not in row[0]} >= {"0.2", "0.1"}
     # Relative to a displacement that errs by 0.3 % itself.
-    assert study.measurements[0].reference_error == pytest.approx(error, rel=0.01)
-    exact = 1 + 0.016 / 4**2 + in_space / 8
+    assert study.measurements[0].reference_error == pytest.approx(0.016 / 4**2 + of_space, rel=0.01)
+    exact = 1 + 0.016 / 4**2 + in_space / ratio**refinements
     springs = [m for m in study.measurements if m.method.program == "massspring"]
     assert [m.error for m in springs] == pytest.approx([1.1 / exact - 1] * len(springs))
     elements = [m for m in study.measurements if m.method.program == "fem_reference"]
     own = [1 + 0.016 * m.rung.step**2 + in_space for m in elements]
     assert [m.error for m in elements] == pytest.approx([abs(u / exact - 1) for u in own])
+
+
+def test_motion_whose_refinements_do_not_converge_has_no_reference(tmp_path):
+    study = study_over(Ladder(tmp_path, 0.01, 1.2), DYNAMIC, 6 * 6400)
+    assert {m.message for m in study.measurements} == {
+        "no reference: its refinements are not converging, each to 1 / 1.2 of the last, expected 1 / 1.3"
+    }
 
 
 @pytest.mark.parametrize("effort", [FULL, QUICK])
