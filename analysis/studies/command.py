@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ..paths import ROOT
 from ..runs import RunError
-from . import accuracy, cost, estimate, gallery, kernels, paper, scaling, stability, work_precision
+from . import accuracy, cost, estimate, gallery, kernels, paper, peers, scaling, stability, work_precision
 from .result import Result, protocol_of, text_of, write
 
 
@@ -55,6 +55,7 @@ STUDIES = {
         paper.study,
         frozenset({"scenes", "quick", "repetitions"}),
     ),
+    "peers": Study("seconds of DOLFINx beside the reference's, on the same tetrahedra", peers.study),
     "gallery": Study("every shipped scene run, and its picture for the gallery page", gallery.study),
     "accuracy": Study(
         "springs on bodies and loads that nobody chose, beside finite elements, against refined ones: an hour",

@@ -56,7 +56,10 @@ _RESIDUAL = {True: 1e-4, False: 1e-6}  # of statics, by whether they are linear,
 _TIGHTER = 1e-2
 _TARGETS = (0.1, 0.05, 0.02, 0.01)  # errors for which adaptive springs add nodes
 _REFERENCE_LIMIT = 1800  # s
-_SLOWEST, _FASTEST = 1.3, 8  # ratio of the changes of two refinements, as in fem_reference/solid/richardson.cpp
+_SLOWEST, _FASTEST = (
+    1.3,
+    8,
+)  # ratio of the changes of two refinements, as in fem_reference/solid/richardson.cpp
 _MOST_AT_LARGE_STRAIN = 100_000  # tetrahedra of a reference
 _STAGES = ("mesh", "adapt", "setup", "assemble", "solve")  # of a method's own seconds
 _ATTEMPTS = 3
@@ -84,9 +87,7 @@ class Effort:
     steps: tuple[float, ...]  #: on its time step
     seeds: tuple[int, int]  #: of networks and of coupled springs
     repetitions: int  #: of elements
-    reference_tetrahedra: (
-        int  #: of a reference that is refined twice; motion and large strain allow a sixth
-    )
+    reference_tetrahedra: int  #: of a reference that is refined twice; motion and large strain allow a sixth
 
 
 FULL = Effort((0.0625, 0.125, 0.25, 0.5, 1, 2, 4), (0.25, 0.5, 1, 2), (0.5, 1, 2, 4), (10, 3), 3, 400_000)

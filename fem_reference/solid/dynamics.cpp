@@ -197,8 +197,8 @@ bool TimeIntegrator::step() {
       a = ((a + sound) / 2).eval();
       continue;
     }
-    const Eigen::VectorXd M_a = inertia(), residual = (system_.load - M_a - (1 - alpha_f) * f -
-                                                       alpha_f * f_)(free_);
+    const Eigen::VectorXd M_a = inertia(),
+                          residual = (system_.load - M_a - (1 - alpha_f) * f - alpha_f * f_)(free_);
     const double size = system_.load.norm() + M_a.norm() + f_size, error = residual.norm();
     const bool is_slow = error > kSlow * before;
     if (error <= kTolerance * size || (is_new && is_slow && error <= kRounding * size)) {

@@ -30,8 +30,9 @@ class KeptFactor {
   void renew(const std::function<void(Curvature curvature)>& set, ImplicitMatrix& A);
 
   int credit_;  // what it has spared less what it has cost; used up, it is not tried
-  bool is_sound_ = false, is_new_ = false, is_out_ = false;  // exists, made in this step, given up in this step
-  double before_ = 0;                                        // size of the last gradient
+  bool is_sound_ = false, is_new_ = false,
+       is_out_ = false;  // exists, made in this step, given up in this step
+  double before_ = 0;    // size of the last gradient
   ImplicitMatrix::Factors factors_{};
   std::optional<BlockCholesky> cholesky_;
   RoundedFactor rounded_;

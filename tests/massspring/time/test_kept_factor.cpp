@@ -1,12 +1,11 @@
 // The kept factor against dense solves and against Newton's method with a matrix in every iteration.
-#include "massspring/time/kept_factor.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
 
 #include "massspring/time/implicit_stage.h"
 #include "massspring/time/integrators.h"
+#include "massspring/time/kept_factor.h"
 #include "tests/massspring/dense.h"
 #include "tests/massspring/linear_box.h"
 #include "tests/massspring/small_network.h"
@@ -23,11 +22,7 @@ struct Kept {
   explicit Kept(const std::string& calibration, bool keeps_step = true)
       : Kept(full_box(calibration, 1), keeps_step) {}
   explicit Kept(const MassSpringModel& body, bool keeps_step = true)
-      : model(body),
-        forces(hanging(model)),
-        motion(model, forces),
-        A(motion),
-        factor(motion, keeps_step) {}
+      : model(body), forces(hanging(model)), motion(model, forces), A(motion), factor(motion, keeps_step) {}
   bool solve(const Matrix3Xd& r, Matrix3Xd& dx, double inertia = 3e4) {
     const ImplicitMatrix::Factors factors{inertia, 1, 0};
     const State rest = initial_state(model);
