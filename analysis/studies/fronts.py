@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -111,37 +111,60 @@ def levels(studies: Sequence[SceneStudy]) -> Table:
     return head, rows
 
 
+class Tally(NamedTuple):
+    """Of a regime: where springs lose and win by how much (seconds of the slower over the faster, scene and error); how often
+    both are level."""
+
+    regime: str
+    lost: list[tuple[float, str]]
+    won: list[tuple[float, str]]
+    level: int
+
+    @property
+    def n(self) -> int:
+        return len(self.lost) + len(self.won) + self.level
+
+
+def tallies(studies: Sequence[SceneStudy]) -> list[Tally]:
+    """Of every regime in which a side reaches an error."""
+    found: dict[str, Tally] = {}
+    for scene in studies:
+        lost, won, level = found.get(scene.regime, Tally(scene.regime, [], [], 0))[1:]
+        curves = curves_of(scene.measurements)
+        for error in ERRORS:
+            springs, elements = best_of(curves, error)
+            if not (springs or elements):
+                continue
+            ratio = springs[0] / elements[0] if springs and elements else np.inf if elements else 0.0
+            where = f"{scene.name} at {percent(error)}"
+            if ratio > _LEVEL:
+                lost.append((ratio, where))
+            elif ratio < 1 / _LEVEL:
+                won.append((1 / ratio if ratio else np.inf, where))
+            else:
+                level += 1
+        found[scene.regime] = Tally(scene.regime, lost, won, level)
+    return [tally for tally in found.values() if tally.n]
+
+
 def finding(studies: Sequence[SceneStudy]) -> str:
     """Where springs lose, then where they win, at equal accuracy: scene and largest ratio, regime by regime."""
-    sentences = []
-    for regime in dict.fromkeys(scene.regime for scene in studies):
-        lost, won, level = [], [], 0
-        for scene in studies:
-            if scene.regime != regime:
-                continue
-            curves = curves_of(scene.measurements)
-            for error in ERRORS:
-                springs, elements = best_of(curves, error)
-                where = f"{scene.name} at {percent(error)}"
-                if springs and elements:
-                    ratio = springs[0] / elements[0]
-                    if ratio > _LEVEL:
-                        lost.append((ratio, where))
-                    elif ratio < 1 / _LEVEL:
-                        won.append((1 / ratio, where))
-                    else:
-                        level += 1
-                elif elements:
-                    lost.append((np.inf, where))
-                elif springs:
-                    won.append((np.inf, where))
-        n = len(lost) + len(won) + level
-        if n:
-            sentences.append(
-                f"{regime.capitalize()}: springs lose {len(lost)} of {n} comparisons{_most(lost)}, "
-            )
-            sentences[-1] += f"win {len(won)}{_most(won)} and are level in {level}."
+    sentences = [
+        f"{t.regime.capitalize()}: springs lose {len(t.lost)} of {t.n} comparisons{_most(t.lost)}, "
+        f"win {len(t.won)}{_most(t.won)} and are level in {t.level}."
+        for t in tallies(studies)
+    ]
     return " ".join(sentences) or "No method gave a result."
+
+
+def regimes(studies: Sequence[SceneStudy]) -> Table:
+    """Head and rows: what the finding tells."""
+    head = ["regime", "comparisons", "springs lose", "by up to", "springs win", "by up to", "level"]
+    rows = []
+    for t in tallies(studies):
+        lost, won = (_most(pairs).strip(" ()").removeprefix("by up to ") or "-" for pairs in (t.lost, t.won))
+        rows.append([t.regime, str(t.n), str(len(t.lost)), lost, str(len(t.won)), won, str(t.level)])
+    return head, rows
 
 
 def _most(pairs: list[tuple[float, str]]) -> str:

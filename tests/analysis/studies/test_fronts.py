@@ -9,7 +9,7 @@ from races import measurement, timed
 from analysis.front import pareto, seconds_for
 from analysis.methods import FEM_P2
 from analysis.studies import fronts
-from analysis.studies.fronts import best_of, crossovers, curves_of, finding, levels, noise, winners
+from analysis.studies.fronts import best_of, crossovers, curves_of, finding, levels, noise, regimes, winners
 
 # error = seconds^-1 and, ten times as slow at first, seconds^-2 / 10: they meet where t^-1 = 10 t^-2, t = 10, error 0.1.
 SPRINGS = [(t, 1 / t) for t in (1.0, 10.0, 100.0, 1000.0)]
@@ -89,6 +89,25 @@ def test_finding_says_losses_before_wins_and_how_large_they_are():
         "win 2 (by up to 4 times: ball at 3 %) and are level in 0."
     )
     assert finding([]) == "No method gave a result."
+
+
+def test_regimes_are_counted_over_their_scenes():
+    lost = race(node_averaged=SPRINGS, fem_p2=ELEMENTS)
+    won = race(node_averaged=[(1.0, 0.02)], fem_p2=[(4.0, 0.02), (9.0, 0.009)])
+    nothing = race(uniform=[(1.0, 0.5)])
+    nothing.regime = "large motion"
+    assert regimes([lost, nothing, won])[1] == [
+        ["linear statics", "8", "5", "10 times: ball at 0.1 %", "2", "4 times: ball at 3 %", "1"]
+    ]
+    won.regime = "large statics"
+    assert [row[:3] for row in regimes([lost, won])[1]] == [
+        ["linear statics", "5", "4"],
+        ["large statics", "3", "1"],
+    ]
+    alone = race(uniform=[(1.0, 0.002)])
+    assert regimes([alone])[1] == [
+        ["linear statics", "4", "0", "-", "4", "the other does not get there", "0"]
+    ]
 
 
 def test_plot_has_errors_over_seconds_and_a_band_of_the_references_own(drawn):
