@@ -472,7 +472,7 @@ def test_time_limit_is_that_of_timed_runs_alone(tmp_path, monkeypatch):
     options = ["--quick", "--quiet", "--repetitions", "2", "--time-limit", "7"]
     arguments = parse_arguments(["study", "work-precision", str(tmp_path / "scene.toml"), *options])
     result = work_precision.study(arguments, tmp_path / "out")
-    assert list(result.sections[0].tables) == ["levels"]
+    assert list(result.sections[0].tables) == ["levels", "regimes"]
     assert {point.program for point in ladders[7].points} == {"fem_reference", "massspring"}
     assert {point.program for point in ladders[1800].points} == {"fem_reference"}
 
