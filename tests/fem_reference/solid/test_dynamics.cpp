@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
+#include <numeric>
 
 #include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
@@ -213,6 +214,20 @@ TEST(TimeIntegrator, MovesHeldUnknownsAsPrescribed) {
   for (int n = 0; n < 20; ++n) motion.step();
   EXPECT_LT((motion.u()(s.held).array() - 0.5).abs().maxCoeff(), 1e-12);  // at t = 1
   EXPECT_LT((motion.v()(s.held).array() - 0.7).abs().maxCoeff(), 1e-12);
+}
+
+TEST(TimeIntegrator, MovesABodyThatIsHeldEverywhere) {
+  for (ElasticLaw law : {ElasticLaw::SmallStrain, ElasticLaw::NeoHookean}) {
+    const Bar bar(law);
+    Dynamics s = bar.system();
+    s.held.resize(bar.solid.n_dofs());
+    std::iota(s.held.begin(), s.held.end(), 0);
+    s.held_motion = [n = bar.solid.n_dofs()](double t) -> VectorXd { return VectorXd::Constant(n, 0.3 * t); };
+    TimeIntegrator motion(s, 0.05, kNewmark);
+    for (int n = 0; n < 20; ++n) ASSERT_TRUE(motion.step());
+    EXPECT_LT((motion.u().array() - 0.3).abs().maxCoeff(), 1e-12);
+    EXPECT_LT((motion.v().array() - 0.3).abs().maxCoeff(), 1e-12);
+  }
 }
 
 // Seen from a clamp that accelerates evenly, a body is under its own weight the other way.
