@@ -119,9 +119,12 @@ ExitStatus run(const Arguments& arguments) {
   const TetMesh mesh = from_first_process(is_first ? tetrahedralize(surface, tets, &attempts) : TetMesh());
   const bool is_implicit = scene.time.mode == TimeMode::Dynamic &&
                            scene.reference.integrator != ReferenceScheme::CentralDifferences;
-  const bool is_factor = is_implicit || scene.material.damping_ratio > 0 || arguments.n_frequencies > 0;
+  const Memory kind = is_implicit && law_of(scene) != MaterialLaw::SmallStrain ? Memory::FactorAndCopy
+                      : is_implicit || scene.material.damping_ratio > 0 || arguments.n_frequencies > 0
+                          ? Memory::Factor
+                          : Memory::Iterations;
   check_memory(mesh.T.cols(), scene.reference.refine + std::max(0, arguments.n_levels - 1),
-               scene.reference.degree, is_factor ? Memory::Factor : Memory::Iterations, memory_available());
+               scene.reference.degree, kind, memory_available());
 
   session.start("setup");
   Simulation simulation(scene, surface, mesh, session.timer);

@@ -31,7 +31,9 @@ double memory_needed(double n_tetrahedra, int degree, Memory kind) {
   const double matrix = kPerTetrahedron[degree - 1] * n_tetrahedra;
   if (kind == Memory::Iterations) return kProgram + matrix;
   constexpr double kDofs[] = {0.6, 4.4}, kFill[] = {280, 400};  // per tetrahedron; of nested dissection
-  return kProgram + std::max(matrix, kFill[degree - 1] * std::pow(kDofs[degree - 1] * n_tetrahedra, 4. / 3));
+  const double copies = kind == Memory::FactorAndCopy ? 1.5 : 1;
+  return kProgram +
+         std::max(matrix, copies * kFill[degree - 1] * std::pow(kDofs[degree - 1] * n_tetrahedra, 4. / 3));
 }
 
 double memory_available() {

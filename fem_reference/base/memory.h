@@ -5,9 +5,9 @@
 
 namespace testbed::fem {
 
-/// What a solution is found by: iterations hold the matrix alone,
-/// a Cholesky factor (steps in time, natural frequencies) holds far more.
-enum class Memory { Iterations, Factor };
+/// What a solution is found by: iterations hold the matrix alone, a Cholesky factor (steps in time, natural
+/// frequencies) holds far more. Steps at large strain have a copy of it in single precision besides.
+enum class Memory { Iterations, Factor, FactorAndCopy };
 
 /// Bytes that a mesh of tetrahedra takes at most, by figures measured on balls (analysis/RESULTS.md, 9).
 double memory_needed(double n_tetrahedra, int degree, Memory kind);

@@ -243,8 +243,9 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
     return end();
   }
   const auto n_tets = fine_.n_tetrahedra();
-  const bool may_factorise = !is_whole_ && (corners_ || multigrid_) &&
-                             memory_needed(n_tets, corners_ ? 2 : 1, Memory::Factor) < memory_available();
+  const bool may_factorise =
+      !is_whole_ && (corners_ || multigrid_) &&
+      memory_needed(n_tets, corners_ ? 2 : 1, Memory::FactorAndCopy) < memory_available();
   n_iterations_ = iterate(may_factorise ? kPatience : kMaxIterations);
   if (report.is_converged || is_stopped || !may_factorise) return end();
   if (!find_factor(true)) {
