@@ -33,8 +33,8 @@ def curves_of(measurements: Iterable[Measurement]) -> Curves:
     """Method -> (seconds, error) of its good rungs."""
     curves: Curves = {}
     for m in measurements:
-        if m.error is not None:
-            curves.setdefault(m.method.name, []).append((m.whole, max(m.error, m.reference_error or 0)))
+        if m.proven is not None:
+            curves.setdefault(m.method.name, []).append((m.whole, m.proven))
     return curves
 
 

@@ -143,6 +143,11 @@ class Measurement:
         return median(self.errors) if self.errors else None
 
     @property
+    def proven(self) -> float | None:
+        """The error, or the reference's own where that is larger: no smaller one can be told."""
+        return None if self.error is None else max(self.error, self.reference_error or 0)
+
+    @property
     def is_good(self) -> bool:
         return bool(self.errors)
 

@@ -52,3 +52,15 @@ def test_the_smallest_error_within_the_budget_counts():
     use = {row[0]: row[3:] for row in section.tables["use_when"][1]}
     assert use["a game"] == ["springs, node_averaged", "2 % (6 nodes, 10 ms)"]
     assert use["a surgery trainer"] == ["finite elements, quadratic", "5 % (6 nodes, 20 ms)"]
+
+
+def test_errors_below_the_references_own_count_as_that():
+    vague, better = rung(0.5, 0.001), rung(0.6, 0.01)
+    vague.reference_error, better.reference_error = 0.04, 0.002
+    scene = SimpleNamespace(measurements=[vague], name="bar", scene=SCENE)
+    assert frame_budget([scene]).tables["use_when"][1][0][-1] == "4 % (6 nodes, 10 ms)"
+    scene.measurements.append(better)
+    assert best_within(scene, "60 frames/s") is better
+    vague.reference_error = 0.4
+    scene.measurements.remove(better)
+    assert best_within(scene, "60 frames/s") is None
