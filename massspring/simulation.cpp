@@ -116,6 +116,7 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   options_.linear_solver = time.linear_solver;
   if (scene.is_paper) options_.curvature = Curvature::Exact;
   options_.tolerance = time.tolerance;
+  options_.residual = time.residual;
   options_.sleep_below = time.sleep_below;
   stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options_, contacts_);
   if (model_.linear && !integrator.is_explicit)
@@ -123,7 +124,8 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   else if (integrator.is_linearised)
     report_.tolerance = options_.linear_tolerance;
   else if (integrator.minimises())
-    report_.tolerance = ImplicitStage::kStepTolerance;
+    report_.tolerance =
+        contacts_.bodies.empty() && !contacts_.self_thickness ? time.residual : ImplicitStage::kStepTolerance;
 }
 
 bool Simulation::has_ended() const {

@@ -14,8 +14,8 @@ three. Elements are run as often as these, with nothing random. Networks take no
 does not fall, and scenes of large strain twice as many at most. Surfaces are left out whose reference at large strain
 would have over a hundred thousand tetrahedra, or does not converge. Balls are squashed by a tenth, not a fifth of their height,
 and let go from half of the squeeze: refined elements turn inside out beyond. Static solves of both programs take one load step,
-which both shorten where it fails. They stop at one residual: 1e-4 of load plus internal forces at small strain, 1e-6 at large. A
-table tells how much a hundredth of these would change each error.
+which both shorten where it fails. Both stop at one residual: 1e-4 of load plus internal forces, and inertia, but 1e-6 of statics
+at large strain. A table tells how much a hundredth of these would change each error.
 
 Runs are timed one at a time, interleaved: every method once, then every method again. Seconds are meshing, set-up and
 solution. Each program makes its own tetrahedra, so nothing is shared. The start of a program, the writing of files and what
@@ -52,7 +52,7 @@ _MOVING = ("uniform", *_COUPLED)
 _INTEGRATORS = {"symplectic_euler": ":", "implicit_euler": "--", "midpoint": "-"}
 _EXPLICIT = {"symplectic_euler"}
 _EXPLICIT_STEPS = tuple(2.0**-k for k in range(1, 7))  # over the scene's step; the longer ones may diverge
-_RESIDUAL = {True: 1e-4, False: 1e-6}  # of statics, by whether they are linear, of every method alike
+_RESIDUAL = {"linear statics": 1e-4, "large statics": 1e-6, "large motion": 1e-4}  # of every method alike
 _TIGHTER = 1e-2
 _TARGETS = (0.1, 0.05, 0.02, 0.01)  # errors for which adaptive springs add nodes
 _REFERENCE_LIMIT = 1800  # s
@@ -203,25 +203,32 @@ def is_linear(scene: dict[str, Any]) -> bool:
     )
 
 
+def regime_of(scene: dict[str, Any]) -> str:
+    """Statics or motion, at small or large strain."""
+    return f"{'linear' if is_linear(scene) else 'large'} {'motion' if is_dynamic(scene) else 'statics'}"
+
+
 def methods_of(scene: dict[str, Any]) -> list[Method]:
     """Every method for a scene, each with the settings that suit it."""
-    static = (
-        () if is_dynamic(scene) else ("time.load_steps=1", f"time.residual={_RESIDUAL[is_linear(scene)]}")
-    )
+    regime = regime_of(scene)
+    residual = (f"time.residual={_RESIDUAL[regime]}",) if regime in _RESIDUAL else ()
+    static = () if is_dynamic(scene) else ("time.load_steps=1",)
     elements = [
-        Method(FEM_P1, "fem_reference", (*static, "reference.degree=1"), FEM_P1),
-        Method(FEM_P2, "fem_reference", (*static, "reference.degree=2"), FEM_P2),
+        Method(FEM_P1, "fem_reference", (*static, *residual, "reference.degree=1"), FEM_P1),
+        Method(FEM_P2, "fem_reference", (*static, *residual, "reference.degree=2"), FEM_P2),
     ]
     if not is_dynamic(scene):
         models = (*_NETWORKS, *_COUPLED) if is_linear(scene) else _AT_LARGE_STRAIN
-        springs = [Method(n, "massspring", (*static, f"network.calibration={n}"), n) for n in models]
+        springs = [
+            Method(n, "massspring", (*static, *residual, f"network.calibration={n}"), n) for n in models
+        ]
         best = springs[-1]
         adaptive = replace(best, name=f"{best.name}, adaptive", line=":", targets=_TARGETS)
         return [*springs, adaptive, *elements]
     springs = [
         Method(
-            f"{name}, {scheme}", "massspring", (f"network.calibration={name}", f"time.integrator={scheme}"), name, line,
-            _EXPLICIT_STEPS if scheme in _EXPLICIT else (),
+            f"{name}, {scheme}", "massspring", (*residual, f"network.calibration={name}", f"time.integrator={scheme}"),
+            name, line, _EXPLICIT_STEPS if scheme in _EXPLICIT else (),
         )
         for name in _MOVING
         for scheme, line in _INTEGRATORS.items()
@@ -262,8 +269,7 @@ class SceneStudy:
 
     @property
     def regime(self) -> str:
-        """Statics or motion, at small or large strain."""
-        return f"{'linear' if is_linear(self.scene) else 'large'} {'motion' if is_dynamic(self.scene) else 'statics'}"
+        return regime_of(self.scene)
 
     @property
     def name(self) -> str:
@@ -320,7 +326,7 @@ class SceneStudy:
                 m.two_threads = two if two.status == "ok" else None
             if m.outcomes:
                 self._compare(m)
-        if not is_dynamic(self.scene):
+        if self.regime in _RESIDUAL:
             self._tighten(is_quiet)
 
     def _draw(self, m: Measurement, draw: int) -> None:
@@ -362,10 +368,10 @@ class SceneStudy:
         """How much a residual of a hundredth changes the error, on the finest rung where all of a method's runs went well."""
         for method in dict.fromkeys(m.method for m in self.measurements if m.is_good):
             m = [m for m in self.measurements if m.method == method and m.is_good and not m.message][-1:]
-            if not m or method.model not in (*_COUPLED, FEM_P1, FEM_P2):
+            if not m or method.model not in (*_COUPLED, FEM_P1, FEM_P2) or method.steps:
                 continue
             say(f"{self.name}: {method.name} to a tighter residual", is_quiet)
-            residual = f"time.residual={_TIGHTER * _RESIDUAL[is_linear(self.scene)]}"
+            residual = f"time.residual={_TIGHTER * _RESIDUAL[self.regime]:g}"
             point = self.point(m[0], 0)
             outcome = self.timed.run(replace(point, overrides=(*point.overrides, residual)))
             if outcome.status == "ok":

@@ -165,7 +165,7 @@ Eigen::VectorXd TimeIntegrator::solve_rounded(const Eigen::VectorXd& r) const {
 bool TimeIntegrator::step() {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
   const bool is_linear = !system_.linearise;
-  constexpr double kTolerance = 1e-9, kRounding = 1e-6, kSlow = 0.3;
+  constexpr double kRounding = 1e-6, kSlow = 0.3;
   constexpr int kMaxIterations = 50;
   const HeldState held = held_at(t() + h_);
   // Free unknowns that stay where they are strain the body no more than it is.
@@ -203,7 +203,7 @@ bool TimeIntegrator::step() {
                           residual = (system_.load - M_a - (1 - alpha_f) * f - alpha_f * f_)(free_);
     const double size = system_.load.norm() + M_a.norm() + f_size, error = residual.norm();
     const bool is_slow = error > kSlow * before;
-    if (error <= kTolerance * size || (is_new && is_slow && error <= kRounding * size)) {
+    if (error <= system_.tolerance * size || (is_new && is_slow && error <= kRounding * size)) {
       f_ = std::move(f);
       break;
     }

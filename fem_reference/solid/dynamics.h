@@ -51,6 +51,7 @@ struct Dynamics {
   std::function<Linearisation(const Eigen::VectorXd& u, bool with_tangent)> linearise;
   /// The same f alone, not finite where its energy is not; empty: from the others.
   std::function<void(const Eigen::VectorXd& u, Eigen::Matrix3Xd& force)> forces = {};
+  double tolerance = 1e-10;  ///< at finite strain: forces out of balance over load, inertia and f
 };
 
 /// A body in motion by steps of h, from rest.

@@ -68,6 +68,7 @@ void Simulation::set_in_motion() {
   system.damping = scene_.material.damping;
   system.stiffness_damping = scene_.material.stiffness_damping;
   system.load = solid_.load();
+  system.tolerance = scene_.time.residual;
   const std::map<int, int> held = held_at(0);
   n_held_ = held.size();
   for (const auto& [unknown, k] : held) system.held.push_back(unknown);

@@ -12,7 +12,7 @@ using Eigen::Matrix3Xd;
 class StagedScheme : public Scheme {
  public:
   StagedScheme(Motion& motion, const IntegratorOptions& options)
-      : motion_(motion), stage_(motion, options.tolerance == 0) {}
+      : motion_(motion), stage_(motion, options.tolerance == 0, options.residual) {}
   std::string solver_choice() const override { return stage_.solver_choice(); }
 
  protected:

@@ -30,10 +30,12 @@ void bend(const SmallRotation& turn, double step, const Matrix3Xd& before, Matri
 
 }  // namespace
 
-ImplicitStage::ImplicitStage(Motion& motion, bool keeps_step)
+ImplicitStage::ImplicitStage(Motion& motion, bool keeps_step, double residual)
     : motion_(motion),
       A_(motion),
       kept_(motion, keeps_step),
+      residual_(residual),
+      load_size_(motion.forces.load.norm()),
       size_(
           (motion.model.network.X.rowwise().maxCoeff() - motion.model.network.X.rowwise().minCoeff()).norm()),
       energy_scale_(motion.model.material.E * volume(motion.model.network.X, motion.model.network.F)) {
@@ -46,12 +48,15 @@ std::string ImplicitStage::solver_choice() const {
 }
 
 /// Negative gradient of the sum.
-Matrix3Xd ImplicitStage::unbalanced(const State& start, const State& trial, double a,
-                                    const Matrix3Xd& w) const {
+/// @param size  becomes that of what it adds up
+Matrix3Xd ImplicitStage::unbalanced(const State& start, const State& trial, double a, const Matrix3Xd& w,
+                                    double& size) const {
   Matrix3Xd r;
   motion_.undamped_forces_at(trial, r);
   motion_.add_spring_damping(start.x, trial.v, r);
-  r -= momenta(motion_.model, (trial.v - w) / a + motion_.forces.mass_damping * trial.v);
+  const Matrix3Xd inertia = momenta(motion_.model, (trial.v - w) / a + motion_.forces.mass_damping * trial.v);
+  size = load_size_ + r.norm() + inertia.norm();
+  r -= inertia;
   filter(motion_.constraints, r);
   return r;
 }
@@ -62,7 +67,8 @@ StepReport ImplicitStage::solve_linear(const State& start, double a, const Matri
   State trial = start;
   motion_.constrain(trial.v);
   trial.x = y + a * trial.v;
-  const Matrix3Xd r = unbalanced(start, trial, a, w);
+  double size = 0;
+  const Matrix3Xd r = unbalanced(start, trial, a, w, size);
   Matrix3Xd dx;
   const SolveReport linear = constant_->solve({(1 / a + motion_.forces.mass_damping) / a, 1, 1 / a}, r, dx);
   x = trial.x + dx;
@@ -91,7 +97,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   State before = trial;
   StepReport report;
   SmallRotation turn;
-  double first = 0;  // |gradient|
+  double first = 0, size = 0;  // of gradients, and of what they add up
 
   Objective objective;
   objective.value = [&] {
@@ -101,7 +107,13 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       sum += a * damping_power(*model.springs, motion_.damped_at(start.x), trial.v) / 2;
     return sum;
   };
-  objective.negative_gradient = [&](Matrix3Xd& r) { r = unbalanced(start, trial, a, w); };
+  objective.negative_gradient = [&](Matrix3Xd& r) { r = unbalanced(start, trial, a, w, size); };
+  const bool is_stiff = barrier || motion_.self_contact;
+  if (!is_stiff)
+    objective.is_end = [&](const Matrix3Xd& r, NewtonReport&) {
+      report.residual = r.norm() / size;
+      return report.residual <= residual_;
+    };
   const ImplicitMatrix::Factors factors{(1 / a + mass_damping) / a, 1, 1 / a};
   const auto set = [&](Curvature curvature) { A_.set(trial, start.x, factors, curvature); };
   kept_.begin();
@@ -120,7 +132,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       is_exact = curvature == Curvature::Exact;
       is_solved = linear.is_converged;
     }
-    report.residual = linear.residual;
+    if (is_stiff) report.residual = linear.residual;
     if (is_free) turn = best_rotation(dx, before.x, model.mass);
     return is_exact;
   };

@@ -17,7 +17,9 @@ class ImplicitStage {
   static constexpr double kStepTolerance = 1e-9;
 
   /// @param keeps_step  steps have one length
-  ImplicitStage(Motion& motion, bool keeps_step);
+  /// @param residual    that ends a step, as its last correction does: forces out of balance over load,
+  /// inertia and forces. Contact is stiff, and steps with it end by the correction alone.
+  ImplicitStage(Motion& motion, bool keeps_step, double residual);
 
   /// @param start  where damping directions, rest lengths and the first guess of v come from
   StepReport solve(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
@@ -26,8 +28,8 @@ class ImplicitStage {
   std::string solver_choice() const;
 
  private:
-  Eigen::Matrix3Xd unbalanced(const State& start, const State& trial, double a,
-                              const Eigen::Matrix3Xd& w) const;
+  Eigen::Matrix3Xd unbalanced(const State& start, const State& trial, double a, const Eigen::Matrix3Xd& w,
+                              double& size) const;
   StepReport solve_linear(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
                           Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
@@ -36,8 +38,10 @@ class ImplicitStage {
   LinearSolver solver_;
   KeptFactor kept_;
   std::optional<ConstantMatrix> constant_;  ///< of a linear motion
-  double size_;                             ///< diagonal of the body's box at rest (m)
-  double energy_scale_;                     ///< E times volume (J)
+  double residual_;
+  double load_size_;     ///< of the load (N)
+  double size_;          ///< diagonal of the body's box at rest (m)
+  double energy_scale_;  ///< E times volume (J)
 };
 
 }  // namespace testbed::massspring

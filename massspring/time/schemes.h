@@ -14,6 +14,8 @@ struct IntegratorOptions {
   Gradients gradients = {};        ///< of the linearised implicit step
   Krylov linear_solver = Krylov::Cg;
   Curvature curvature = Curvature::Projected;  ///< of the linearised implicit step
+  /// Of implicit steps that minimise: forces out of balance over load, inertia and forces.
+  double residual = 1e-10;
   double tolerance = 0;    ///< error of a part of a step over the body's size; 0: steps are taken whole
   double sleep_below = 0;  ///< speed (m/s) below which a body that stays so is not stepped
 };

@@ -159,7 +159,7 @@ struct SelfContact {
 struct TimeOptions {
   TimeMode mode = TimeMode::Static;
   int load_steps = 10;      ///< static: loads grow linearly to full in this many steps
-  double residual = 1e-10;  ///< static: forces out of balance over load plus internal forces at the end
+  double residual = 1e-10;  ///< forces out of balance over load plus internal forces, and inertia, at the end
   double step = 0;          ///< dynamic: s; 0 chooses one
   double end = 1;           ///< dynamic: s
   std::string integrator = "implicit_euler";  ///< name of the scheme that springs are stepped by

@@ -232,7 +232,8 @@ void describe(V& v, TimeOptions& t) {
   v.choice("mode", t.mode, "static (loads grow in load_steps) or dynamic");
   v("load_steps", t.load_steps, kAtLeastOne, "steps to full load of a static scene");
   v("residual", t.residual, kPositive,
-    "static: forces out of balance over load plus internal forces, at which solvers stop");
+    "forces out of balance over load plus internal forces, and inertia, at which statics and implicit steps "
+    "stop");
   v("step", t.step, kNotNegative,
     "s, of a dynamic scene; 0: a 200th of end, or half an explicit integrator's stable step");
   v("end", t.end, kPositive, "s, of a dynamic scene");

@@ -281,6 +281,18 @@ def test_dynamic_reference_states_its_error_in_time_and_space(
     assert [m.error for m in elements] == pytest.approx([abs(u / exact - 1) for u in own])
 
 
+def test_implicit_motion_at_large_strain_stops_at_a_residual_that_is_checked(tmp_path):
+    for number, law, tightened in ((1, "neo_hookean", 6), (2, "small_strain", 0)):
+        (tmp_path / str(number)).mkdir()
+        study = study_over(Ladder(tmp_path / str(number), 0.032), f'{DYNAMIC}[material]\nlaw = "{law}"\n')
+        implicit = [m.method for m in study.measurements if not m.method.steps]
+        assert all(("time.residual=0.0001" in method.overrides) == bool(tightened) for method in implicit)
+        # Both coupled models by two schemes, elements of two degrees.
+        assert len(study.tolerances) == tightened
+        again = [point for point in study.timed.points if "time.residual=1e-06" in point.overrides]
+        assert len(again) == tightened
+
+
 def test_motion_whose_refinements_do_not_converge_has_no_reference(tmp_path):
     study = study_over(Ladder(tmp_path, 0.01, 1.2), DYNAMIC, 6 * 6400)
     assert {m.message for m in study.measurements} == {

@@ -281,6 +281,25 @@ TEST(TimeIntegrator, AtFiniteStrainTendsToSmallStrainWithTheLoad) {
   EXPECT_NEAR(std::log2(large / little), 1, 0.2);  // the first non-linear term is quadratic in the load
 }
 
+TEST(TimeIntegrator, EndsAStepAtTheToleranceThatIsAskedFor) {
+  const Bar bar(ElasticLaw::NeoHookean);
+  const auto end = [&](double tolerance, int& n_iterations) {
+    Dynamics s = let_go(bar, 8);
+    s.tolerance = tolerance;
+    TimeIntegrator motion(s, 0.02, kNewmark);
+    for (int n = 0; n < 20; ++n) EXPECT_TRUE(motion.step());
+    n_iterations = motion.n_newton_iterations();
+    return motion.u();
+  };
+  constexpr double kLoose = 1e-4;
+  int n_loose, n_tight;
+  const VectorXd loose = end(kLoose, n_loose), tight = end(1e-10, n_tight);
+  EXPECT_LT(1.5 * n_loose, n_tight);
+  const double difference = (loose - tight).norm() / tight.norm();
+  EXPECT_LT(difference, 10 * kLoose);
+  EXPECT_GT(difference, 1e-3 * kLoose);
+}
+
 // On few elements, so that a step resolves the fastest of their motions.
 TEST(TimeIntegrator, AtFiniteStrainIsOfSecondOrder) {
   const Bar bar(ElasticLaw::NeoHookean, 1);

@@ -112,7 +112,7 @@ TEST(ImplicitStage, FindsTheSameStepsByAFactorThatItKeeps) {
     const Forces forces = hanging(model);
     Motion motion(model, forces);
     motion.constraints = forces.constraints;
-    ImplicitStage keeping(motion, true), renewing(motion, false);
+    ImplicitStage keeping(motion, true, 1e-10), renewing(motion, false, 1e-10);
     State kept = initial_state(model), renewed = kept;
     const auto step = [&](ImplicitStage& stage, State& state) {
       Matrix3Xd x, v;
@@ -133,6 +133,33 @@ TEST(ImplicitStage, FindsTheSameStepsByAFactorThatItKeeps) {
     EXPECT_EQ(n_of_keeping, 0);
     EXPECT_GT(n_of_renewing, 0);
   }
+}
+
+TEST(ImplicitStage, EndsAStepAtTheResidualThatIsAskedFor) {
+  constexpr double h = 0.004, kLoose = 1e-3;
+  const MassSpringModel model = full_box("edge_coupled", 1, 2e4);
+  const Forces forces = hanging(model);
+  Motion motion(model, forces);
+  motion.constraints = forces.constraints;
+  const auto move = [&](double residual, int& n_iterations) {
+    ImplicitStage stage(motion, true, residual);
+    State state = initial_state(model);
+    for (int n = 0; n < 50; ++n) {
+      Matrix3Xd x, v;
+      const StepReport report = stage.solve(state, h, state.x, state.v, x, v);
+      EXPECT_TRUE(report.residual <= residual || residual < kLoose);  // or ended by its last correction
+      n_iterations += report.newton_iterations;
+      state.x = x;
+      state.v = v;
+    }
+    return state.x;
+  };
+  int n_loose = 0, n_tight = 0;
+  const Matrix3Xd loose = move(kLoose, n_loose), tight = move(1e-9, n_tight);
+  EXPECT_LT(2 * n_loose, n_tight);
+  const double difference = (loose - tight).norm() / (tight - model.network.X).norm();
+  EXPECT_LT(difference, kLoose);
+  EXPECT_GT(difference, 1e-3 * kLoose);
 }
 
 }  // namespace
