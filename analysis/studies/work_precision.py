@@ -40,7 +40,7 @@ from ..compare import compare_runs, keeps_volume, trajectory_error, volume_chang
 from ..methods import FEM_P1, FEM_P1_EXPLICIT, FEM_P2, FEM_P2_EXPLICIT
 from ..paths import SCENES
 from ..points import Outcome, Point, Store, say
-from ..runs import RunError, load_run
+from ..runs import Run, RunError, load_run
 from . import fronts
 from .frame_budget import frame_budget
 from .result import Result, Section, alone
@@ -257,7 +257,7 @@ class SceneStudy:
             Measurement(method, rung) for method in methods_of(self.scene) for rung in self._ladder(method)
         ]
         self.measurements.sort(key=lambda m: (m.rung.size, -m.rung.step, -m.rung.target))  # coarse ones first
-        self.references: dict[float, tuple[Outcome, float] | RunError] = {}
+        self.references: dict[float, tuple[Run, float] | RunError] = {}
         self.tolerances: list[tuple[Method, float]] = []  #: what a tighter residual changes the error by
 
     def _ladder(self, method: Method) -> list[Rung]:
@@ -354,8 +354,8 @@ class SceneStudy:
         except RunError as error:
             m.message = str(error)
 
-    def _errors(self, outcome: Outcome, reference: Outcome) -> tuple[float, float]:
-        run, exact = load_run(outcome.folder), load_run(reference.folder)
+    def _errors(self, outcome: Outcome, exact: Run) -> tuple[float, float]:
+        run = load_run(outcome.folder)
         figures = compare_runs(run, exact, exact.record["is_free"])
         if is_dynamic(self.scene):
             return trajectory_error(run, exact).l2, figures.volume_change_error
@@ -380,7 +380,7 @@ class SceneStudy:
                 tighter, _ = self._errors(outcome, known[0])
                 self.tolerances.append((method, tighter / m[0].errors[0] - 1 if m[0].errors[0] else 0.0))
 
-    def _reference(self, size: float, is_quiet: bool) -> tuple[Outcome, float] | RunError:
+    def _reference(self, size: float, is_quiet: bool) -> tuple[Run, float] | RunError:
         """The converged reference of a surface and its own estimated error, or why there is none."""
         if size not in self.references:
             say(f"{self.name}: reference x {size:g}", is_quiet)
@@ -407,7 +407,7 @@ class SceneStudy:
             )
         return 2 if 64 * n_tetrahedra <= limit else 1
 
-    def _static_reference(self, size: float) -> tuple[Outcome, float]:
+    def _static_reference(self, size: float) -> tuple[Run, float]:
         base = (
             *self.overrides(Rung(size)),
             *(("time.load_steps=1",) if is_linear(self.scene) else ()),
@@ -419,9 +419,9 @@ class SceneStudy:
         if study["status"] != "ok":
             raise RunError(f"no reference: its refinements are {study['status']}")
         # Estimated from the first refinement; every further one reduces it as much, at least.
-        return fine, study["estimated_error_l2_finest"] / study["error_ratio"] ** (n - 1)
+        return load_run(fine.folder), study["estimated_error_l2_finest"] / study["error_ratio"] ** (n - 1)
 
-    def _dynamic_reference(self, size: float) -> tuple[Outcome, float]:
+    def _dynamic_reference(self, size: float) -> tuple[Run, float]:
         """Refined in space and time; its error is that of halving the step, of second order, and of refining."""
         shortest = min(self.effort.steps)
 
@@ -441,7 +441,9 @@ class SceneStudy:
             raise RunError(
                 f"no reference: its refinements are not converging, each to 1 / {ratio:.2g} of the last, expected 1 / {_SLOWEST}"
             )
-        return levels[-1], change(coarse, in_time) / 3 + changes[-1] / (min(ratio, _FASTEST) - 1)
+        return load_run(levels[-1].folder), change(coarse, in_time) / 3 + changes[-1] / (
+            min(ratio, _FASTEST) - 1
+        )
 
 
 def study(arguments: argparse.Namespace, folder: Path) -> Result:

@@ -74,7 +74,6 @@ TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& sche
 void TimeIntegrator::find_free() {
   free_ = all_but(system_.held, system_.K.rows());
   factor_.reset();
-  if (free_.empty()) return;
   if (!factorise(system_.K)) refuse_indefinite();
 }
 
@@ -140,7 +139,6 @@ void TimeIntegrator::go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
   a_ = Eigen::VectorXd::Zero(u.size());
   a_(system_.held) = held.a;
   f_ = force_of(u_);
-  if (free_.empty()) return;
   const SparseCholesky mass(restricted(system_.M, free_));
   if (!mass.is_ok()) refuse_indefinite();
   const Eigen::VectorXd residual = system_.load - system_.M * (a_ + system_.damping * v_).eval() - f_ -
@@ -182,7 +180,7 @@ bool TimeIntegrator::step() {
     return system_.M * ((1 - alpha_m) * a + alpha_m * a_ + system_.damping * velocity).eval();
   };
   follow();
-  if (is_linear && !free_.empty()) {
+  if (is_linear) {
     const Eigen::VectorXd residual =
         system_.load - inertia() -
         force_of((1 - alpha_f) * u + alpha_f * u_ + system_.stiffness_damping * velocity);
