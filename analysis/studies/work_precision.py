@@ -441,9 +441,8 @@ class SceneStudy:
             raise RunError(
                 f"no reference: its refinements are not converging, each to 1 / {ratio:.2g} of the last, expected 1 / {_SLOWEST}"
             )
-        return load_run(levels[-1].folder), change(coarse, in_time) / 3 + changes[-1] / (
-            min(ratio, _FASTEST) - 1
-        )
+        of_space = changes[-1] / (min(ratio, _FASTEST) - 1)
+        return load_run(levels[-1].folder), change(coarse, in_time) / 3 + of_space
 
 
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
