@@ -62,8 +62,8 @@ def _environment() -> dict[str, str]:
 def tetrahedra_of(run: Run) -> tuple[Array, Array, Array]:
     """Corners (n, 3) in m, tetrahedra (m, 4) and displacement of the corners (n, 3) in m of a run of finite elements."""
     grid = pv.read(run.files[-1])
-    of_degree = {10: pv.CellType.QUADRATIC_TETRA, 4: pv.CellType.TETRA}
-    cells = next(grid.cells_dict[kind][:, :4] for kind in of_degree.values() if kind in grid.cells_dict)
+    kinds = (pv.CellType.QUADRATIC_TETRA, pv.CellType.TETRA)
+    cells = next(grid.cells_dict[kind][:, :4] for kind in kinds if kind in grid.cells_dict)
     corners, tetrahedra = np.unique(cells, return_inverse=True)
     X, u = (np.asarray(grid[name], dtype=float)[corners] for name in ("rest_position", "displacement"))
     return X, tetrahedra.reshape(cells.shape), u

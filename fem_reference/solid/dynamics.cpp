@@ -148,16 +148,9 @@ void TimeIntegrator::go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
 
 /// What the factor in single precision makes of r.
 Eigen::VectorXd TimeIntegrator::solve_rounded(const Eigen::VectorXd& r) const {
-  const Eigen::Index n = r.size(), n_columns = (n + 2) / 3;
-  const double size = r.norm();
-  Eigen::Matrix3Xd field = Eigen::Matrix3Xd::Zero(3, n_columns);
-  field.reshaped().head(n) = r;
-  meshing::PaddedField padded, solution;
-  meshing::pad(field, size > 0 ? 1 / size : 1, padded);
-  rounded_.solve(padded, solution);
-  field.setZero();
-  meshing::add_unpadded(solution, size, field);
-  return field.reshaped().head(n);
+  Eigen::Matrix3Xd field = Eigen::Matrix3Xd::Zero(3, (r.size() + 2) / 3);
+  field.reshaped().head(r.size()) = r;
+  return rounded_.solve(field).reshaped().head(r.size());
 }
 
 bool TimeIntegrator::step() {

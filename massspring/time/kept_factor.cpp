@@ -58,11 +58,7 @@ bool KeptFactor::solve(const Eigen::Matrix3Xd& r, const ImplicitMatrix::Factors&
     is_new_ = true;
     if (is_out_ || !is_sound_) return false;
   }
-  PaddedField rounded, solution;
-  pad(r, 1 / size, rounded);
-  rounded_.solve(rounded, solution);
-  dx = Eigen::Matrix3Xd::Zero(3, r.cols());
-  add_unpadded(solution, size, dx);
+  dx = rounded_.solve(r);
   return true;
 }
 

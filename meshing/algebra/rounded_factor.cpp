@@ -71,4 +71,14 @@ double RoundedFactor::solve(const PaddedField& r, PaddedField& z) const {
   return dot(r, z);
 }
 
+Eigen::Matrix3Xd RoundedFactor::solve(const Eigen::Matrix3Xd& r) const {
+  const double size = r.norm();
+  PaddedField rounded, solution;
+  pad(r, size > 0 ? 1 / size : 1, rounded);
+  solve(rounded, solution);
+  Eigen::Matrix3Xd x = Eigen::Matrix3Xd::Zero(3, r.cols());
+  add_unpadded(solution, size, x);
+  return x;
+}
+
 }  // namespace testbed::meshing

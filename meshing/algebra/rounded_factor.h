@@ -25,6 +25,8 @@ struct RoundedFactor {
 
   /// z = A^-1 r; r . z.
   double solve(const PaddedField& r, PaddedField& z) const;
+  /// A^-1 r, 3 x n, whatever the size of r.
+  Eigen::Matrix3Xd solve(const Eigen::Matrix3Xd& r) const;
 };
 
 }  // namespace testbed::meshing
