@@ -8,13 +8,16 @@ import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pyvista as pv
 
 from .methods import REFERENCE
+
+if TYPE_CHECKING:
+    from .surface_points import SurfacePoints
 
 Array = np.ndarray
 _KEPT = 1_000_000  # points, of the frames of a run that are kept in memory: some 100 MB
@@ -46,7 +49,8 @@ class Run:
     """One solver's finished run.
 
     times: time of each frame (s; static scenes: load factor); curves: column name -> values, SI units; stopped: why a
-    static run ended on its way, "" for one that did not: what it holds is then what it reached in balance.
+    static run ended on its way, "" for one that did not: what it holds is then what it reached in balance; points: of the
+    surface at which frames are given, in place of its own vertices.
     """
 
     folder: Path
@@ -55,6 +59,7 @@ class Run:
     times: Array
     files: tuple[Path, ...]
     stopped: str = ""
+    points: SurfacePoints | None = None
 
     @cached_property
     def last(self) -> Frame:
@@ -71,6 +76,8 @@ class Run:
         if number in self._kept:
             return self._kept[number]
         frame = self._read(self.files[number])
+        if self.points:
+            frame = self.points.frame(frame)
         if len(self._kept) * len(frame.X) < _KEPT:
             self._kept[number] = frame
         return frame

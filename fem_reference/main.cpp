@@ -129,10 +129,10 @@ ExitStatus run(const Arguments& arguments) {
   session.start("setup");
   Simulation simulation(scene, surface, mesh, session.timer);
   session.timer.stop();
-  // The surface as it was given, refined or not, so that every run of it can be compared vertex by vertex.
+  // The surface as it was cut, refined or not, so that every run of it can be compared vertex by vertex.
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
   const ElasticSolid& solid = simulation.solid();
-  session.open(simulation.X(), {{5, session.surface.F}, {vtk_type, solid.cells()}}, processes().n_threads);
+  session.open(simulation.X(), surface, {{vtk_type, solid.cells()}}, processes().n_threads);
   session.record.update(to_json(attempts));
   session.record["tetrahedra"] = to_json(tet_quality(mesh.X, mesh.T));
   describe(simulation, scene, session.record);

@@ -25,8 +25,8 @@ struct Arguments : SessionOptions {
 };
 
 /// What exerts force, behind the scene's surface.
-std::vector<CellBlock> cells_of(const MassSpringModel& model, const SurfaceMesh& surface) {
-  std::vector<CellBlock> cells{{5, surface.F}};
+std::vector<CellBlock> cells_of(const MassSpringModel& model) {
+  std::vector<CellBlock> cells;
   if (model.springs) cells.push_back({3, model.springs->E});
   if (model.tet_springs || model.local_volume) cells.push_back({10, model.network.T});
   return cells;
@@ -176,7 +176,7 @@ ExitStatus run(const Arguments& arguments) {
   Simulation simulation(scene, network);
   session.timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
   const MassSpringModel& model = simulation.model();
-  session.open(model.network.X, cells_of(model, session.surface), omp_get_max_threads());
+  session.open(model.network.X, surface_of(model), cells_of(model), omp_get_max_threads());
   describe(found, session.record);
   if (const auto& most = found.samples.most_nodes; most && !found.is_mesher_instead && !arguments.is_quiet)
     std::cerr << "internal nodes bounded by " << *most << ", with network.phi = " << found.samples.phi

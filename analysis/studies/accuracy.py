@@ -32,6 +32,7 @@ from ..paths import PACKAGE, PROGRAMS, write_text
 from ..points import Point, Store, say
 from ..report import Table
 from ..runs import Run, RunError, load_run
+from ..surface_points import on_points_of
 from .accuracy_loads import CUTTABLE, FREE, HELD, of_cut_surface, scene_of
 from .bodies import Body, bodies, random_of, write_body
 from .result import Result, Section
@@ -160,9 +161,9 @@ class Bench:
 
 
 def error_of(run: Run, yardstick: Run) -> float:
-    """Over the vertices of the yardstick's surface, which are the run's first."""
-    X, u, F = yardstick.last.X, yardstick.last.u, yardstick.last.F
-    return displacement_error(X, F, run.last.u[: len(X)], u, yardstick.record["is_free"]).l2
+    """Over the vertices of the yardstick's surface as it was cut."""
+    seen, end = on_points_of(run, yardstick).last, yardstick.last
+    return displacement_error(end.X, end.F, seen.u, end.u, yardstick.record["is_free"]).l2
 
 
 def exact_rows(folder: Path, of: list[Body]) -> list[Row]:

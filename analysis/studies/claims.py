@@ -18,6 +18,7 @@ from ..paths import SCENES, write_text
 from ..points import Outcome, Point, Store
 from ..report import Table
 from ..runs import Run, RunError, load_run
+from ..surface_points import on_points_of
 from ..wording import significant
 
 N_SEEDS = 10
@@ -113,7 +114,7 @@ def error_against(reference: Run) -> Callable[[Outcome], float]:
     frame = reference.last
 
     def measure(outcome: Outcome) -> float:
-        u = load_run(outcome.folder).last.u
+        u = on_points_of(load_run(outcome.folder), reference).last.u
         return 100 * displacement_error(frame.X, frame.F, u, frame.u, False).l2
 
     return measure

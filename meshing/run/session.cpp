@@ -102,9 +102,12 @@ SurfaceMesh Session::cut_surface() {
   return cut;
 }
 
-void Session::open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int n_threads) {
-  const auto n_surface = static_cast<int>(surface.X.cols());
+void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::vector<CellBlock> cells,
+                   int n_threads) {
+  const auto n_surface = static_cast<int>(solved.X.cols());
   X_ = X;
+  solved_ = solved;
+  cells.insert(cells.begin(), CellBlock{5, solved.F});
   if (is_first_) recorder_.emplace(out_, std::move(cells), n_surface);
   nlohmann::ordered_json head = environment_record(program_, n_threads);
   head["name"] = scene.name;
@@ -128,12 +131,12 @@ bool Session::needs_snapshot(int n, bool is_last) const {
 
 void Session::add(const Snapshot& snapshot, int n, bool is_last) {
   if (scene.output.curves) {
-    const Eigen::Matrix3Xd x = surface.X + snapshot.u.leftCols(surface.X.cols());
+    const Eigen::Matrix3Xd x = solved_.X + snapshot.u.leftCols(solved_.X.cols());
     std::vector<std::pair<std::string, double>> row{
         {"time", snapshot.time},
         {"load_factor", snapshot.load_factor},
-        {"volume", volume(x, surface.F)},
-        {"area", area(x, surface.F)},
+        {"volume", volume(x, solved_.F)},
+        {"area", area(x, solved_.F)},
         {"kinetic_energy", snapshot.kinetic_energy},
         {"elastic_energy", snapshot.elastic_energy},
         {"max_displacement", snapshot.u.colwise().norm().maxCoeff()}};

@@ -49,9 +49,12 @@ class Session {
   /// The surface as the scene wants it cut, of which the record tells.
   SurfaceMesh cut_surface();
 
-  /// Frames hold these cells, the surface's triangles first, over nodes X (3 x n, m) at rest.
+  /// Frames hold the triangles of the surface that is solved on, then these cells, over nodes X (3 x n, m) at rest.
+  /// Volume and area in curves.csv are those of that surface.
+  /// @param solved     its vertices are the first nodes
   /// @param n_threads  that the solver may use
-  void open(const Eigen::Matrix3Xd& X, std::vector<CellBlock> cells, int n_threads);
+  void open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::vector<CellBlock> cells,
+            int n_threads);
 
   /// Whether a frame is due after n steps.
   bool needs_frame(int n, bool is_last) const;
@@ -78,6 +81,7 @@ class Session {
   std::filesystem::path out_;
   bool is_forced_, is_quiet_, is_first_;
   Eigen::Matrix3Xd X_;
+  SurfaceMesh solved_;
   std::optional<Recorder> recorder_;  ///< of the first process
 };
 
