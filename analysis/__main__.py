@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from . import grid, pair, remesh, reproduce
-from .experiment import default_folder, run_solvers, surface_file, surface_overrides
+from .experiment import TIME_LIMIT, default_folder, run_solvers, surface_file, surface_overrides
 from .index import write_index
 from .paths import OUT, SCENES
 from .report import text_of
@@ -86,6 +86,11 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     run.add_argument(
         "--remesh", action="store_true",
         help="first make an even, closed surface of the file's triangles, within a 500th of the body's size",
+    )  # fmt: skip
+
+    run.add_argument(
+        "--time-limit", type=float, default=TIME_LIMIT, metavar="SECONDS",
+        help="what a further solve of the finite elements may take, which tells their own error; default: %(default)g",
     )  # fmt: skip
 
     new = add(
@@ -167,7 +172,9 @@ def run(arguments: argparse.Namespace) -> int:
     surface, overrides = arguments.surface, [*arguments.overrides, *surface_overrides(arguments)]
     if arguments.remesh:
         surface = remesh.remeshed_of(surface or surface_file(arguments.scene), folder)
-    experiment = run_solvers(arguments.scene, folder, surface, overrides, arguments.quiet)
+    experiment = run_solvers(
+        arguments.scene, folder, surface, overrides, arguments.quiet, arguments.time_limit
+    )
     comparison = results_of(experiment, arguments.quiet)
     print(f"{text_of(comparison)}\n\nreport: {folder / 'report.html'}")
     if folder.resolve().is_relative_to(OUT):

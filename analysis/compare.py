@@ -223,6 +223,9 @@ class Figures:
     least_jacobian: float | None  #: smallest det F of any tetrahedron on the way
     estimated_error: float | None  #: by the springs themselves, relative in the L2 norm
     seconds: dict[str, float]
+    displacement_error_finest: float | None = (
+        None  #: likewise, by the finest reference; None: there is one alone
+    )
 
 
 @dataclass(frozen=True)
@@ -244,6 +247,7 @@ class ReferenceFigures:
     """How much the reference moves, a dynamic one at its widest: what the relative errors are relative to."""
 
     n_points: int  #: vertices of the surface as it was cut, at which displacements are compared
+    n_cut: int  #: of these, those that the surface's file does not have
     n_nodes: int
     n_dofs: int
     stopped: str  #: why it ended on its way; "": it did not
@@ -260,6 +264,9 @@ class ReferenceFigures:
     law_error: float | None  #: estimated, of the displacement, for being of small strain; None: it is not
     seconds: dict[str, float]
     estimated_error_l2: float | None = None  #: of the displacement, by its mesh; None: not estimated
+    n_refinements: int = 0  #: of the reference as the scene has it
+    unrefined_seconds: dict[str, float] | None = None  #: of that
+    unrefined_error: float | None = None  #: of that, by the finest
 
 
 def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
@@ -337,6 +344,7 @@ def describe_reference(
     strains = reference.curves.get("max_strain")
     return ReferenceFigures(
         n_points=len(frame.X),
+        n_cut=reference.record.get("n_cut", 0),
         n_nodes=reference.record["n_nodes"],
         n_dofs=reference.record["n_dofs"],
         stopped=reference.stopped,

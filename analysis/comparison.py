@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from typing import Any
 
-from .compare import Figures, FiguresAlone, ReferenceFigures, compare_runs, describe_alone, describe_reference
+from .compare import (
+    Figures,
+    FiguresAlone,
+    ReferenceFigures,
+    compare_runs,
+    describe_alone,
+    describe_reference,
+    on_same_problem,
+)
 from .experiment import Experiment
 from .methods import REFERENCE
 from .runs import Run, RunError, load_run
+from .verdict import needs_finer_reference
 
 # Of the scene's own model, which stand at the top of comparison.json, too.
 _MAIN = (
     "displacement_error_l2", "displacement_error_max", "volume_change_error", "area_change_error", "n_nodes", "n_springs",
     "n_patches",
 )  # fmt: skip
+
+# By which a change of quadratic elements falls with a refinement: slower than the first tells nothing of a limit, faster than
+# the second is chance.
+_SLOWEST, _FASTEST = 1.3, 8.0
 
 
 @dataclass(frozen=True)
@@ -49,6 +63,9 @@ class Comparison:
             "calibration": experiment.calibration,
             "law": experiment.law,
             "notes": list(experiment.notes),
+            "command": experiment.command,
+            "target_error": experiment.target_error,
+            "is_static": experiment.is_static,
         }
         if self.of_reference:
             reference = asdict(self.of_reference)
@@ -57,7 +74,8 @@ class Comparison:
                 **{key: main.get(key) for key in _MAIN},
                 "n_dofs_reference": reference["n_dofs"],
                 "seconds": {"massspring": main.get("seconds"), REFERENCE: reference["seconds"]},
-                "reference": reference,
+                "reference": reference
+                | {"next_seconds": experiment.next_reference_seconds, "unrefined": experiment.unrefined},
             }
         else:
             comparison["no_reference"] = experiment.unsolved
@@ -65,22 +83,66 @@ class Comparison:
 
 
 def compare(experiment: Experiment) -> Comparison:
-    """Loads and compares all runs. Raises RunError for one that is damaged or of another problem than the reference."""
-    is_free = experiment.is_free
-    reference = None if experiment.unsolved else load_run(experiment.reference_folder, may_stop=True)
-    runs = {
-        name: run
-        for name in experiment.calibrations
-        if (run := _springs(experiment, name)) and (reference or not run.stopped)
-    }
-    models: dict[str, Figures | FiguresAlone] = {
-        name: compare_runs(run, reference, is_free) if reference else describe_alone(run)
-        for name, run in runs.items()
-    }
-    described = (
-        describe_reference(reference, is_free, _estimated_error(experiment, reference)) if reference else None
+    """Loads and compares all runs, with the reference as the scene has it or, where that cannot decide, with its finest.
+
+    Raises RunError for a run that is damaged or of another problem than the reference.
+    """
+    if experiment.unsolved:
+        runs = {
+            name: run
+            for name in experiment.calibrations
+            if (run := _springs(experiment, name)) and not run.stopped
+        }
+        alone: dict[str, Figures | FiguresAlone] = {name: describe_alone(run) for name, run in runs.items()}
+        return Comparison(experiment, runs, alone, None, None)
+    levels = [load_run(folder, may_stop=True) for folder in experiment.reference_folders]
+    errors = errors_of_references(levels, experiment.is_free)
+    runs = {name: run for name in experiment.calibrations if (run := _springs(experiment, name))}
+    comparison = _judged_by(experiment, runs, levels, errors, 0)
+    if len(levels) > 1 and needs_finer_reference(comparison.as_json()):
+        return _judged_by(experiment, runs, levels, errors, len(levels) - 1)
+    return comparison
+
+
+def _judged_by(
+    experiment: Experiment, runs: dict[str, Run], levels: list[Run], errors: list[float | None], n: int
+) -> Comparison:
+    """levels: references, each refined once more than the one before, and what they are off by; n: that which judges."""
+    is_free, reference, finest = experiment.is_free, levels[n], levels[-1]
+    seen = {name: on_same_problem(run, reference) for name, run in runs.items()}
+    models: dict[str, Figures | FiguresAlone] = {}
+    for name, run in seen.items():
+        figures = compare_runs(run, reference, is_free)
+        if len(levels) > 1:
+            of_finest = figures if finest is reference else compare_runs(run, finest, is_free)
+            figures = replace(figures, displacement_error_finest=of_finest.displacement_error_l2)
+        models[name] = figures
+    described = replace(
+        describe_reference(reference, is_free, errors[n]),
+        n_refinements=n,
+        unrefined_seconds=levels[0].record["seconds"],
+        unrefined_error=compare_runs(levels[0], finest, is_free).displacement_error_l2
+        if len(levels) > 1
+        else None,
     )
-    return Comparison(experiment, runs, models, reference, described)
+    return Comparison(experiment, seen, models, reference, described)
+
+
+def errors_of_references(levels: list[Run], is_free: bool) -> list[float | None]:
+    """Estimated displacement errors of references, each refined once more than the one before; None of one alone.
+
+    Each is as far from the finest as that is from the limit, which the last two changes tell: they fall by _FASTEST at most.
+    Of a single change, errors are taken to halve with the edges.
+    """
+    if len(levels) == 1:
+        return [None]
+    changes = [compare_runs(a, b, is_free).displacement_error_l2 for a, b in pairwise(levels)]
+    ratio = 2.0
+    if len(changes) > 1 and changes[-1] > 0:
+        ratio = min(max(changes[-2] / changes[-1], _SLOWEST), _FASTEST)
+    own = changes[-1] / (ratio - 1)
+    before = (compare_runs(level, levels[-1], is_free).displacement_error_l2 for level in levels[:-1])
+    return [*(error + own for error in before), own]
 
 
 def _springs(experiment: Experiment, name: str) -> Run | None:
@@ -93,20 +155,6 @@ def _springs(experiment: Experiment, name: str) -> Run | None:
     except RunError:
         return None
     return run if run.stopped == failed else None  # else it is of an earlier run
-
-
-def _estimated_error(experiment: Experiment, reference: Run) -> float | None:
-    """Of the reference, relative as the displacement error; None where no refinement gave one."""
-    if reference.stopped or not (experiment.refined_folder / "run.json").exists():
-        return None
-    try:
-        refined = load_run(experiment.refined_folder)
-        if "convergence" in refined.record:
-            return refined.record["convergence"].get("estimated_error_l2")
-        # As if of first order: the refined run errs by half as much.
-        return 2 * compare_runs(reference, refined, experiment.is_free).displacement_error_l2
-    except RunError:  # what the coarse mesh carries the fine one may not
-        return None
 
 
 def without_nan(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 import subprocess
 import sys
@@ -27,11 +28,8 @@ if TYPE_CHECKING:
     from .comparison import Comparison
     from .tables import Plots
 
-_GROWTH = 8  # of the unknowns by a refinement
-# Unknowns of a refined reference, by what is solved: half a minute at most. And steps of a motion in time.
-_MAX_DOFS = {"linear": 500_000, "newton": 250_000, "dynamic": 100_000, "newton in time": 20_000}
-_MAX_STEPS = 500
-_MAX_SECONDS = 60.0  # by those of the reference: needles take more iterations than unknowns tell
+#: s, that a further solve of the reference for its error may take, as foreseen
+TIME_LIMIT = 60.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +43,10 @@ class Experiment:
     notes: tuple[
         str, ...
     ] = ()  #: sentences for the report: what was probably not meant, what was done to the surface
+    command: str = ""  #: that repeats it, without an output folder
+    n_refinements: int = 0  #: of the reference, for its error
+    next_reference_seconds: float | None = None  #: of the next refinement, as foreseen; None: none is needed
+    unrefined: str = ""  #: why the next refinement gave nothing; "": it was not tried
 
     @property
     def name(self) -> str:
@@ -84,10 +86,19 @@ class Experiment:
     def reference_folder(self) -> Path:
         return self.folder / "fem_reference"
 
+    def refined_folder(self, n: int) -> Path:
+        """Of the reference refined n times for its error."""
+        return self.folder / "reference_refined" / str(n)
+
     @property
-    def refined_folder(self) -> Path:
-        """Of the reference refined for its error; not there where that takes too long."""
-        return self.folder / "reference_refined"
+    def reference_folders(self) -> list[Path]:
+        """Of the reference as the scene has it, and refined."""
+        return [self.reference_folder, *(self.refined_folder(n + 1) for n in range(self.n_refinements))]
+
+    @property
+    def target_error(self) -> float:
+        """What adaptive springs are to reach; 0: they are not adapted."""
+        return float(self.scene["network"].get("target_error", 0))
 
     # What solves loads nothing that compares or draws: that is imported where it is asked for.
 
@@ -161,28 +172,6 @@ def surface_overrides(arguments: Any) -> list[str]:
     return [f'{key}="{value}"' for key, value in given.items() if value]
 
 
-def refinement(scene: dict[str, Any], record: dict[str, Any]) -> list[str] | None:
-    """Words of the command that solves a reference again for its error; None where that takes more than half a minute.
-
-    Linear statics are refined and extrapolated by the program; others are refined, motions in half their step, too.
-    """
-    refined = ["--set", f"reference.refine={scene['reference']['refine'] + 1}"]
-    if scene["time"]["mode"] == "dynamic":
-        kind = "dynamic" if scene["material"]["law"] == "small_strain" else "newton in time"
-        steps = [
-            f"time.step={record['step'] / 2!r}",
-            f"output.frames_every={2 * scene['output']['frames_every']}",
-        ]
-        words = [*refined, *(word for step in steps for word in ("--set", step))]
-    elif scene["material"]["law"] == "small_strain":
-        kind, words = "linear", ["--set", "output.frames_every=0", "--converge", "2"]
-    else:
-        kind, words = "newton", [*refined, "--set", "output.frames_every=0"]
-    is_small = _GROWTH * record["n_dofs"] <= _MAX_DOFS[kind] and record.get("n_steps", 0) <= _MAX_STEPS
-    is_fast = _GROWTH * record.get("seconds", {}).get("solve", 0) <= _MAX_SECONDS
-    return words if is_small and is_fast else None
-
-
 class _Said(NamedTuple):
     """What a program ended with and, of one that is quiet, what it printed."""
 
@@ -192,13 +181,21 @@ class _Said(NamedTuple):
     output: str = ""
 
 
-def _run(command: list[str], is_quiet: bool) -> _Said:
-    """Runs a program. What it says besides errors goes to sys.stderr."""
-    if not is_quiet:
-        return _Said(subprocess.run(command, check=False).returncode)
-    done = subprocess.run(
-        [*command, "--quiet"], check=False, capture_output=True, text=True, errors="replace"
-    )
+def _run(command: list[str], is_quiet: bool, limit: float | None = None) -> _Said:
+    """Runs a program. What it says besides errors goes to sys.stderr; limit: seconds after which it is stopped."""
+    try:
+        if not is_quiet:
+            return _Said(subprocess.run(command, check=False, timeout=limit).returncode)
+        done = subprocess.run(
+            [*command, "--quiet"],
+            check=False,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=limit,
+        )
+    except subprocess.TimeoutExpired:
+        return _Said(REFUSED, f"stopped after {limit:g} s")
     lines = done.stderr.splitlines(keepends=True)
     sys.stderr.writelines(line for line in lines if not line.startswith("error: "))
     errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
@@ -212,12 +209,15 @@ def run_solvers(
     surface: Path | None,
     overrides: list[str],
     is_quiet: bool,
+    time_limit: float = TIME_LIMIT,
 ) -> Experiment:
     """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
-    Where the scene has a part that the reference does not model, the springs run alone. Raises RunError when a spring
-    model refuses the scene, and when the reference fails or carries no part of the load.
+    The reference is refined as references.refine does, which gives time_limit (s) its meaning. Where the scene has a part
+    that the reference does not model, the springs run alone. Raises RunError when a spring model refuses the scene, and when
+    the reference fails or carries no part of the load.
     """
+    command = _command(scene_file, surface, overrides)
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
 
@@ -256,7 +256,6 @@ def run_solvers(
         raise RunError(errors or f"fem_reference gave no result (exit status {status})", is_told)
     shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
     scene = tomllib.loads((folder / "scene.toml").read_text())
-    refined = folder / "reference_refined"
     record = json.loads((folder / "fem_reference" / "run.json").read_text())
     # A static one that came some way is compared there.
     if status == NOT_OK and not record.get("load_factor_reached"):
@@ -264,13 +263,8 @@ def run_solvers(
             f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}"
         )
     unsolved = record["reason"] if status == NOT_MODELLED else ""
-    words = refinement(scene, record) if status == SOLVED else None
-    if words:
-        say(f"{label_of(REFERENCE)}, refined for their error", is_quiet)
-    if not words or run("fem_reference", refined, options=words)[0] not in (SOLVED, NOT_OK):
-        shutil.rmtree(refined, ignore_errors=True)  # it may be of other values
 
-    experiment = Experiment(folder, scene, {}, unsolved, tuple(map(_sentence, checked.warnings)))
+    experiment = Experiment(folder, scene, {}, unsolved, tuple(map(_sentence, checked.warnings)), command)
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
         say(label_of(calibration), is_quiet)
@@ -280,4 +274,20 @@ def run_solvers(
             outcome = outcome_of(json.loads((out / "run.json").read_text()))
         if outcome != "ok":
             experiment.failed[calibration] = outcome
-    return experiment
+    if unsolved:
+        return experiment
+
+    def solve_refined(out: Path, more: list[str], limit: float) -> tuple[int, str]:
+        return _run(command_of("fem_reference", out, *more), is_quiet, limit)[:2]
+
+    from .references import refine
+
+    return refine(experiment, solve_refined, time_limit, is_quiet)
+
+
+def _command(scene: Path, surface: Path | None, overrides: list[str]) -> str:
+    """The words of a user for these runs."""
+    words = ["./testbed", "run", str(scene), *(["--surface", str(surface)] if surface else [])]
+    for override in overrides:
+        words += ["--set", override]
+    return shlex.join(words)

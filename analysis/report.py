@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .methods import REFERENCE, label_of
-from .verdict import RULES, conclusion, finding, has_figures, title, total, trust_in_reference
+from .verdict import RULES, conclusion, finding, has_figures, next_command, title, total, trust_in_reference
 from .wording import percent, percent_signed, significant, unit_of_length
 
 _STYLE = """
@@ -104,6 +104,11 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
         trust[1].append([label, *_trust(model)])
         seconds[1].append([label, *times(model["seconds"])])
     label = label_of(REFERENCE)
+    if reference["n_refinements"]:
+        cells = ["-", "-", "-", percent(reference["unrefined_error"]), "-", "-", "-", "-"]
+        errors[1].append([f"{label}, unrefined", *cells])
+        seconds[1].append([f"{label}, unrefined", *times(reference["unrefined_seconds"])])
+        label += ", refined"
     counts = [str(reference["n_nodes"]), "-", str(reference["n_dofs"])]
     errors[1].append([label, *counts, *["-"] * len(keys), length(reference["largest_displacement"])])
     seconds[1].append([label, *times(reference["seconds"])])
@@ -151,6 +156,11 @@ def _trust(model: dict[str, Any]) -> list[str]:
 def text_of(comparison: dict[str, Any]) -> str:
     """The comparison for a terminal: finding, conclusion, tables, and how far the reference can be trusted."""
     parts = [f"{finding(comparison)}\n{' '.join(conclusion(comparison))}"]
+    if "no_reference" not in comparison:
+        parts.append(RULES)
+    if step := next_command(comparison):
+        purpose, command, cost = step
+        parts.append(f"{purpose} (some {cost}):\n  {command}")
     parts += [text_table(head, rows) for head, rows in tables(comparison)]
     parts.append(" ".join([*trust_in_reference(comparison), *comparison.get("notes", [])]))
     return "\n\n".join(parts).rstrip()
@@ -247,6 +257,11 @@ def render(
     row: None where there is no reference; plots: caption -> SVG; films: caption -> file; protocol: as in page.
     """
     parts = [f'<p class="conclusion">{html.escape(" ".join(conclusion(comparison)))}</p>']
+    if "no_reference" not in comparison:
+        parts.append(f"<p>{html.escape(RULES)}</p>")
+    if step := next_command(comparison):
+        purpose, command, cost = map(html.escape, step)
+        parts.append(f"<p>{purpose} (some {cost}):</p><pre>{command}</pre>")
     if row:
         parts.append(row_figure(row))
     sentences = [_LAWS[comparison["law"]], *trust_in_reference(comparison), *comparison.get("notes", [])]
@@ -286,13 +301,13 @@ def _explained(comparison: dict[str, Any]) -> str:
     )
     return f"""<h2>How to read this</h2>
 <p>Both solvers start from the same surface, vertex by vertex. <b>Displacement error</b>: root mean square of the
-difference over the surface at full load, of a dynamic scene over its whole time, as a fraction of the root mean square of
-the finite-element displacement (L2 norms weighted by area). <b>At worst</b>: the largest difference at a vertex over the
-same. {rigid}<b>Volume and area error</b>: L2 norm over the whole curve of the difference in the change, as a fraction of
-the finite elements' own change. {left_out} <b>Tip</b>: displacement of the vertex that moves farthest, in its direction.
+difference at {comparison["reference"]["n_points"]} points of the surface as it was cut, at full load, of a dynamic scene
+over its whole time, as a fraction of the root mean square of the finite-element displacement (L2 norms weighted by area).
+<b>At worst</b>: the largest difference at a vertex over the same. {rigid}<b>Volume and area error</b>: L2 norm over the
+whole curve of the difference in the change, as a fraction of the finite elements' own change. {left_out} <b>Tip</b>:
+displacement of the vertex that moves farthest, in its direction.
 <b>Exact fields</b>: what the model as built on this mesh makes of loads whose exact displacement is known, no reference
 needed: the error of the surface's displacement under uniform pressure, uniaxial tension, bending and torsion.
 <b>Floppy motions</b> cost a network no energy; a static solution holds them and carries the rest of the load. A network with
 any gives no answer to the exact fields; motions in time do not count them. <b>Seconds</b>:
-wall-clock, by stage. Residual and tolerance at which each solver stopped stand in its run.json below.</p>
-<p><b>Conclusion</b>: {RULES}</p>"""
+wall-clock, by stage. Residual and tolerance at which each solver stopped stand in its run.json below.</p>"""

@@ -24,7 +24,14 @@ def fingerprint(experiment: Experiment) -> str:
     records = sorted(experiment.folder.glob("**/run.json"))
     for file in [*records, experiment.folder / "scene.toml", *sorted(PACKAGE.rglob("*.py"))]:
         digest.update(file.read_bytes())
-    digest.update(json.dumps([experiment.failed, experiment.notes], sort_keys=True).encode())
+    values = [
+        experiment.failed,
+        experiment.notes,
+        experiment.n_refinements,
+        experiment.unrefined,
+        experiment.command,
+    ]
+    digest.update(json.dumps(values, sort_keys=True).encode())
     return digest.hexdigest()[:16]
 
 
@@ -61,7 +68,8 @@ def _protocol(comparison: Comparison) -> dict[str, str]:
     files = {
         f"{label_of(name)}: run.json": run.folder / "run.json" for name, run in comparison.methods.items()
     }
-    files["finite elements, refined for their error: run.json"] = experiment.refined_folder / "run.json"
+    for n, folder in enumerate(experiment.reference_folders[1:], 1):
+        files[f"finite elements, refined {n} times for their error: run.json"] = folder / "run.json"
     return {
         "scene.toml, with every default filled in: running it reproduces this": (
             experiment.folder / "scene.toml"

@@ -8,16 +8,13 @@ import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pyvista as pv
 
 from .methods import REFERENCE
-
-if TYPE_CHECKING:
-    from .surface_points import SurfacePoints
 
 Array = np.ndarray
 _KEPT = 1_000_000  # points, of the frames of a run that are kept in memory: some 100 MB
@@ -42,6 +39,23 @@ class Frame:
     X: Array
     u: Array
     F: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """Points (n, 3) of a surface, in m, with triangles F of their own: each is a mean of a triangle's corners."""
+
+    X: Array
+    F: Array
+    corners: Array  #: (n, 3) vertices of the surface
+    weights: Array  #: (n, 3)
+
+    def of(self, values: Array) -> Array:
+        """A field (n_vertices, 3) at the points, linear on each triangle."""
+        return np.einsum("pc,pcd->pd", self.weights, values[self.corners])
+
+    def frame(self, frame: Frame) -> Frame:
+        return Frame(self.X, self.of(frame.u), self.F)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pyvista as pv
 
-from .runs import Array, Frame, Run, RunError
+from .runs import Array, Run, RunError, SurfacePoints
 
 # Both programs keep the surface bit for bit, but a frame stores X + u and u, so that X comes back rounded.
 _SAME_POINT = 1e-12  # of the bounding box
-_SAME_SURFACE = 1e-9  # likewise: distances from triangles
-
-
-@dataclass(frozen=True, eq=False)
-class SurfacePoints:
-    """Points (n, 3) of a surface, in m, with triangles F of their own: each is a mean of a triangle's corners."""
-
-    X: Array
-    F: Array
-    corners: Array  #: (n, 3) vertices of the surface
-    weights: Array  #: (n, 3)
-
-    def of(self, values: Array) -> Array:
-        """A field (n_vertices, 3) at the points, linear on each triangle."""
-        return np.einsum("pc,pcd->pd", self.weights, values[self.corners])
-
-    def frame(self, frame: Frame) -> Frame:
-        return Frame(self.X, self.of(frame.u), self.F)
+_SAME_SURFACE = 1e-6  # likewise, distances from triangles: files hold single precision
 
 
 def nearest_points(surface: tuple[Array, Array], points: tuple[Array, Array]) -> tuple[SurfacePoints, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .wording import about, listed, seconds, share, significant
+from .wording import about, duration, listed, seconds, share, significant
 from .wording import percent_in_words as percent
 
 SERVES, FAILS = (
@@ -18,10 +18,17 @@ _ROUNDING = 1e-8
 _NOTICED = 0.01  # error of small strain on both sides: it is no part of their difference
 _OTHER_LAW = 'material.law = "neo_hookean"'
 
+_AS_NEAR = 1.1  # times the finite elements' error, at most: errors are equal
+_BEST = "node_averaged"
+_TARGET = 0.02  # of adaptive springs
+# Seconds of a run over those of this one, roughly: springs adapted, triangles cut three times as fine, another law.
+_ADAPTED, _FINER, _LARGE_STRAIN = 30, 4, 5
+
 RULES = (
-    f"A model serves where it is off by at most {percent(SERVES)}, and does not beyond {percent(FAILS)}, the finite elements' "
-    "own error added or taken off, whichever is worse for the statement; where that matters, the run cannot decide. Time is "
-    f"saved where all stages together take at most {percent(_SAVED)} of the finite elements' seconds."
+    f"A model serves where it is off by at most {percent(SERVES)}, and does not beyond {percent(FAILS)}. The finite elements' "
+    "own error is added or taken off, whichever is worse for the statement; where that matters, or is not known, the run cannot "
+    f"decide. Time is saved where all stages together take at most {percent(_SAVED)} of the finite elements' seconds at no "
+    "larger error."
 )
 
 
@@ -134,16 +141,74 @@ def conclusion(comparison: dict[str, Any]) -> list[str]:
         sentences.append(f"This run cannot decide on {named('undecided', 'or')}.")
     if groups["use"]:
         best = groups["use"][0]
-        springs, elements = total(models[best]["seconds"]), total(reference["seconds"])
-        saved = seconds(elements - springs) if springs <= _SAVED * elements else "no time"
-        sentences.append(
-            f"{best} took {seconds(springs)} and the finite elements {seconds(elements)}: it saves {saved}."
-        )
+        sentences.append(_time_saved(best, models[best], reference))
     return sentences + _limits(comparison, groups)
 
 
+def _time_saved(name: str, model: dict[str, Any], reference: dict[str, Any]) -> str:
+    """Of a model that serves, which is only said where it is as near to the finest reference as the scene's elements are."""
+    error, of_elements = model["displacement_error_finest"], reference["unrefined_error"]
+    if error is None or of_elements is None:
+        return "Nothing is said on time, as the finite elements' own error is not known."
+    springs, elements = total(model["seconds"]), total(reference["unrefined_seconds"])
+    took = f"{name} took {seconds(springs)} and the finite elements {seconds(elements)}"
+    off = f"off by {percent(error, 2)} and {percent(of_elements, 2)} by refined ones"
+    if error > max(_ROUNDING, _AS_NEAR * of_elements):
+        return f"{took}, at unequal errors ({off}): nothing is said on time saved."
+    saved = seconds(elements - springs) if springs <= _SAVED * elements else "no time"
+    return f"{took}, {off}: it saves {saved}."
+
+
+def needs_finer_reference(comparison: dict[str, Any]) -> bool:
+    """Whether a statement on a model, or the target of adaptive springs, waits for a smaller error of the reference's."""
+    reference = comparison["reference"]
+    own = reference["estimated_error_l2"]
+    if own is None or own > max(_ROUNDING, comparison["target_error"] or 1):
+        return True
+    models = [model for model in comparison["models"].values() if has_figures(model)]
+    exact = reference | {"estimated_error_l2": 0.0}
+    return any(_group(model, reference) == "undecided" != _group(model, exact) for model in models)
+
+
+def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
+    """What would settle or mend the verdict: what for, the command, and what it costs. None where nothing is left to do."""
+    if "no_reference" in comparison:
+        return None
+    reference, command = comparison["reference"], comparison["command"]
+    models = {name: model for name, model in comparison["models"].items() if has_figures(model)}
+    groups = {name: _group(model, reference) for name, model in models.items()}
+    spent = sum(total(of["seconds"]) for of in (reference, *models.values()))
+    undecided = [name for name, group in groups.items() if group == "undecided"]
+    if any(is_out_of_range(models[name], reference) for name in undecided):
+        law = f"{command} --set material.law=neo_hookean"
+        return "To leave the limits of small strain", law, duration(_LARGE_STRAIN * spent)
+    if undecided and reference["next_seconds"] and not reference["unrefined"]:
+        limit = math.ceil(reference["next_seconds"])
+        return "To decide", f"{command} --time-limit {limit}", f"{duration(limit)} more"
+    if "use" in groups.values() or undecided:
+        return None
+    if _BEST not in models:
+        return (
+            "To try a model that may serve",
+            f"{command} --set network.calibration={_BEST}",
+            duration(spent),
+        )
+    if reference["n_cut"] or not comparison["is_static"]:
+        finer = f"{command} --set surface.across=3"
+        return "To make springs and elements finer", finer, duration(_FINER * spent)
+    adapted = f"{command} --set network.calibration={_BEST} --set network.target_error={_TARGET}"
+    return (
+        "To add nodes where springs need them",
+        adapted,
+        duration(_ADAPTED * total(models[_BEST]["seconds"])),
+    )
+
+
 def _group(model: dict[str, Any], reference: dict[str, Any]) -> str:
-    error, own = model["displacement_error_l2"], reference["estimated_error_l2"] or 0
+    """Whether a model serves ("use"), does not ("not"), lies "between", or "undecided"."""
+    error, own = model["displacement_error_l2"], reference["estimated_error_l2"]
+    if own is None:
+        return "undecided"
     if is_out_of_range(model, reference):
         own += reference["law_error"]
     if error + own <= SERVES:
@@ -160,7 +225,7 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
     if any(is_out_of_range(models[name], reference) for group in groups.values() for name in group):
         limits.append(f"Set {_OTHER_LAW} to leave the limits of small strain.")
     if own is None:
-        limits.append("The finite elements' own error, which is not estimated, limits this.")
+        limits.append(_why_not_estimated(reference))
     elif any(is_blurred(models[name], own) for group in groups.values() for name in group):
         limits.append(f"The finite elements' own error of {about(own)} limits this.")
     figures = {"the reference": reference} | {f"{name} springs": model for name, model in models.items()}
@@ -183,6 +248,15 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
     return limits
 
 
+def _why_not_estimated(reference: dict[str, Any]) -> str:
+    """One sentence."""
+    unknown = "The finite elements' own error is not estimated"
+    if reference["unrefined"]:
+        return f"{unknown}: refined, they gave nothing ({reference['unrefined']})."
+    cost = reference["next_seconds"]
+    return f"{unknown}: a refinement takes some {duration(cost)}." if cost else f"{unknown}."
+
+
 def _verb(names: list[str], one: str, several: str) -> str:
     return one if len(names) == 1 else several
 
@@ -193,12 +267,17 @@ def trust_in_reference(comparison: dict[str, Any]) -> list[str]:
         return []
     models = {name: model for name, model in comparison["models"].items() if has_figures(model)}
     reference = comparison["reference"]
-    return [_own_error(reference["estimated_error_l2"], models), *_law_error(reference, models)]
+    refined = []
+    if n := reference["n_refinements"]:
+        times = "once" if n == 1 else f"{n} times"
+        refined = [f"The finite elements were refined {times}, as a coarser mesh could not decide."]
+    return [*refined, _own_error(reference, models), *_law_error(reference, models)]
 
 
-def _own_error(error: float | None, models: dict[str, dict[str, Any]]) -> str:
+def _own_error(reference: dict[str, Any], models: dict[str, dict[str, Any]]) -> str:
+    error = reference["estimated_error_l2"]
     if error is None:
-        return "The error of the finite elements themselves is not estimated for this scene."
+        return _why_not_estimated(reference)
     if error < _ROUNDING:
         return "The finite elements' own error is rounding, as a refinement shows."
     own = f"The finite elements' own displacement error is {about(error)}, estimated by a refinement"

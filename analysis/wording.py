@@ -52,6 +52,13 @@ def seconds(value: float) -> str:
     return "< 0.01 s" if value < 0.01 else f"{significant(value, 2 if value < 100 else 3)} s"
 
 
+def duration(value: float) -> str:
+    """Seconds that are foreseen: "7 s", "4 min", "2 h"."""
+    if value < 100:
+        return f"{max(1, float(f'{value:.1g}')):.0f} s"
+    return f"{value / 60:.0f} min" if value < 6000 else f"{value / 3600:.0f} h"
+
+
 def unit_of_length(value: float) -> tuple[str, float]:
     """The unit in which a length (m) reads best, and its size (m)."""
     units = {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9}

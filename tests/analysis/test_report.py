@@ -5,7 +5,14 @@ import math
 import pytest
 
 from analysis.report import render, tables, text_of, text_table
-from analysis.verdict import conclusion, finding, is_out_of_range, trust_in_reference
+from analysis.verdict import (
+    conclusion,
+    finding,
+    is_out_of_range,
+    needs_finer_reference,
+    next_command,
+    trust_in_reference,
+)
 
 
 def model_of(error=0.2, **more):
@@ -24,12 +31,16 @@ def model_of(error=0.2, **more):
         "n_patches": 0,
         "n_floppy_motions": 0,
         "seconds": {"mesh": 0.5, "solve": 1.5},
+        "displacement_error_finest": error,
     } | more
 
 
 def comparison_of(models=None, name="affine", **of_reference):
     """Of springs that take 2 s and miss elements, which take 6 s and move by 20 mm, by 20 %."""
+    seconds = {"mesh": 2.0, "assemble": 1.0, "solve": 3.0}
     reference = {
+        "n_points": 9,
+        "n_cut": 0,
         "n_nodes": 11,
         "n_dofs": 33,
         "stopped": "",
@@ -43,8 +54,13 @@ def comparison_of(models=None, name="affine", **of_reference):
         "strain": 0.02,
         "largest_strain": 0.03,
         "law_error": None,
-        "estimated_error_l2": None,
-        "seconds": {"mesh": 2.0, "assemble": 1.0, "solve": 3.0},
+        "estimated_error_l2": 0.0,
+        "n_refinements": 0,
+        "unrefined_seconds": seconds,
+        "unrefined_error": 0.5,
+        "next_seconds": None,
+        "unrefined": "",
+        "seconds": seconds,
     }
     return {
         "scene": "bend",
@@ -52,6 +68,9 @@ def comparison_of(models=None, name="affine", **of_reference):
         "calibration": name,
         "law": "small_strain",
         "rigid_motion_removed": False,
+        "command": "./testbed run bend.toml",
+        "target_error": 0.0,
+        "is_static": True,
         "models": models or {name: model_of()},
         "reference": reference | of_reference,
     }
@@ -154,7 +173,10 @@ def test_conclusion_names_models_to_use_and_not_to_use_and_the_seconds_saved():
     assert second == "lloyd (10 %) lies in between."
     # Their errors are 2.5 to 5.5 % and 17.5 to 20.5 %: on either side of a bound.
     assert third == "This run cannot decide on edge_coupled (4 %) or uniform (19 %)."
-    assert fourth == "node_averaged took 2 s and the finite elements 6 s: it saves 4 s."
+    assert (
+        fourth
+        == "node_averaged took 2 s and the finite elements 6 s, off by 1 % and 50 % by refined ones: it saves 4 s."
+    )
     assert rest == [
         "The finite elements' own error of some 1.5 % limits this.",
         "affine, lloyd and uniform stand on one random network, and another gives another error.",
@@ -171,6 +193,72 @@ def test_time_is_saved_where_a_fifth_of_it_is(solve, saved):
     assert conclusion(comparison_of(models))[1].endswith(f"it saves {saved}.")
 
 
+@pytest.mark.parametrize("of_elements, is_compared", [(0.0096, True), (0.009, False), (None, False)])
+def test_time_is_only_compared_at_equal_error(of_elements, is_compared):
+    comparison = comparison_of({"affine": model_of(0.01)}, unrefined_error=of_elements)
+    assert ("it saves 4 s" in conclusion(comparison)[1]) == is_compared
+    assert ("at unequal errors (off by 1 % and 0.9 % by refined ones)" in conclusion(comparison)[1]) == (
+        of_elements == 0.009
+    )
+
+
+def test_without_an_estimate_of_the_references_error_nothing_is_recommended():
+    """One that is unknown is not zero."""
+    models = {"a": model_of(0.001), "b": model_of(0.9)}
+    why = {"next_seconds": 250.0, "unrefined": ""}
+    comparison = comparison_of(models, "a", estimated_error_l2=None, **why)
+    words = " ".join(conclusion(comparison))
+    assert words.startswith(
+        "No model is shown to serve here. This run cannot decide on a (0.1 %) or b (90 %)."
+    )
+    assert "own error is not estimated: a refinement takes some 4 min." in words
+    assert needs_finer_reference(comparison)
+    assert next_command(comparison) == ("To decide", "./testbed run bend.toml --time-limit 250", "4 min more")
+    failed = comparison_of(models, "a", estimated_error_l2=None, **(why | {"unrefined": "not_converged"}))
+    assert "not estimated: refined, they gave nothing (not_converged)." in " ".join(conclusion(failed))
+    assert next_command(failed) is None
+
+
+@pytest.mark.parametrize(
+    "error, own, target, is_needed",
+    [
+        (0.00585, 0.047, 0, True),
+        (0.00585, 0.044, 0, False),
+        (0.3, 0.09, 0, False),
+        (0.24, 0.09, 0, True),
+        (0.1, 0.04, 0, False),
+        (0.01, 0.03, 0.02, True),
+        (0.01, 0.015, 0.02, False),
+    ],
+)
+def test_the_reference_is_refined_until_it_can_decide(error, own, target, is_needed):
+    comparison = comparison_of({"a": model_of(error)}, "a", estimated_error_l2=own)
+    assert needs_finer_reference(comparison | {"target_error": target}) == is_needed
+    undecided = "cannot decide" in " ".join(conclusion(comparison))
+    assert undecided == (is_needed and not target)
+
+
+def test_no_refinement_helps_where_the_law_limits():
+    models = {"a": model_of(0.04, is_linear=False)}
+    comparison = comparison_of(models, "a", estimated_error_l2=0.001, law_error=0.1)
+    assert "cannot decide on a" in " ".join(conclusion(comparison)) and not needs_finer_reference(comparison)
+    assert next_command(comparison)[1].endswith("--set material.law=neo_hookean")
+
+
+def test_a_verdict_that_helps_nobody_names_a_command_that_may():
+    def step(name, **more):
+        return next_command(comparison_of({name: model_of(0.1)}, name, **more))
+
+    assert step("uniform")[1].endswith("--set network.calibration=node_averaged")
+    assert step("node_averaged")[1].endswith("node_averaged --set network.target_error=0.02")
+    assert step("node_averaged")[2] == "60 s"  # thirty times the springs' two
+    assert step("node_averaged", n_cut=5)[1].endswith("--set surface.across=3")
+    assert next_command(comparison_of({"a": model_of(0.01)}, "a")) is None
+    for text in (render(comparison_of(), None, {}, {}, {}), text_of(comparison_of())):
+        assert "./testbed run bend.toml --set network.calibration=node_averaged" in text
+        assert text.index("serves where it is off by at most 5 %") < text.index("network.calibration=node")
+
+
 def test_models_that_differ_by_rounding_are_named_in_the_scenes_order():
     models = {"node_averaged": model_of(2e-12), "edge_coupled": model_of(1e-12)}
     first = conclusion(comparison_of(models, "node_averaged"))[0]
@@ -180,7 +268,7 @@ def test_models_that_differ_by_rounding_are_named_in_the_scenes_order():
 def test_conclusion_says_what_limits_it():
     words = " ".join(conclusion(comparison_of()))
     assert words.startswith("No model is shown to serve here. affine (20 %) lies in between.")
-    assert "saves" not in words and "own error, which is not estimated, limits this" in words
+    assert "saves" not in words and "network, and another" in words
     mechanisms = {name: model_of(0.01, n_floppy_motions=n) for name, n in (("a", 2), ("b", 0), ("c", None))}
     words = " ".join(conclusion(comparison_of(mechanisms, "a")))
     assert "a is a mechanism, whose error another load may change." in words

@@ -1,0 +1,76 @@
+"""References of one scene, each refined once more than the one before, until the comparison can be decided."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from .comparison import compare
+from .experiment import Experiment
+from .methods import REFERENCE, label_of
+from .points import say
+from .runs import NOT_OK, SOLVED, outcome_of
+from .verdict import needs_finer_reference
+from .wording import duration
+
+# Seconds of a refined solve over those of the one before: eight times the unknowns, and of motions half the step.
+_GROWTH = {"static": 10.0, "dynamic": 25.0}
+_LATE = 3  # times the limit, after which a solve that was foreseen to be shorter is stopped
+
+#: Runs the reference into a folder with these overrides, for so many seconds at most: exit status, and what it said.
+Solve = Callable[[Path, list[str], float], tuple[int, str]]
+
+
+def refine(experiment: Experiment, solve: Solve, time_limit: float, is_quiet: bool) -> Experiment:
+    """Refines the reference once for its error, and further while a statement on a model waits for it.
+
+    time_limit: seconds that a further solve may take, as the last one foretells. The experiment that is returned says why
+    the reference was not refined further, and what it would take.
+    """
+    record = _record_of(experiment.reference_folder)
+    while experiment.n_refinements == 0 or needs_finer_reference(compare(experiment).as_json()):
+        n = experiment.n_refinements + 1
+        folder = experiment.refined_folder(n)
+        seconds = _GROWTH[experiment.scene["time"]["mode"]] * _solution(record)
+        experiment = replace(experiment, next_reference_seconds=seconds)
+        if seconds > time_limit:
+            break
+        say(f"{label_of(REFERENCE)}, refined for their error: some {duration(seconds)}", is_quiet)
+        status, message = solve(folder, _overrides(experiment, record, n), _LATE * time_limit)
+        if status not in (SOLVED, NOT_OK):
+            experiment = replace(experiment, unrefined=message or f"exit status {status}")
+            break
+        record = _record_of(folder)
+        if status == NOT_OK and not record.get("load_factor_reached"):
+            experiment = replace(experiment, unrefined=outcome_of(record))
+            break
+        experiment = replace(experiment, n_refinements=n, next_reference_seconds=None)
+    later = experiment.n_refinements + 1
+    while (folder := experiment.refined_folder(later)).exists():
+        shutil.rmtree(folder)  # of other values, or without a result
+        later += 1
+    return experiment
+
+
+def _record_of(folder: Path) -> dict[str, Any]:
+    record: dict[str, Any] = json.loads((folder / "run.json").read_text())
+    return record
+
+
+def _solution(record: dict[str, Any]) -> float:
+    return sum(record["seconds"].get(stage, 0.0) for stage in ("setup", "assemble", "solve"))
+
+
+def _overrides(experiment: Experiment, last: dict[str, Any], n: int) -> list[str]:
+    """KEY=VALUE of the n-th refinement. Static runs that all end need no frames on the way."""
+    scene = experiment.scene
+    words = [f"reference.refine={scene['reference']['refine'] + n}"]
+    if scene["time"]["mode"] == "dynamic":
+        every = scene["output"]["frames_every"] * 2**n
+        return [*words, f"time.step={last['step'] / 2!r}", f"output.frames_every={every}"]
+    has_stopped = experiment.failed or last["status"] != "ok"
+    return words if has_stopped else [*words, "output.frames_every=0"]
