@@ -45,7 +45,7 @@ def refine(experiment: Experiment, solve: Solve, time_limit: float, is_quiet: bo
             experiment = replace(experiment, unrefined=message or f"exit status {status}")
             break
         record = _record_of(folder)
-        if status == NOT_OK and not record.get("load_factor_reached"):
+        if status != SOLVED and not record.get("load_factor_reached"):
             experiment = replace(experiment, unrefined=outcome_of(record))
             break
         experiment = replace(experiment, n_refinements=n, next_reference_seconds=None)
