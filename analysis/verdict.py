@@ -122,7 +122,7 @@ def conclusion(comparison: dict[str, Any]) -> list[str]:
     for name, model in sorted(
         models.items(), key=lambda item: max(_ROUNDING, item[1]["displacement_error_l2"])
     ):
-        groups[_group(model, reference)].append(name)
+        groups[verdict_on(model, reference)].append(name)
 
     def named(group: str, last: str) -> str:
         return listed(
@@ -167,7 +167,7 @@ def needs_finer_reference(comparison: dict[str, Any]) -> bool:
         return True
     models = [model for model in comparison["models"].values() if has_figures(model)]
     exact = reference | {"estimated_error_l2": 0.0}
-    return any(_group(model, reference) == "undecided" != _group(model, exact) for model in models)
+    return any(verdict_on(model, reference) == "undecided" != verdict_on(model, exact) for model in models)
 
 
 def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
@@ -176,7 +176,7 @@ def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
         return None
     reference, command = comparison["reference"], comparison["command"]
     models = {name: model for name, model in comparison["models"].items() if has_figures(model)}
-    groups = {name: _group(model, reference) for name, model in models.items()}
+    groups = {name: verdict_on(model, reference) for name, model in models.items()}
     spent = sum(total(of["seconds"]) for of in (reference, *models.values()))
     undecided = [name for name, group in groups.items() if group == "undecided"]
     if any(is_out_of_range(models[name], reference) for name in undecided):
@@ -204,7 +204,7 @@ def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
     )
 
 
-def _group(model: dict[str, Any], reference: dict[str, Any]) -> str:
+def verdict_on(model: dict[str, Any], reference: dict[str, Any]) -> str:
     """Whether a model serves ("use"), does not ("not"), lies "between", or "undecided"."""
     error, own = model["displacement_error_l2"], reference["estimated_error_l2"]
     if own is None:

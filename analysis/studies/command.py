@@ -13,7 +13,19 @@ from typing import NamedTuple
 
 from ..paths import ROOT
 from ..runs import RunError
-from . import accuracy, cost, estimate, gallery, kernels, paper, peers, scaling, stability, work_precision
+from . import (
+    accuracy,
+    cost,
+    estimate,
+    gallery,
+    kernels,
+    paper,
+    peers,
+    scaling,
+    stability,
+    verdicts,
+    work_precision,
+)
 from .result import Result, protocol_of, text_of, write
 
 
@@ -66,6 +78,9 @@ STUDIES = {
         "the springs' own estimates beside their errors, and nodes added for a target, on the same bodies: an hour",
         estimate.study,
         frozenset({"quick", "kept_back"}),
+    ),
+    "verdicts": Study(
+        "whether verdicts on the same bodies hold against a finer reference: an hour", verdicts.study
     ),
 }
 

@@ -73,7 +73,9 @@ ALLOWED = {
     },
     "reproduce": {"comparison", "experiment", "machine", "paths", "points", "runs", "wording"},
     "studies": {
+        "comparison",
         "surface_points",
+        "verdict",
         "compare",
         "drawing",
         "experiment",
