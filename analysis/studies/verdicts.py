@@ -22,6 +22,7 @@ from ..runs import RunError
 from ..verdict import FAILS, SERVES, has_figures, verdict_on
 from ..wording import percent
 from .accuracy import SPRINGS, Bench, Case, Row, cases, error_of
+from .bodies import random_of
 from .result import Result, Section
 
 _N_BODIES, _N_QUICK = 20, 3
@@ -31,11 +32,11 @@ _LONG = 120.0  # s, in which a verdict is wanted
 
 
 def drawn(n: int) -> list[Case]:
-    """The first case of each of so many bodies, in the order that a hash draws."""
-    first: dict[str, Case] = {}
+    """A case of each of so many bodies, drawn by its name."""
+    of_body: dict[str, list[Case]] = {}
     for case in cases(has_kept_back=True):
-        first.setdefault(case.body.name, case)
-    return list(first.values())[:n]
+        of_body.setdefault(case.body.name, []).append(case)
+    return [of[random_of(f"verdict on {body}").integers(len(of))] for body, of in of_body.items()][:n]
 
 
 def holds(verdict: str, error: float) -> bool:
