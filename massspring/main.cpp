@@ -140,6 +140,7 @@ void check(const Scene& scene, const Arguments& arguments) {
     std::cerr << "unused: " << joined(unused) << '\n';
   const SurfaceMesh surface = load_surface(scene.surface);
   check_on_surface(scene, surface, arguments.scene);
+  if (arguments.n_frequencies == 0) check_motion(scene, surface, arguments.scene);
   for (const std::string& warning : warnings_about(scene, surface, arguments.scene))
     std::cerr << "warning: " << warning << '\n';
   if (arguments.is_check) std::cout << extent_of(scene, surface) << '\n';

@@ -54,6 +54,7 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       out_(options.out),
       is_forced_(options.is_forced),
       is_quiet_(options.is_quiet),
+      finds_frequencies_(options.n_frequencies > 0),
       is_first_(is_first) {
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
   if (!is_first) return;
@@ -79,6 +80,7 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
   timer.start("mesh");
   surface = load_surface(scene.surface);
   check_on_surface(scene, surface, file_);
+  if (!finds_frequencies_) check_motion(scene, surface, file_);
   load_factor_of(scene);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
   hash_ = hash_of(input_hash(scene, surface, ignored) + ' ' + options);

@@ -79,7 +79,7 @@ class Session {
 
   std::string program_, file_, hash_;
   std::filesystem::path out_;
-  bool is_forced_, is_quiet_, is_first_;
+  bool is_forced_, is_quiet_, finds_frequencies_, is_first_;
   Eigen::Matrix3Xd X_;
   SurfaceMesh solved_;
   std::optional<Recorder> recorder_;  ///< of the first process

@@ -1,11 +1,14 @@
 #include "meshing/scene/check.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <sstream>
 #include <stdexcept>
 
 #include "meshing/scene/scene_keys.h"
 #include "meshing/scene/surface_problem.h"
+#include "meshing/surface/cut_surface.h"
 #include "meshing/surface/shells.h"
 #include "meshing/surface/surface_check.h"
 
@@ -18,26 +21,54 @@ std::string place_of(const Scene& scene, const std::string& key, const std::stri
   return (found == scene.places.end() ? file : found->second) + ": ";
 }
 
+/// A path along which something leaves its place.
+bool moves(const Path& path) {
+  return std::any_of(path.begin(), path.end(), [](const auto& point) { return !point.tail(3).isZero(0); });
+}
+
 bool is_prescribed(const Scene& scene) {
   return std::any_of(scene.supports.begin(), scene.supports.end(), [](const Support& support) {
-    return !support.displacement.isZero(0) || !support.motion.empty();
+    return !support.displacement.isZero(0) || moves(support.motion);
   });
 }
 
 bool has_load(const Scene& scene) {
   if (scene.gravity && !scene.gravity->isZero(0)) return true;
   return std::any_of(scene.loads.begin(), scene.loads.end(), [](const Load& load) {
-    return load.pressure != 0 || !load.traction.isZero(0) || !load.stress.empty();
+    return load.pressure != 0 || !load.traction.isZero(0) ||
+           std::any_of(load.stress.begin(), load.stress.end(),
+                       [](const StressTerm& term) { return !term.tail<6>().isZero(0); });
   });
 }
 
-/// Whether anything moves the body.
+/// Whether anything may move the body: contacts may overlap it at rest, and a skin that relaxes moves by itself.
 bool is_driven(const Scene& scene) {
+  const bool starts = std::any_of(
+      scene.initial.begin(), scene.initial.end(),
+      [](const InitialMotion& initial) { return !initial.velocity.isZero(0) || !initial.spin.isZero(0); });
   const bool collapses = scene.collapse && scene.collapse->coefficient > 0 && !scene.collapse->pivots.empty();
-  const bool is_pushed = std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
-                                     [](const Obstacle& obstacle) { return !obstacle.motion.empty(); });
-  return has_load(scene) || is_prescribed(scene) || collapses || is_pushed ||
-         (scene.volume && !scene.volume->target.empty());
+  const bool swells = scene.volume && (scene.volume->coefficient > 0 || scene.volume->local > 0) &&
+                      std::any_of(scene.volume->target.begin(), scene.volume->target.end(),
+                                  [](const auto& point) { return point(1) != 1; });
+  return has_load(scene) || is_prescribed(scene) || starts || collapses || swells || !scene.seams.empty() ||
+         !scene.obstacles.empty() || scene.self_contact.is_on || (scene.skin && scene.skin->relaxation > 0);
+}
+
+/// Whether supports without end hold every vertex of the surface in all directions.
+bool is_held_everywhere(const Scene& scene, const SurfaceMesh& surface) {
+  std::vector<Eigen::Matrix3d> held(surface.X.cols(), Eigen::Matrix3d::Zero());
+  for (const Support& support : scene.supports) {
+    if (support.end) continue;
+    Eigen::Matrix3d projection = Eigen::Matrix3d::Zero();
+    for (const Eigen::Vector3d& direction : held_directions(support))
+      projection += direction * direction.transpose();
+    for (const int v : vertices_in(support.region, surface)) held[v] += projection;
+  }
+  constexpr double kLeast = 1e-9;  // of what holds a direction: the square of its sine against the others
+  return std::all_of(held.begin(), held.end(), [](const Eigen::Matrix3d& h) {
+    return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(h, Eigen::EigenvaluesOnly).eigenvalues()(0) >
+           kLeast;
+  });
 }
 
 std::string box_text(const Eigen::Matrix3Xd& X) {
@@ -84,6 +115,24 @@ void check_on_surface(const Scene& scene, const SurfaceMesh& surface, const std:
                            "; expected one for each in statics, or reference.inertia_relief");
 }
 
+void check_motion(const Scene& scene, const SurfaceMesh& surface, const std::string& file) {
+  if (!is_driven(scene)) {
+    const std::array<std::string, 4> keys{"gravity", "loads", "supports", "surface"};
+    const auto* const given = std::find_if(
+        keys.begin(), keys.end(), [&](const std::string& key) { return scene.places.count(key) > 0; });
+    throw std::runtime_error(
+        place_of(scene, given == keys.end() ? "" : *given, file) +
+        "nothing moves the body, expected gravity, a load, a prescribed displacement, an "
+        "initial motion, a collapse or a volume target, and other than zero");
+  }
+  if (!is_prescribed(scene) && is_held_everywhere(scene, surface) &&
+      is_held_everywhere(scene, cut_across(surface, scene.surface.across).surface))
+    throw std::runtime_error(
+        place_of(scene, "supports", file) +
+        "supports hold the whole surface in all directions, expected a part of it that is "
+        "free to move");
+}
+
 std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& surface,
                                         const std::string& file) {
   std::vector<std::string> warnings;
@@ -92,8 +141,6 @@ std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& s
     (text << ... << words);
     warnings.push_back(text.str());
   };
-  if (!is_driven(scene))
-    warn(file, ": nothing moves: no gravity, load, prescribed displacement, collapse or volume target");
   constexpr double kSoftest = 1, kLongest = 50, kShortest = 1e-4;  // Pa, m, m
   if (scene.material.E < kSoftest)
     warn(place_of(scene, "material.E", file), "material.E = ", scene.material.E,

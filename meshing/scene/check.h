@@ -19,7 +19,13 @@ void check_scene(const Scene& scene, const std::string& file);
 /// @throws std::runtime_error naming file and line or part, and the box of the body or part.
 void check_on_surface(const Scene& scene, const SurfaceMesh& surface, const std::string& file);
 
-/// What a user did probably not mean, though programs can solve it: nothing moves, units that make no sense, a
+/// That the body moves in time or under load: something drives it, and supports do not hold the whole surface, as
+/// it is cut by surface.across. Vibrations need no such drive.
+/// @param file  of the scene, for the message
+/// @throws std::runtime_error naming file, line and what is expected.
+void check_motion(const Scene& scene, const SurfaceMesh& surface, const std::string& file);
+
+/// What a user did probably not mean, though programs can solve it: units that make no sense, a
 /// surface of needles or one that crosses itself. A sentence each, with file and line or the command that
 /// helps.
 /// @param file  of the scene

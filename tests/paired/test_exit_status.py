@@ -101,6 +101,29 @@ def test_of_an_error_is_1_and_leaves_no_result(run, tmp_path, program):
     assert not (tmp_path / program / "run.json").exists()
 
 
+@pytest.mark.parametrize(
+    "program, words", [("massspring", ()), ("massspring", ("--check",)), ("fem_reference", ())]
+)
+@pytest.mark.parametrize(
+    "override, refusal",
+    [
+        ("loads.0.traction=[0, 0, 0]", "scene.toml:11: nothing moves the body"),
+        (
+            "supports.0.region.plane.point=[9, 0, 0]",
+            "scene.toml:7: supports hold the whole surface in all directions",
+        ),
+    ],
+)
+def test_of_a_body_that_cannot_move_is_1_before_anything_is_solved(
+    run, tmp_path, program, words, override, refusal
+):
+    done = run(program, override, words=words)
+    assert done.returncode == 1
+    assert refusal in done.stderr
+    assert not list(tmp_path.glob(f"{program}/*.json")) + list(tmp_path.glob(f"{program}/frames"))
+    assert run(program, override, words=[*words, "--frequencies", "1"]).returncode == 0
+
+
 @pytest.mark.parametrize("program", BOTH)
 def test_of_a_folder_that_cannot_be_made_is_1_and_the_folder_is_named(tmp_path, program):
     (tmp_path / "file").write_text("")
@@ -134,7 +157,13 @@ def test_more_steps_than_can_be_counted_are_an_error_that_names_their_number(run
 
 def test_default_step_of_a_tiny_body_is_refused_when_it_makes_too_many(run, tmp_path):
     done = run(
-        "massspring", DYNAMIC, "time.end=300", "time.step=0", "time.integrator=rk4", "surface.scale=1e-6"
+        "massspring",
+        DYNAMIC,
+        "time.end=300",
+        "time.step=0",
+        "time.integrator=rk4",
+        "surface.scale=1e-6",
+        "supports.0.region.plane.point=[1e-9, 0, 0]",
     )
     assert done.returncode == 1
     assert "expected at most 2147483647" in done.stderr

@@ -187,6 +187,93 @@ Scene loaded_ball() {
   return scene;
 }
 
+std::string refusal_of_motion(const Scene& scene, const SurfaceMesh& surface) {
+  try {
+    check_motion(scene, surface, "a.toml");
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(CheckMotion, RefusesABodyThatNothingMovesWithTheLineOfWhatIsZero) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  Scene idle = ball();
+  EXPECT_EQ(refusal_of_motion(idle, surface).rfind("a.toml: nothing moves the body, expected gravity", 0), 0);
+  idle.places["surface"] = "a.toml:1";
+  EXPECT_EQ(refusal_of_motion(idle, surface).rfind("a.toml:1: nothing moves the body", 0), 0);
+  idle.supports.emplace_back().motion = {{0, 0, 0, 0}, {1, 0, 0, 0}};
+  idle.loads.emplace_back().stress.push_back(StressTerm::Zero());
+  idle.initial.emplace_back();
+  idle.volume.emplace().coefficient = 1;
+  idle.volume->target = {{0, 1}, {1, 1}};
+  idle.collapse.emplace();
+  idle.skin.emplace().stiffness = 1;
+  idle.gravity = Eigen::Vector3d::Zero();
+  idle.places["gravity"] = "a.toml:3";
+  EXPECT_EQ(refusal_of_motion(idle, surface).rfind("a.toml:3: nothing moves the body", 0), 0);
+}
+
+TEST(CheckMotion, AcceptsWhateverMayMoveABody) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  const auto expect_driven_by = [&](const char* what, auto change) {
+    Scene scene = moving_ball();
+    change(scene);
+    EXPECT_EQ(refusal_of_motion(scene, surface), "") << what;
+  };
+  expect_driven_by("gravity", [](Scene& s) { s.gravity = Eigen::Vector3d(0, 1, 0); });
+  expect_driven_by("pressure", [](Scene& s) { s.loads.emplace_back().pressure = 1; });
+  expect_driven_by("traction", [](Scene& s) { s.loads.emplace_back().traction(0) = 1; });
+  expect_driven_by("stress", [](Scene& s) { s.loads.emplace_back().stress.push_back(StressTerm::Ones()); });
+  expect_driven_by("displacement", [](Scene& s) { s.supports.emplace_back().displacement(1) = 1; });
+  expect_driven_by("motion", [](Scene& s) {
+    s.supports.emplace_back().motion = {{0, 0, 0, 0}, {1, 0, 1, 0}};
+  });
+  expect_driven_by("velocity", [](Scene& s) { s.initial.emplace_back().velocity(0) = 1; });
+  expect_driven_by("spin", [](Scene& s) { s.initial.emplace_back().spin(0) = 1; });
+  expect_driven_by("collapse", [](Scene& s) { s.collapse.emplace().pivots.emplace_back(); });
+  expect_driven_by("volume", [](Scene& s) {
+    s.volume.emplace().local = 1;
+    s.volume->target = {{0, 1}, {1, 0.5}};
+  });
+  expect_driven_by("seam", [](Scene& s) { s.seams.emplace_back(); });
+  expect_driven_by("obstacle", [](Scene& s) { s.obstacles.emplace_back(); });
+  expect_driven_by("self-contact", [](Scene& s) { s.self_contact.is_on = true; });
+  expect_driven_by("relaxation", [](Scene& s) { s.skin.emplace().relaxation = 0.1; });
+}
+
+TEST(CheckMotion, RefusesASurfaceThatSupportsHoldEverywhereWithTheirLine) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  Scene clamped = loaded_ball();
+  clamped.places["supports"] = "a.toml:7";
+  clamped.supports.emplace_back();
+  expect_parts(refusal_of_motion(clamped, surface), {"a.toml:7: supports hold the whole surface"});
+  Scene moving = clamped, split = clamped, part = clamped, sliding = clamped, ending = clamped,
+        moved = clamped;
+  moving.time.mode = TimeMode::Dynamic;
+  split.supports[0].normal = Eigen::Vector3d(1, 2, 0);
+  split.supports.emplace_back().along = Eigen::Vector3d(1, 2, 0);
+  for (const Scene& other : {moving, split})
+    expect_parts(refusal_of_motion(other, surface), {"supports hold the whole surface"});
+  part.supports[0].region.shape = HalfSpace{{0, 0.9, 0}, {0, 1, 0}};
+  sliding.supports[0].fixed[1] = false;
+  ending.supports[0].end = 1;
+  moved.supports[0].displacement(0) = 1;
+  for (const Scene& other : {part, sliding, ending, moved}) EXPECT_EQ(refusal_of_motion(other, surface), "");
+}
+
+TEST(CheckMotion, AcceptsABeamWhoseCornersAreAllClampedWhereItIsCutBetweenThem) {
+  const SurfaceMesh beam = make_shape("bar", 8, {8, 1, 1});
+  ASSERT_EQ(beam.X.row(0).unaryExpr([](double x) { return x > 0 && x < 8; }).count(), 0);
+  Scene scene = loaded_ball();
+  scene.supports.resize(2);
+  scene.supports[0].region.shape = HalfSpace{{0, 0, 0}, {1, 0, 0}};
+  scene.supports[1].region.shape = HalfSpace{{8, 0, 0}, {-1, 0, 0}};
+  EXPECT_EQ(refusal_of_motion(scene, beam), "");
+  scene.surface.across = 0;
+  expect_parts(refusal_of_motion(scene, beam), {"supports hold the whole surface"});
+}
+
 std::string warnings(const Scene& scene, const SurfaceMesh& surface) {
   std::string all;
   for (const std::string& warning : warnings_about(scene, surface, "a.toml")) all += warning + '\n';
@@ -195,20 +282,6 @@ std::string warnings(const Scene& scene, const SurfaceMesh& surface) {
 
 TEST(WarningsAbout, AreNoneWhereAllMakesSense) {
   EXPECT_EQ(warnings(loaded_ball(), make_shape("ball", 162)), "");
-}
-
-TEST(WarningsAbout, NameASceneInWhichNothingMoves) {
-  const SurfaceMesh surface = make_shape("ball", 162);
-  Scene scene = ball();
-  scene.supports.emplace_back();
-  scene.loads.emplace_back();
-  scene.gravity = Eigen::Vector3d::Zero();
-  expect_parts(warnings(scene, surface), {"a.toml: nothing moves"});
-  Scene pushed = scene, moved = scene, shrunk = scene;
-  pushed.loads[0].pressure = 1;
-  moved.supports[0].displacement(1) = 1;
-  shrunk.collapse.emplace().pivots.emplace_back();
-  for (const Scene& other : {pushed, moved, shrunk}) EXPECT_EQ(warnings(other, surface), "");
 }
 
 TEST(WarningsAbout, NameUnitsThatMakeNoSenseWithTheirPlace) {
