@@ -16,6 +16,7 @@ BELOW = {
     "meshing/network": ["meshing/base", "meshing/surface"],
     "meshing/tetrahedra": ["meshing/base", "meshing/surface"],
     "meshing/scene": ["meshing/base", "meshing/surface", "meshing/network", "meshing/tetrahedra"],
+    "meshing/surface_energies": ["meshing/base", "meshing/algebra", "meshing/surface", "meshing/scene"],
     "meshing/run": ["meshing/base", "meshing/surface", "meshing/tetrahedra", "meshing/scene"],
     "massspring/kernels": ["meshing/algebra"],
     "massspring/energies": ["massspring/kernels", "meshing/algebra", "meshing/base", "meshing/surface"],

@@ -2,8 +2,8 @@
 // [paper 3.2], and those that minimise have a barrier [Li et al. 2020].
 #pragma once
 
-#include "massspring/contact/rigid_body.h"
 #include "massspring/model/model.h"
+#include "meshing/surface_energies/rigid_body.h"
 
 namespace testbed::massspring {
 
@@ -58,55 +58,6 @@ class Touches {
     Eigen::Vector3d friction;  ///< of the next step where it slides (N)
   };
   std::vector<Touch> touches_;  ///< ascending nodes, one each
-};
-
-/// Schemes that minimise: an energy that rises without bound towards the bodies' surfaces,
-///   kappa sum_i b(d_i), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0, [(26)]
-/// d_i the gap of node i. Friction is the lagged potential of
-/// a force smoothed below a speed that is no motion to the eye.
-class Barrier {
- public:
-  /// Nodes that supports hold are left alone. kappa = E times the mean length of springs or, without, of the
-  /// surface's edges; D is a thousandth of the box's diagonal.
-  Barrier(const MassSpringModel& model, const Forces& forces, const std::vector<RigidBody>& bodies);
-
-  /// A step begins: bodies go to their places at t + h,
-  /// friction is taken from the contact forces at x (3 x n, m).
-  void begin_step(double t, double h, const Eigen::Matrix3Xd& x);
-
-  /// Moves y to where it is outside of all bodies, coming from x. Returns whether it had to.
-  bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const;
-
-  /// Largest part of the step dx from x that stays outside, at most 1.
-  double largest_step(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx) const;
-
-  /// Newton's method went from x to y: friction forces as the last Hessian foresaw them, which the next one
-  /// takes. That of friction at y itself knows nothing of what lies beyond the slip: iterates then leap to
-  /// and fro across it [Chan, Golub & Mulet 1999].
-  void follow(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y);
-
-  /// Diagonal blocks += positive semidefinite part of the Hessian (N/m).
-  void add_hessian(const Eigen::Matrix3Xd& x, std::vector<Eigen::Matrix3d>& diagonal) const;
-  double energy(const Eigen::Matrix3Xd& x) const;                         ///< J; infinite inside
-  void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const;  ///< N
-
- private:
-  struct Held {
-    int node;
-    Eigen::Vector3d normal, start;  ///< start: of the node, moving with the body (m)
-    double limit;                   ///< friction coefficient times contact force (N)
-    Eigen::Vector3d friction;       ///< that the node exerts, as foreseen (N)
-  };
-  Eigen::Vector3d slid(const Held& held, const Eigen::Matrix3Xd& x) const;
-  template <class Visit>
-  void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;
-
-  const std::vector<RigidBody>& bodies_;
-  std::vector<int> nodes_;  ///< that are free
-  double kappa_, range_;    ///< N/m, m
-  double t_before_ = 0, t_ = 0;
-  double slip_ = 0;  ///< below which friction is smoothed (m)
-  std::vector<Held> held_;
 };
 
 }  // namespace testbed::massspring

@@ -242,7 +242,8 @@ void undamped_forces(const MassSpringModel& model, const Forces& forces, const S
 std::optional<Eigen::Matrix3Xd> volume_stiffness_root(const MassSpringModel& model, const Forces& forces,
                                                       const State& state) {
   if (!forces.volume_pressure) return {};
-  return volume_stiffness_root(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
+  return meshing::volume_stiffness_root(*forces.volume_pressure, state.target_volume, model.network.F,
+                                        state.x);
 }
 
 std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, const Forces& forces,

@@ -9,16 +9,17 @@
 #include <tuple>
 #include <vector>
 
-#include "massspring/energies/bending.h"
-#include "massspring/energies/seams.h"
+#include "massspring/energies/local_volume.h"
 #include "massspring/energies/springs.h"
 #include "massspring/energies/tet_springs.h"
-#include "massspring/energies/volume_force.h"
 #include "massspring/model/mass.h"
 #include "massspring/model/small_strain.h"
 #include "meshing/algebra/status.h"
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
+#include "meshing/surface_energies/bending.h"
+#include "meshing/surface_energies/enclosed_volume.h"
+#include "meshing/surface_energies/seams.h"
 
 namespace testbed::massspring {
 

@@ -46,15 +46,9 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
     for (VolumeCurvature& c : volume_curvature_) c.factor *= factors.stiffness;
   }
   x_ = at.x;
-  if (motion_.barrier) {
-    contact_.assign(mass_.size(), Matrix3d::Zero());
-    motion_.barrier->add_hessian(at.x, contact_);
-    for (Matrix3d& block : contact_) block *= factors.stiffness;
-  }
-  if (motion_.self_contact) {
-    pairs_ = motion_.self_contact->touching(at.x);
-    for (NearPair& pair : pairs_) pair.stiffness *= factors.stiffness;
-  }
+  surface_.clear();
+  for (const auto& energy : motion_.surface_energies) energy->add_hessian(at.x, surface_);
+  surface_.scale(factors.stiffness);
   if (!K_) {
     springs_ = hessian(*model_.springs, at.rest_length, at.x, factors.stiffness, curvature);
     return;
@@ -75,23 +69,7 @@ void ImplicitMatrix::multiply_sparse(const Matrix3Xd& p, Matrix3Xd& y) const {
     add_product(*model_.springs, *springs_, p, y);
     if (damping_) add_product(*model_.springs, *damping_, p, y);
   }
-  add_contacts(p, y);
-}
-
-template <class Field>
-void ImplicitMatrix::add_contacts(const Field& p, Field& y) const {
-  using Scalar = typename Field::Scalar;
-  for (size_t i = 0; i < contact_.size(); ++i)
-    y.col(i).template head<3>() += contact_[i].template cast<Scalar>() * p.col(i).template head<3>();
-  for (const NearPair& pair : pairs_) {
-    double closing = 0;
-    for (int a = 0; a < 4; ++a)
-      closing +=
-          pair.weight[a] * pair.normal.dot(p.col(pair.node[a]).template head<3>().template cast<double>());
-    for (int a = 0; a < 4; ++a)
-      y.col(pair.node[a]).template head<3>() +=
-          (pair.stiffness * closing * pair.weight[a] * pair.normal).template cast<Scalar>();
-  }
+  surface_.add_product(p, y);
 }
 
 void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
@@ -117,7 +95,7 @@ double ImplicitMatrix::multiply_rounded(bool is_sparse, const PaddedField& p, Pa
     y.setZero(4, p.cols());
   else
     meshing::multiply(A.mass, p, y);
-  if (!contact_.empty() || !pairs_.empty()) add_contacts(p, y);
+  surface_.add_product(p, y);
   if (!is_sparse && g_) add_scaled(static_cast<float>(dot(A.g, p)), A.g, y);
   if (!is_sparse && !volume_curvature_.empty()) {
     const Eigen::Index n = model_.network.n_surface;
@@ -152,11 +130,7 @@ void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
     add_diagonal(*model_.springs, *springs_, blocks);
     if (damping_) add_diagonal(*model_.springs, *damping_, blocks);
   }
-  for (size_t i = 0; i < contact_.size(); ++i) blocks[i] += contact_[i];
-  for (const NearPair& pair : pairs_)
-    for (int a = 0; a < 4; ++a)
-      blocks[pair.node[a]] +=
-          pair.stiffness * pair.weight[a] * pair.weight[a] * pair.normal * pair.normal.transpose();
+  surface_.add_diagonal(blocks);
   for (const Constraint& c : motion_.constraints) {
     Matrix3d& block = blocks[c.node];
     block = c.S * block * c.S + block.trace() * (Matrix3d::Identity() - c.S);
@@ -173,7 +147,7 @@ const BlockMatrix& ImplicitMatrix::matrix() {
     add_blocks(*model_.springs, *springs_, *A_);
     if (damping_) add_blocks(*model_.springs, *damping_, *A_);
   }
-  for (size_t i = 0; i < contact_.size(); ++i) A_->block[A_->diagonal[i]] += contact_[i];
+  for (size_t i = 0; i < surface_.diagonal.size(); ++i) A_->block[A_->diagonal[i]] += surface_.diagonal[i];
   filter(motion_.constraints, *A_);
   return *A_;
 }

@@ -43,8 +43,6 @@ class ImplicitMatrix {
 
  private:
   void multiply_sparse(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
-  template <class Field>
-  void add_contacts(const Field& p, Field& y) const;
   void round();
   void filter_rounded(PaddedField& y) const;
   double multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y);
@@ -57,9 +55,8 @@ class ImplicitMatrix {
   Eigen::VectorXd mass_;                      ///< at nodes, times its factor
   std::optional<SpringBlocks> springs_, damping_;
   std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
-  std::vector<Eigen::Matrix3d> contact_;  ///< diagonal blocks of the barrier; empty: none
-  std::vector<NearPair> pairs_;           ///< of the surface in contact with itself, times their factor
-  std::optional<Eigen::Matrix3Xd> g_;     ///< of the rank-one part g g^T
+  SurfaceHessian surface_;        ///< of the surface's energies, times its factor
+  std::optional<Eigen::Matrix3Xd> g_;              ///< of the rank-one part g g^T
   std::vector<VolumeCurvature> volume_curvature_;  ///< times their factor; only exact curvature has it
   Eigen::Matrix3Xd x_;                             ///< positions that it is taken at
   std::optional<BlockMatrix> A_;

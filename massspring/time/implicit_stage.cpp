@@ -88,12 +88,16 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   constexpr int kMaxNewton = 500;
   const MassSpringModel& model = motion_.model;
   const double mass_damping = motion_.forces.mass_damping;
-  std::optional<Barrier>& barrier = motion_.barrier;
-  const bool is_free = motion_.constraints.empty() && !barrier;
+  const auto& energies = motion_.surface_energies;
+  const auto any = [&](const auto& is) { return std::any_of(energies.begin(), energies.end(), is); };
+  const bool is_free =
+      motion_.constraints.empty() && !any([](const auto& energy) { return !energy->is_invariant(); });
+  const bool is_bounded = any([](const auto& energy) { return energy->bounds_steps(); });
   State trial = start;
   motion_.constrain(trial.v);
   trial.x = y + a * trial.v;
-  if (barrier && barrier->keep_out(start.x, trial.x)) trial.v = (trial.x - y) / a;
+  for (const auto& energy : energies)
+    if (energy->keep_out(start.x, trial.x)) trial.v = (trial.x - y) / a;
   State before = trial;
   StepReport report;
   SmallRotation turn;
@@ -108,7 +112,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     return sum;
   };
   objective.negative_gradient = [&](Matrix3Xd& r) { r = unbalanced(start, trial, a, w, size); };
-  const bool is_stiff = barrier || motion_.self_contact;
+  const bool is_stiff = !energies.empty();
   if (!is_stiff)
     objective.is_end = [&](const Matrix3Xd& r, NewtonReport&) {
       report.residual = r.norm() / size;
@@ -136,19 +140,23 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     if (is_free) turn = best_rotation(dx, before.x, model.mass);
     return is_exact;
   };
-  if (barrier)
-    objective.largest_step = [&](const Matrix3Xd& dx) { return barrier->largest_step(before.x, dx); };
+  if (is_bounded)
+    objective.largest_step = [&](const Matrix3Xd& dx) {
+      double part = 1;
+      for (const auto& energy : energies) part = std::min(part, energy->largest_step(before.x, dx));
+      return part;
+    };
   objective.move = [&](const Matrix3Xd& dx, double step) {
     trial.x = before.x + step * dx;
     if (is_free) bend(turn, step, before.x, trial.x);
     trial.v = before.v + (trial.x - before.x) / a;
   };
   objective.accept = [&] {
-    if (barrier) barrier->follow(before.x, trial.x);
+    for (const auto& energy : energies) energy->follow(before.x, trial.x);
     before = trial;
   };
   const NewtonReport newton =
-      minimise(objective, {kMaxNewton, energy_scale_, kStepTolerance * size_, !barrier});
+      minimise(objective, {kMaxNewton, energy_scale_, kStepTolerance * size_, !is_bounded});
   report.newton_iterations = newton.iterations;
   report.status = newton.status;
   x = trial.x;

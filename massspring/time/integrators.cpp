@@ -29,8 +29,7 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, con
                  contacts.self_thickness.has_value());
   if (model.spread_mass && integrator_.is_explicit)
     throw std::runtime_error("an explicit scheme, expected mass at nodes: spread mass has no simple inverse");
-  if (!contacts.bodies.empty() && integrator_.minimises())
-    motion_.barrier.emplace(model, forces, contacts.bodies);
+  if (!contacts.bodies.empty() && integrator_.minimises()) motion_.add_barrier();
 }
 
 StepReport TimeStepper::step(State& state, double h) {
@@ -123,8 +122,7 @@ StepReport TimeStepper::step_in_parts(State& state, double h) {
 StepReport TimeStepper::step_whole(State& state, double h) {
   state.u.resize(3, 0);  // of a state that statics left
   const std::vector<RigidBody>& bodies = motion_.contacts.bodies;
-  if (motion_.self_contact) motion_.self_contact->begin_step(state.x);
-  if (motion_.barrier) motion_.barrier->begin_step(state.t, h, state.x);
+  for (const auto& energy : motion_.surface_energies) energy->begin_step(state.t, h, state.x);
   for (size_t i = 0; i < supports_.size(); ++i) {
     Constraint& c = supports_[i];
     c.velocity = (prescribed(c, state.t + h, end_) - prescribed(c, state.t, end_)) / h;

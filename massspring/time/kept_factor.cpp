@@ -12,7 +12,7 @@ constexpr int kPatience = 50;  // of its cost that may be in vain
 /// Matrices of springs alone cost less than what they spare; and what a factorised matrix does not hold would
 /// make its directions poor.
 bool is_eligible(const Motion& motion) {
-  return !is_springs_alone(motion.model) && motion.contacts.bodies.empty() && !motion.self_contact &&
+  return !is_springs_alone(motion.model) && motion.contacts.bodies.empty() && motion.surface_energies.empty() &&
          !motion.forces.volume_pressure;
 }
 

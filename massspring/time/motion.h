@@ -2,12 +2,16 @@
 #pragma once
 
 #include "massspring/contact/contact.h"
-#include "massspring/contact/self_contact.h"
+#include "meshing/surface_energies/surface_energy.h"
 
 namespace testbed::massspring {
 
 struct Motion {
   Motion(const MassSpringModel& model, const Forces& forces, const Contacts& contacts = kNoContacts);
+
+  /// Puts a barrier around obstacles, for schemes that minimise: kappa is E times the mean length of springs
+  /// or, without, of the surface's edges. Nodes that supports hold are left alone.
+  void add_barrier();
 
   /// f(x, v) (N), the list of all that acts on the model.
   void forces_at(const State& state, Eigen::Matrix3Xd& f) const;
@@ -34,8 +38,7 @@ struct Motion {
   const Contacts& contacts;
   std::vector<Constraint> constraints;  ///< in this step: supports, and contacts that hold nodes
   Eigen::Matrix3Xd friction;            ///< of contacts that nodes slide along in this step (N); empty: none
-  std::optional<Barrier> barrier;       ///< around obstacles, for schemes that minimise
-  std::optional<SurfaceContact> self_contact;
+  std::vector<std::unique_ptr<SurfaceEnergy>> surface_energies;  ///< of contacts
 };
 
 }  // namespace testbed::massspring

@@ -1,12 +1,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/time/integrators.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface_io.h"
+#include "meshing/surface_energies/barrier.h"
 #include "tests/massspring/small_network.h"
 #include "tests/meshing/box_tets.h"
 
@@ -345,8 +347,10 @@ TEST(Barrier, ForceIsMinusEnergyGradientAndHessianItsDerivativeOnAPlane) {
   Cube cube({0, 0, 0}, {floor_with(0.4)}, 0);
   const double range = 1e-3 * std::sqrt(3.0), step = 1e-9;
   for (const double slid : {1e-6, 4e-6}) {  // friction is smoothed up to 1.7e-6 m
-    Barrier barrier(cube.model, cube.forces, cube.contacts.bodies);
     Matrix3Xd x = cube.state.x;
+    std::vector<int> nodes(x.cols());
+    std::iota(nodes.begin(), nodes.end(), 0);
+    Barrier barrier(x, nodes, 5e4, cube.contacts.bodies);
     x.row(1).array() += 0.5 * range;
     barrier.begin_step(0, 1e-2, x);
     x.row(0).array() += slid;
@@ -361,8 +365,9 @@ TEST(Barrier, ForceIsMinusEnergyGradientAndHessianItsDerivativeOnAPlane) {
     ASSERT_GT(f.row(1).norm(), 1);
     ASSERT_GT(f.row(0).norm(), 1);
     barrier.follow(x, x);  // the friction of x itself
-    std::vector<Eigen::Matrix3d> K(x.cols(), Eigen::Matrix3d::Zero());
-    barrier.add_hessian(x, K);
+    SurfaceHessian H;
+    barrier.add_hessian(x, H);
+    const std::vector<Eigen::Matrix3d>& K = H.diagonal;
     for (int i = 0; i < x.cols(); ++i) {
       for (int c = 0; c < 3; ++c) {
         Matrix3Xd up = x, down = x;

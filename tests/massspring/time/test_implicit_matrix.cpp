@@ -94,10 +94,9 @@ struct TwoContacts {
     floor.shape = HalfSpace{{0, 0, -1 - kRange}, {0, 0, 1}};
     contacts.bodies.emplace_back(floor);
     motion.emplace(model, forces, contacts);
-    motion->barrier.emplace(model, forces, contacts.bodies);
+    motion->add_barrier();
     state.x.leftCols(3).row(2).array() -= 2 - 0.8 * kThickness;
-    motion->self_contact->begin_step(state.x);
-    motion->barrier->begin_step(0, 1, state.x);
+    for (const auto& energy : motion->surface_energies) energy->begin_step(0, 1, state.x);
   }
 };
 

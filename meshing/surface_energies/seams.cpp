@@ -1,6 +1,6 @@
-#include "massspring/energies/seams.h"
+#include "meshing/surface_energies/seams.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 double energy(const Seams& seams, const Eigen::Matrix3Xd& x) {
   double sum = 0;
@@ -30,4 +30,4 @@ Eigen::Matrix2Xi pairs_of(const Seams& seams) {
   return seams.E;
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -2,12 +2,9 @@
 
 #include <Eigen/Geometry>
 
-#include "massspring/energies/tet_springs.h"
-#include "massspring/energies/volume_force.h"
-#include "meshing/base/geometry.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/enclosed_volume.h"
 #include "tests/massspring/small_network.h"
-#include "tests/meshing/box_tets.h"
 
 namespace testbed::massspring {
 namespace {
@@ -45,7 +42,7 @@ TEST_F(VolumeForce, IsMinusEnergyGradient) {
 TEST_F(VolumeForce, RankOneTermIsTheWholeHessianAtTheTarget) {
   const double at_target = volume(x, F);
   Eigen::VectorXd g = Eigen::VectorXd::Zero(x.size());  // 0 at the node inside
-  const Matrix3Xd on_surface = volume_stiffness_root(P, at_target, F, x);
+  const Matrix3Xd on_surface = meshing::volume_stiffness_root(P, at_target, F, x);
   g.head(on_surface.size()) = on_surface.reshaped();
   ASSERT_GT(g.norm(), 0.1);
   for (int k = 0; k < x.size(); ++k) {
@@ -84,45 +81,6 @@ TEST_F(VolumeForce, KeepsLinearAndAngularMomentum) {
   for (int i = 0; i < 5; ++i) torque += x.col(i).cross(f.col(i));
   EXPECT_LT(f.rowwise().sum().norm(), kRounding * f.norm());
   EXPECT_LT(torque.norm(), kRounding * f.norm());
-}
-
-class LocalVolumeForce : public testing::Test {
- protected:
-  const TetMesh mesh = box_tets(2, 1, 1, 0.5, 0.1);
-  LocalVolume local{30, mesh.T, Eigen::VectorXd(mesh.T.cols())};
-  const Matrix3Xd x = 1.1 * mesh.X + random_points(static_cast<int>(mesh.X.cols()), 0.05, 5);
-  LocalVolumeForce() {
-    for (int t = 0; t < mesh.T.cols(); ++t) local.rest_volume[t] = tet_volume(mesh.X, mesh.T.col(t));
-  }
-  Matrix3Xd forces(const Matrix3Xd& at) const {
-    Matrix3Xd f = Matrix3Xd::Zero(3, at.cols());
-    add_forces(local, at, f);
-    return f;
-  }
-};
-
-TEST_F(LocalVolumeForce, IsMinusEnergyGradient) {
-  const Matrix3Xd f = forces(x);
-  ASSERT_GT(f.norm(), 0.1);
-  for (int k = 0; k < x.size(); ++k) {
-    Matrix3Xd up = x, down = x;
-    up(k) += kDifferenceStep;
-    down(k) -= kDifferenceStep;
-    EXPECT_NEAR(f(k), -(energy(local, up) - energy(local, down)) / (2 * kDifferenceStep),
-                kDifferenceTolerance * f.norm());
-  }
-}
-
-TEST_F(LocalVolumeForce, HessianIsMinusForceGradientAtRest) {
-  BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(local));
-  add_hessian(local, mesh.X, K);
-  const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 6);
-  Matrix3Xd Kp;
-  multiply(K, p, Kp);
-  ASSERT_GT(Kp.norm(), 0.1);
-  const Matrix3Xd difference =
-      (forces(mesh.X - kDifferenceStep * p) - forces(mesh.X + kDifferenceStep * p)) / (2 * kDifferenceStep);
-  EXPECT_LT((Kp - difference).norm(), kDifferenceTolerance * Kp.norm());
 }
 
 }  // namespace

@@ -1,11 +1,11 @@
-#include "massspring/energies/bending.h"
+#include "meshing/surface_energies/bending.h"
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <map>
 #include <optional>
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 namespace {
 
 using Eigen::Matrix3Xd;
@@ -134,4 +134,4 @@ Eigen::VectorXd mean_bending_forces(const Bending& bending, const Matrix3Xd& x) 
   return sum.cwiseQuotient(count.cwiseMax(1));
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

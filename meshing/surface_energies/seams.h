@@ -3,7 +3,7 @@
 
 #include "meshing/algebra/block_matrix.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// Springs of rest length zero.
 struct Seams {
@@ -23,4 +23,4 @@ void add_hessian(const Seams& seams, const Eigen::Matrix3Xd& x, BlockMatrix& K);
 /// Pairs of nodes that are tied, 2 x m.
 Eigen::Matrix2Xi pairs_of(const Seams& seams);
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

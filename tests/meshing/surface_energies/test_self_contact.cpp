@@ -5,9 +5,9 @@
 #include <cmath>
 #include <map>
 
-#include "massspring/contact/self_contact.h"
 #include "massspring/time/integrators.h"
 #include "meshing/surface/shapes.h"
+#include "meshing/surface_energies/self_contact.h"
 #include "tests/massspring/small_network.h"
 #include "tests/meshing/box_tets.h"
 
@@ -35,6 +35,16 @@ MassSpringModel two_balls(double gap) {
 }
 
 using Nodes = std::array<int, 4>;
+
+SurfaceContact contact_of(const MassSpringModel& model, double thickness) {
+  return {model.network.X, model.network.F, model.material.E, thickness};
+}
+
+std::vector<NearPair> touching(const SurfaceContact& contact, const Matrix3Xd& x) {
+  SurfaceHessian H;
+  contact.add_hessian(x, H);
+  return H.pairs;
+}
 
 /// Least value of a convex function on [0, 1], to 1e-9 times its slope.
 template <class Function>
@@ -87,7 +97,7 @@ std::map<Nodes, double> near_pairs(const Matrix3Xi& F, const Matrix3Xd& x, doubl
 /// The same of the pairs that are in touch, by their weights.
 std::map<Nodes, double> touching_pairs(const SurfaceContact& contact, const Matrix3Xd& x) {
   std::map<Nodes, double> found;
-  for (const NearPair& pair : contact.touching(x)) {
+  for (const NearPair& pair : touching(contact, x)) {
     Vector3d e = Vector3d::Zero();
     for (int k = 0; k < 4; ++k) e += pair.weight[k] * x.col(pair.node[k]);
     Nodes node = pair.node;
@@ -113,7 +123,7 @@ class TwoBalls : public testing::Test {
   const double thickness = 0.05;
   const MassSpringModel model = two_balls(0.3);
   const int n = model.network.n_surface / 2;
-  SurfaceContact contact{model, thickness};
+  SurfaceContact contact = contact_of(model, thickness);
 
   Matrix3Xd moved(double by) const {
     Matrix3Xd x = model.network.X;
@@ -128,9 +138,9 @@ class TwoBalls : public testing::Test {
 };
 
 TEST_F(TwoBalls, PushEachOtherApartAlsoWhereTheyHavePassedThrough) {
-  contact.begin_step(model.network.X);
+  contact.begin_step(0, 1, model.network.X);
   EXPECT_EQ(forces(model.network.X).norm(), 0) << "apart";
-  for (double by = 0; by < 0.32; by += 0.02) contact.begin_step(moved(by));
+  for (double by = 0; by < 0.32; by += 0.02) contact.begin_step(0, 1, moved(by));
   for (const double by : {0.33, 0.36, 0.4, 0.45}) {
     const Matrix3Xd f = forces(moved(by));
     EXPECT_GT(f.rightCols(n).row(0).sum(), 1) << by;
@@ -139,15 +149,15 @@ TEST_F(TwoBalls, PushEachOtherApartAlsoWhereTheyHavePassedThrough) {
 }
 
 TEST_F(TwoBalls, ThatHavePassedThroughKeepTheirSidesWhenTheyMoveOnAndPairsAreListedAnew) {
-  for (double by = 0; by < 0.41; by += 0.02) contact.begin_step(moved(by));
+  for (double by = 0; by < 0.41; by += 0.02) contact.begin_step(0, 1, moved(by));
   const Matrix3Xd x = moved(0.4), before = forces(x), on = x.colwise() + Vector3d(0, 0.5, 0.3);
   EXPECT_GT(before.rightCols(n).row(0).sum(), 1);
-  contact.begin_step(on);
+  contact.begin_step(0, 1, on);
   EXPECT_LT((forces(on) - before).norm(), 1e-10 * before.norm());
 }
 
 TEST_F(TwoBalls, ForceIsMinusEnergyGradientAndKeepsMomentum) {
-  for (double by = 0; by < 0.34; by += 0.02) contact.begin_step(moved(by));
+  for (double by = 0; by < 0.34; by += 0.02) contact.begin_step(0, 1, moved(by));
   const Matrix3Xd x = moved(0.34) + random_points(2 * n, 2e-3, 7), f = forces(x);
   ASSERT_GT(f.norm(), 1);
   constexpr double kStep = 1e-7;
@@ -170,13 +180,13 @@ TEST_F(TwoBalls, PotentialOfAMotionHasAllItsUndampedForcesAsNegativeGradient) {
   all.followers.push_back({4, model.network.F});
   const Contacts contacts{{}, thickness};
   Motion motion(model, all, contacts);
-  for (double by = 0; by < 0.34; by += 0.02) motion.self_contact->begin_step(moved(by));
+  for (double by = 0; by < 0.34; by += 0.02) motion.surface_energies[0]->begin_step(0, 1, moved(by));
   State state = initial_state(model);
   state.x = moved(0.34);
   Matrix3Xd f;
   motion.undamped_forces_at(state, f);
   Matrix3Xd by_contact = Matrix3Xd::Zero(3, 2 * n);
-  motion.self_contact->add_forces(state.x, by_contact);
+  motion.surface_energies[0]->add_forces(state.x, by_contact);
   ASSERT_GT(by_contact.norm(), 0.1 * f.norm());
   constexpr double kStep = 1e-7;
   for (int k = 0; k < f.size(); ++k) {
@@ -192,8 +202,8 @@ TEST(SurfaceContact, NearestPointsOfTwoTrianglesAreThoseOfABruteForceSearch) {
   MassSpringModel model = crossing_triangles(0, kFar);
   for (int trial = 0; trial < 150; ++trial) {
     const Matrix3Xd x = random_points(6, 0.7, trial);
-    SurfaceContact contact(model, kThickness);  // that has seen no earlier side of them
-    contact.begin_step(x);
+    SurfaceContact contact = contact_of(model, kThickness);  // that has seen no earlier side of them
+    contact.begin_step(0, 1, x);
     expect_same(touching_pairs(contact, x), near_pairs(model.network.F, x, kThickness));
   }
 }
@@ -201,15 +211,15 @@ TEST(SurfaceContact, NearestPointsOfTwoTrianglesAreThoseOfABruteForceSearch) {
 TEST_F(TwoBalls, PairsAreThoseOfABruteForceSearchAlsoAfterMovesPastTheMargin) {
   const double gap = 0.55;  // beyond reach, which is the thickness and half a mean edge of 0.59
   const MassSpringModel apart = two_balls(gap);
-  SurfaceContact moving(apart, thickness);
+  SurfaceContact moving = contact_of(apart, thickness);
   Matrix3Xd x = apart.network.X;
   const auto advance = [&](double by) {
     x.leftCols(n).row(0).array() += by / 2;
     x.rightCols(n).row(0).array() -= by / 2;
-    moving.begin_step(x);
+    moving.begin_step(0, 1, x);
   };
   advance(0);
-  EXPECT_TRUE(moving.touching(x).empty());
+  EXPECT_TRUE(touching(moving, x).empty());
   for (int i = 0; i < 20; ++i) advance((gap - 0.01) / 20);
   const std::map<Nodes, double> expected = near_pairs(apart.network.F, x, thickness);
   int n_edges = 0;
@@ -221,8 +231,8 @@ TEST_F(TwoBalls, PairsAreThoseOfABruteForceSearchAlsoAfterMovesPastTheMargin) {
 
 TEST_F(TwoBalls, AThinGapAtRestGivesNoForceAndPairsFartherApartDo) {
   const MassSpringModel close = two_balls(0.03);
-  SurfaceContact resting(close, thickness);
-  resting.begin_step(close.network.X);
+  SurfaceContact resting = contact_of(close, thickness);
+  resting.begin_step(0, 1, close.network.X);
   ASSERT_FALSE(near_pairs(close.network.F, close.network.X, thickness).empty());
   Matrix3Xd f = Matrix3Xd::Zero(3, 2 * n);
   resting.add_forces(close.network.X, f);
@@ -231,12 +241,12 @@ TEST_F(TwoBalls, AThinGapAtRestGivesNoForceAndPairsFartherApartDo) {
   // Away, and back with another side in front: the same gap between parts that were far from each other.
   Matrix3Xd x = close.network.X;
   x.rightCols(n).row(0).array() += 1;
-  resting.begin_step(x);
+  resting.begin_step(0, 1, x);
   const Vector3d centre = close.network.X.rightCols(n).rowwise().mean();
   x.rightCols(n) =
       (Vector3d(-1, -1, 1).asDiagonal() * (close.network.X.rightCols(n).colwise() - centre)).colwise() +
       centre;
-  resting.begin_step(x);
+  resting.begin_step(0, 1, x);
   const std::map<Nodes, double> expected = near_pairs(close.network.F, x, thickness);
   EXPECT_FALSE(expected.empty());
   expect_same(touching_pairs(resting, x), expected);
@@ -249,7 +259,7 @@ TEST(SurfaceContact, StiffnessIsTheSlopeOfTheForceAlsoOfNearlyParallelEdges) {
   constexpr double kThickness = 0.05, kStep = 1e-3;
   for (const double angle : {1.0, 0.07}) {
     const MassSpringModel model = crossing_triangles(angle, 2);
-    SurfaceContact contact(model, kThickness);
+    SurfaceContact contact = contact_of(model, kThickness);
     const auto at = [&](double gap) {
       Matrix3Xd x = model.network.X;
       x.leftCols(3).row(2).array() += gap - 2;
@@ -260,8 +270,8 @@ TEST(SurfaceContact, StiffnessIsTheSlopeOfTheForceAlsoOfNearlyParallelEdges) {
       contact.add_forces(at(gap), f);
       return f.leftCols(3).row(2).sum();
     };
-    contact.begin_step(at(0.04));
-    const std::vector<NearPair> pairs = contact.touching(at(0.04));
+    contact.begin_step(0, 1, at(0.04));
+    const std::vector<NearPair> pairs = touching(contact, at(0.04));
     ASSERT_EQ(pairs.size(), 1u) << angle;
     const double slope = (lift(0.04 - kStep) - lift(0.04 + kStep)) / (2 * kStep);
     EXPECT_NEAR(pairs[0].stiffness, slope, 1e-9 * slope) << angle;  // the force is linear

@@ -1,39 +1,27 @@
 // The surface against itself: vertices against triangles and edges against edges, kept apart by a penalty.
 #pragma once
 
-#include <array>
+#include "meshing/surface_energies/surface_energy.h"
 
-#include "massspring/model/model.h"
-
-namespace testbed::massspring {
-
-/// Four nodes and what is between them: e = sum w_a x_a
-/// joins the nearest points of two of the surface's parts.
-struct NearPair {
-  std::array<int, 4> node;
-  std::array<double, 4> weight;
-  Eigen::Vector3d normal;  ///< from the second part to the first, as they lay when they met
-  double stiffness = 0;    ///< N/m
-};
+namespace testbed::meshing {
 
 /// Energy 1/2 k (D - d)^2 [(27)] of every pair closer than the thickness D. Their distance d is negative
 /// where they have passed through each other since they met. Pairs that share a node or are as close at rest
 /// do not count.
-class SurfaceContact {
+class SurfaceContact : public SurfaceEnergy {
  public:
-  /// @param thickness  D (m); k is Young's modulus times the surface's mean edge
-  SurfaceContact(const MassSpringModel& model, double thickness);
+  /// @param X  3 x n positions at rest (m)
+  /// @param F  triangles, 3 x m
+  /// @param E  Young's modulus (Pa); k is E times the surface's mean edge
+  /// @param thickness  D (m)
+  SurfaceContact(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double E, double thickness);
 
-  /// A step begins at positions x (3 x n, m). Remembers on which side of each other pairs lie.
-  /// Looks for pairs again when nodes have moved so far that new ones may have met.
-  void begin_step(const Eigen::Matrix3Xd& x);
-
-  double energy(const Eigen::Matrix3Xd& x) const;                         ///< J
-  void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const;  ///< N
-
-  /// Pairs in contact; sum of stiffness times (w_a n)(w_b n)^T
-  /// is the positive semidefinite part of the Hessian.
-  std::vector<NearPair> touching(const Eigen::Matrix3Xd& x) const;
+  double energy(const Eigen::Matrix3Xd& x) const override;
+  void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
+  void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H) const override;
+  /// Remembers on which side of each other pairs lie. Looks for pairs again when nodes have moved so far that
+  /// new ones may have met.
+  void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override;
 
  private:
   struct Pair {
@@ -59,4 +47,4 @@ class SurfaceContact {
   std::vector<Pair> pairs_;
 };
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "massspring/energies/bending.h"
 #include "meshing/surface/shapes.h"
+#include "meshing/surface_energies/bending.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed::massspring {

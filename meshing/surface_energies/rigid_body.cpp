@@ -1,11 +1,11 @@
-#include "massspring/contact/rigid_body.h"
+#include "meshing/surface_energies/rigid_body.h"
 
 #include <algorithm>
 #include <memory>
 
 #include "meshing/surface/surface_tree.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 namespace {
 
 using Eigen::Vector3d;
@@ -100,4 +100,4 @@ std::optional<Vector3d> RigidBody::first_touch(const Vector3d& x, const Vector3d
   }
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

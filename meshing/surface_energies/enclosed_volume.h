@@ -1,10 +1,9 @@
-// Volume forces: the body as a bag of a target volume [paper 3.3, Hirota et al. 1999], and every tetrahedron
-// as one [Bourguignon & Cani 2000].
+// The volume that a surface encloses, a bag of a target volume [paper 3.3, Hirota et al. 1999].
 #pragma once
 
-#include "meshing/algebra/block_matrix.h"
+#include <Eigen/Core>
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// Volume V (m3) enclosed by the triangles F at positions x, and dV/dx, 3 x m, m the nodes up to the
 /// last one of F: a third of the area vector A n of each triangle to each vertex.
@@ -27,27 +26,8 @@ Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Mat
 /// y += g g^T p, 3 x n.
 void add_rank_one(const Eigen::Matrix3Xd& g, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
 
-/// Penalty on the volume of tetrahedra that fill the body once.
-struct LocalVolume {
-  double kappa;  ///< Pa
-  Eigen::Matrix4Xi T;
-  Eigen::VectorXd rest_volume;  ///< V_T0 (m3)
-};
-
-/// Energy (J) sum_T 1/2 kappa (V_T - V_T0)^2 / V_T0 [(8)].
-double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x);
-
-/// f -= gradient of the energy (N).
-void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
-
-/// K += sum_T kappa/V_T0 (dV_T/dx)(dV_T/dx)^T (N/m): the Hessian at rest, positive semidefinite everywhere.
-void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K);
-
-/// Pairs of nodes that share a tetrahedron, 2 x m.
-Eigen::Matrix2Xi pairs_of(const LocalVolume& local);
-
 /// y += factor d2V/dx2 p, 3 x n; V the volume enclosed by F at positions x.
 void add_volume_curvature(double factor, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
                           const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -1,4 +1,4 @@
-#include "massspring/contact/self_contact.h"
+#include "meshing/surface_energies/self_contact.h"
 
 #include <CGAL/box_intersection_d.h>
 
@@ -8,7 +8,7 @@
 #include "meshing/base/geometry.h"
 #include "meshing/surface/surface.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 namespace {
 
 using Eigen::Matrix3Xd;
@@ -66,11 +66,11 @@ std::vector<BoundingBox> boxes_of(const Nodes& parts, const Matrix3Xd& x, double
 
 }  // namespace
 
-SurfaceContact::SurfaceContact(const MassSpringModel& model, double thickness)
-    : X_(model.network.X), F_(model.network.F), E_(edges_of(F_)), thickness_(thickness) {
+SurfaceContact::SurfaceContact(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double E, double thickness)
+    : X_(X), F_(F), E_(edges_of(F)), thickness_(thickness) {
   double length = 0;
   for (const auto& e : E_.colwise()) length += (X_.col(e(0)) - X_.col(e(1))).norm() / E_.cols();
-  stiffness_ = model.material.E * length;
+  stiffness_ = E * length;
   margin_ = length / 2;
 }
 
@@ -110,7 +110,7 @@ void SurfaceContact::find_pairs(const Matrix3Xd& x) {
   listed_ = x;
 }
 
-void SurfaceContact::begin_step(const Matrix3Xd& x) {
+void SurfaceContact::begin_step(double, double, const Matrix3Xd& x) {
   if (listed_.cols() == 0 || (x - listed_).colwise().norm().maxCoeff() > margin_ / 4) find_pairs(x);
   for (Pair& pair : pairs_) {
     const Vector3d e = between(pair.node, nearest(pair.node, pair.is_edges, x), x);
@@ -152,12 +152,10 @@ void SurfaceContact::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
   });
 }
 
-std::vector<NearPair> SurfaceContact::touching(const Matrix3Xd& x) const {
-  std::vector<NearPair> pairs;
+void SurfaceContact::add_hessian(const Matrix3Xd& x, SurfaceHessian& H) const {
   for_each_near(x, [&](const Pair& pair, const Weights& w, const Vector3d& n, double) {
-    pairs.push_back({pair.node, w, n, smoothing_of(pair, x).m * stiffness_});
+    H.pairs.push_back({pair.node, w, n, smoothing_of(pair, x).m * stiffness_});
   });
-  return pairs;
 }
 
 SurfaceContact::Smoothing SurfaceContact::smoothing_of(const Pair& pair, const Matrix3Xd& x) const {
@@ -175,4 +173,4 @@ SurfaceContact::Smoothing SurfaceContact::smoothing_of(const Pair& pair, const M
   return {(2 - q) * q, 2 * dm * v.cross(cross), 2 * dm * cross.cross(u)};
 }
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "massspring/energies/seams.h"
+#include "meshing/surface_energies/seams.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed::massspring {

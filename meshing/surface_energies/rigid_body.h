@@ -6,7 +6,7 @@
 
 #include "meshing/scene/scene.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 class RigidBody {
  public:
@@ -36,4 +36,4 @@ class RigidBody {
   std::function<Gap(const Eigen::Vector3d&)> gap_;  ///< of a point in the body's frame
 };
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing

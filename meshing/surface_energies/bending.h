@@ -3,7 +3,7 @@
 
 #include "meshing/algebra/block_matrix.h"
 
-namespace testbed::massspring {
+namespace testbed::meshing {
 
 /// Edge (x_0, x_1) between the triangles (x_0, x_1, x_2) and (x_1, x_0, x_3), oriented outward.
 struct Bending {
@@ -36,4 +36,4 @@ Eigen::Matrix2Xi pairs_of(const Bending& bending);
 /// of [paper eq. 9]. An edge's force is that on its end.
 Eigen::VectorXd mean_bending_forces(const Bending& bending, const Eigen::Matrix3Xd& x);
 
-}  // namespace testbed::massspring
+}  // namespace testbed::meshing
