@@ -73,6 +73,7 @@ ALLOWED = {
     },
     "reproduce": {"comparison", "experiment", "machine", "paths", "points", "runs", "wording"},
     "studies": {
+        "reproduce",
         "comparison",
         "surface_points",
         "verdict",

@@ -7,7 +7,7 @@ import pytest
 from synthetic import write_run
 
 from analysis.paths import SCENES
-from analysis.runs import load_frames, load_run
+from analysis.runs import RunError, load_frames, load_run
 from analysis.studies import claims, paper, published
 
 
@@ -83,3 +83,16 @@ def test_frames_count_until_the_body_is_far_away(ball, tmp_path):
     run = published.sound_part(load_frames(tmp_path / "run"))
     assert list(run.times) == pytest.approx(times[: len(run.times)])
     assert len(run.times) == len(run.curves["time"]) == 2
+
+
+def test_claims_of_other_studies_are_read_from_their_tables():
+    page = claims.RESULTS.read_text()
+    stored = (claims.PACKAGE / "CLAIMS.md").read_text()
+    for claim in claims.of_tables(page):
+        assert "| " + " | ".join(claim) + " |" in stored
+    calm = page.replace("| 180 | 5 | 0 | 0 | 25 | 0 |", "| 205 | 5 | 0 | 0 | 0 | 0 |")
+    slow = page.replace("| 6260 (5.14) | 5097 | 543 (0.23) |", "| 6260 (5.14) | 5097 | 12 (0.23) |")
+    assert claims.of_tables(calm)[0].verdict == claims.HOLDS
+    assert claims.of_tables(slow)[1].verdict == claims.FAILS
+    with pytest.raises(RunError, match="no row 'head'"):
+        claims.of_tables(page.replace("| head |", "| hat |"))
