@@ -146,37 +146,34 @@ void ElasticSolid::Implementation::find_residual(const Matrix3Xd& at, double loa
   sum_over_processes(r.reshaped());
   size = std::max(size, load_factor * load.norm() + r.norm());
   r = load_factor * load.reshaped(3, r.cols()) - r;
-  for_each_follower(nodes.faces.rows(), at, load_factor,
-                    [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
-                      for (int a = 0; a < face.size(); ++a) r.col(face(a)) -= p * v.gradient.col(a);
-                    });
+  for (const meshing::FollowerPressure& follower : followers)
+    add_forces(follower, nodes.X + at, r, load_factor);
   for (Eigen::Index k = 0; k < r.size(); ++k)
     if (is_held[k]) r.data()[k] = 0;
 }
 
 double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_factor) {
   shrink(load_factor);
-  double energy = tets.energy(at) - load_factor * load.dot(at.reshaped());
-  for_each_follower(nodes.faces.rows(), at, load_factor,
-                    [&](double p, const auto&, const EnclosedVolume& v) { energy += p * v.volume; });
-  return energy;
+  double sum = tets.energy(at) - load_factor * load.dot(at.reshaped());
+  for (const meshing::FollowerPressure& follower : followers)
+    sum += load_factor * energy(follower, nodes.X + at);
+  return sum;
 }
 
 template <class Real>
 void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at, double load_factor,
                                         bool with_pressure, Real* blocks) const {
   on.add_tangent(at, blocks);
+  const bool is_curved = &on == &tets;
   if (with_pressure)
-    for_each_follower(
-        &on == &tets ? nodes.faces.rows() : 3, at, load_factor,
-        [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
-          for (int a = 0; a < face.size(); ++a)
-            for (int b = a; b < face.size(); ++b) {
-              const int place = on.pattern().find(on.rank()[face(a)], on.rank()[face(b)]);
-              Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place)) +=
-                  (p * v.hessian.block<3, 3>(3 * a, 3 * b)).cast<Real>();
-            }
-        });
+    for (const meshing::FollowerPressure& follower : followers)
+      for_each_hessian_block(
+          is_curved ? follower : meshing::FollowerPressure{follower.pressure, follower.F}, nodes.X + at,
+          [&](int i, int j, const Eigen::Matrix3d& block) {
+            const int place = on.pattern().find(on.rank()[i], on.rank()[j]);
+            Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place)) +=
+                (load_factor * block).cast<Real>();
+          });
   symmetrise(on.pattern(), blocks);
 }
 
@@ -255,10 +252,8 @@ void ElasticSolid::find_forces(const Eigen::Ref<const Matrix3Xd>& displacement, 
   Implementation& s = *self_;
   s.shrink(load_factor);
   s.tets.forces(displacement, force);
-  s.for_each_follower(s.nodes.faces.rows(), displacement, load_factor,
-                      [&](double p, const Eigen::VectorXi& face, const EnclosedVolume& v) {
-                        for (int a = 0; a < face.size(); ++a) force.col(face(a)) += p * v.gradient.col(a);
-                      });
+  for (const meshing::FollowerPressure& follower : s.followers)
+    add_forces(follower, s.nodes.X + displacement, force, -load_factor);
 }
 
 Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,

@@ -119,6 +119,12 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.material = material;
   s.law = law;
   s.loads = loads;
+  s.followers.clear();
+  if (loads.follower_pressure) {
+    Eigen::VectorXd pressure(s.nodes.faces.cols());
+    for (int f = 0; f < pressure.size(); ++f) pressure(f) = loads.follower_pressure(f);
+    s.followers = meshing::followers_of(pressure, s.nodes.faces);
+  }
   s.held = held;
   s.u.setZero();
   s.factor = 0;
@@ -275,7 +281,7 @@ bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double l
   };
   if (solve(true)) return true;
   // The stress that makes the tangent definite is still to come. The body's part alone also descends.
-  if (loads.follower_pressure) solve(false);
+  if (!followers.empty()) solve(false);
   return false;
 }
 
@@ -317,7 +323,7 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
   bool is_definite = true;
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport& newton) {
     // Downhill of a saddle lies another path: shorter load steps keep to this one.
-    if (!is_definite && !loads.follower_pressure) newton.status = meshing::Status::NotConverged;
+    if (!is_definite && followers.empty()) newton.status = meshing::Status::NotConverged;
     if (newton.status != meshing::Status::Ok) return true;
     residual = r.norm();
     first = std::max(first, residual);

@@ -4,13 +4,13 @@
 #include <optional>
 #include <vector>
 
-#include "fem_reference/elements/enclosed_volume.h"
 #include "fem_reference/elements/space.h"
 #include "fem_reference/elements/tet_batches.h"
 #include "fem_reference/solid/elasticity.h"
 #include "fem_reference/solvers/two_level.h"
 #include "meshing/algebra/load_path.h"
 #include "meshing/algebra/newton.h"
+#include "meshing/surface_energies/follower_pressure.h"
 
 namespace testbed::fem {
 
@@ -33,6 +33,7 @@ struct ElasticSolid::Implementation {
   ElasticLaw law = ElasticLaw::SmallStrain;
   std::optional<double> tolerance;
   ElasticLoads loads;
+  std::vector<meshing::FollowerPressure> followers;  // at full strength
   std::vector<HeldComponent> held;
   std::vector<char> is_held;                      // 3 node + component
   std::vector<char> held_rows, held_corner_rows;  // of the matrices
@@ -60,17 +61,6 @@ struct ElasticSolid::Implementation {
   double potential(const Matrix3Xd& at, double load_factor);
   /// Whether forces of this size out of balance are none.
   bool is_balanced(const Matrix3Xd& at, double residual);
-  /// Calls use(follower pressure at a load factor, nodes, their EnclosedVolume at `at`) for every boundary
-  /// triangle of 3 or 6 nodes that has one.
-  template <class Use>
-  void for_each_follower(Eigen::Index n_nodes, const Eigen::Ref<const Matrix3Xd>& at, double load_factor,
-                         Use use) const {
-    for (int f = 0; loads.follower_pressure && f < nodes.faces.cols(); ++f) {
-      const double p = load_factor * loads.follower_pressure(f);
-      const Eigen::VectorXi face = nodes.faces.col(f).head(n_nodes);
-      if (p != 0) use(p, face, enclosed_volume(nodes.X(Eigen::all, face) + at(Eigen::all, face)));
-    }
-  }
   /// The tangent, nothing held; blocks are zero.
   template <class Real>
   void fill(const TetBatches& on, const Matrix3Xd& at, double load_factor, bool with_pressure,

@@ -89,18 +89,13 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   forces.load = Eigen::Matrix3Xd::Zero(3, network.X.cols());
   if (const auto gravity = gravity_of(scene)) forces.load += *gravity * model.mass.transpose();
   const Eigen::VectorXd areas = area_vectors(surface.X, surface.F).colwise().norm();
-  std::map<double, std::vector<int>> followers;
-  for (int f = 0; f < surface.F.cols(); ++f) {
+  for (int f = 0; f < surface.F.cols(); ++f)
     for (const int i : surface.F.col(f)) forces.load.col(i) += areas(f) / 3 * problem.traction.col(f);
-    if (problem.follower_pressure(f) != 0) followers[problem.follower_pressure(f)].push_back(f);
-  }
   for (const auto& [triangles, terms] : problem.stressed)
     forces.load.leftCols(network.n_surface) +=
         traction_forces([&terms = terms](const Eigen::Vector3d& x) { return stress_at(terms, x); }, surface.X,
                         surface.F(Eigen::all, triangles));
-  for (const auto& [pressure, triangles] : followers)
-    forces.followers.push_back({pressure, surface.F(Eigen::all, triangles)});
-
+  forces.followers = followers_of(problem.follower_pressure, surface.F);
   forces.constraints = constraints_of(scene, surface);
   return forces;
 }
@@ -216,8 +211,7 @@ Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state
 double potential(const MassSpringModel& model, const Forces& forces, const State& state, double load_factor) {
   double sum =
       elastic_energy(model, state) - load_factor * forces.load.cwiseProduct(displacement(model, state)).sum();
-  for (const FollowerPressure& follower : forces.followers)
-    sum += load_factor * follower.pressure * volume(state.x, follower.F);
+  for (const FollowerPressure& follower : forces.followers) sum += load_factor * energy(follower, state.x);
   if (forces.volume_pressure)
     sum += volume_energy(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
   return sum;
@@ -230,11 +224,7 @@ void undamped_forces(const MassSpringModel& model, const Forces& forces, const S
     f.middleCols(begin, end - begin) = load_factor * forces.load.middleCols(begin, end - begin);
   });
   add_elastic_forces(model, state, f);
-  for (const FollowerPressure& follower : forces.followers) {
-    Eigen::Matrix3Xd gradient;
-    volume_and_gradient(follower.F, state.x, gradient);
-    f.leftCols(gradient.cols()) -= load_factor * follower.pressure * gradient;
-  }
+  for (const FollowerPressure& follower : forces.followers) add_forces(follower, state.x, f, load_factor);
   if (forces.volume_pressure)
     add_volume_forces(*forces.volume_pressure, state.target_volume, model.network.F, state.x, f);
 }

@@ -18,7 +18,7 @@
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
 #include "meshing/surface_energies/bending.h"
-#include "meshing/surface_energies/enclosed_volume.h"
+#include "meshing/surface_energies/follower_pressure.h"
 #include "meshing/surface_energies/seams.h"
 
 namespace testbed::massspring {
@@ -101,13 +101,6 @@ struct Constraint {
 /// What a constraint prescribes along the directions taken away (m) at a time t, its displacement being
 /// complete at `end`.
 Eigen::Vector3d prescribed(const Constraint& constraint, double t, double end);
-
-/// Pressure p (Pa) on the deformed triangles of whole components of the surface: -p A n, the gradient of -p
-/// V.
-struct FollowerPressure {
-  double pressure;
-  Eigen::Matrix3Xi F;
-};
 
 /// p += factor M v, 3 x n.
 void add_momenta(const MassSpringModel& model, double factor, const Eigen::Matrix3Xd& v, Eigen::Matrix3Xd& p);

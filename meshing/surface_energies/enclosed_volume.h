@@ -30,4 +30,15 @@ void add_rank_one(const Eigen::Matrix3Xd& g, const Eigen::Matrix3Xd& p, Eigen::M
 void add_volume_curvature(double factor, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
                           const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
 
+/// A triangle's part of the volume and its derivatives by the positions of its n = 3 or 6 nodes.
+struct EnclosedVolume {
+  double volume = 0;          ///< m3
+  Eigen::Matrix3Xd gradient;  ///< 3 x n (m2)
+  Eigen::MatrixXd hessian;    ///< 3 n x 3 n (m)
+};
+
+/// V = 1/3 integral of det(x, dx/dr, dx/ds) over the triangle's parameters r, s.
+/// @param x  3 x n positions (m): corners, middles of 01, 12, 20
+EnclosedVolume enclosed_volume(const Eigen::Matrix3Xd& x);
+
 }  // namespace testbed::meshing
