@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
+import signal
 import sys
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from .index import write_index
 from .paths import OUT, SCENES
 from .report import text_of
 from .results import results_of
-from .runs import RunError
+from .runs import NOT_OK, SOLVED, RunError
 from .studies import command as study
 
 DEFAULT = "torus_inflates.toml"  #: the scene of a run that names none
@@ -24,6 +26,11 @@ _RUN_EXAMPLES = """examples:
   ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
   ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh   the same of CAD or of a broken scan
   ./testbed run --set material.nu=0.45 --set network.k=2000     with other values
+
+exit status:
+  0  the scene's own spring model has been compared
+  1  an error, or nothing to compare
+  2  a report is written, but that model or the reference did not reach the end; also for a wrong option
 """
 
 _REMESH_EXAMPLES = """examples:
@@ -179,7 +186,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{text_of(comparison)}\n\nreport: {folder / 'report.html'}")
     if folder.resolve().is_relative_to(OUT):
         print(f"all runs: {write_index(OUT)}")
-    return 0 if comparison["status"] == "ok" else 1
+    return SOLVED if comparison["status"] == "ok" else NOT_OK
 
 
 _COMMANDS = {
@@ -191,11 +198,16 @@ _COMMANDS = {
 def main() -> int:
     try:
         arguments = parse_arguments(sys.argv[1:])
-        return _COMMANDS[arguments.command](arguments)
+        status = _COMMANDS[arguments.command](arguments)
+        sys.stdout.flush()
+        return status
     except RunError as error:
         if not error.is_told:
             print(f"error: {error}", file=sys.stderr)
         return 1
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python fails again when it ends
+        return 128 + signal.SIGPIPE
     except KeyboardInterrupt:
         # What is finished is kept; a solver at work has got the signal, too, or dies with this process.
         print(f"\nstopped; to continue: ./testbed {shlex.join(sys.argv[1:])}", file=sys.stderr)

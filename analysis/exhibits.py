@@ -77,7 +77,7 @@ def draw_films(comparison: Comparison) -> dict[str, Path]:
         pictures["Frames in time."] = folder / "strip.png"
         pictures["The motion, and the volume."] = folder / "film.gif"
     playback = experiment.scene.get("playback", {})
-    if shown and playback.get("warp"):
+    if experiment.calibration in shown and playback.get("warp"):
         draw_playback(folder / "playback", shown[experiment.calibration], playback)
         direction = "backwards" if playback["reversed"] else "again"
         caption = f"Played {direction}, time warp {playback['warp']}."
@@ -86,8 +86,10 @@ def draw_films(comparison: Comparison) -> dict[str, Path]:
 
 
 def plot(comparison: Comparison) -> dict[str, str]:
-    """Caption -> SVG."""
+    """Caption -> SVG; none where no method gave a result."""
     methods, described = comparison.methods, comparison.of_reference
+    if not methods:
+        return {}
     plots, panels = {}, []
     label = "load factor (1)" if comparison.experiment.is_static else "time (s)"
     changes = {"volume": volume_change, "area": area_change}

@@ -1,5 +1,6 @@
 """The command line: help without set-up, one line for an error, and a run that is stopped by hand."""
 
+import os
 import re
 import shutil
 import signal
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from solvers import calls, make_solvers
+from synthetic import write_run
 
 from analysis.paths import ROOT
 
@@ -132,3 +134,16 @@ def test_stopped_by_hand_it_says_how_to_continue_and_leaves_no_child(words, ball
     while n_alive(programs.parent) and time.monotonic() < until:
         time.sleep(0.01)
     assert n_alive(programs.parent) == 0
+
+
+def test_a_pipe_that_is_closed_ends_it_without_a_word(ball, tmp_path):
+    runs = [write_run(tmp_path / name, *ball, lambda X: 0.01 * X) for name in "ab"]
+    closed, end = os.pipe()
+    os.close(closed)
+    words = ["compare", *runs, "--out", tmp_path / "out"]
+    done = subprocess.run(
+        [sys.executable, "-m", "analysis", *words],
+        cwd=ROOT, stdout=end, stderr=subprocess.PIPE, text=True, check=False,
+    )  # fmt: skip
+    os.close(end)
+    assert (done.returncode, done.stderr) == (141, "")

@@ -308,8 +308,17 @@ def test_exit_status_tells_whether_the_scenes_own_model_gave_a_result(home, tmp_
     assert run_command(arguments) == 0
     assert (tmp_path / "out" / "comparison.json").stat().st_mtime_ns == written  # nothing has changed
     (home / "massspring_0.25" / "run.json").write_text('{"status": "diverged", "reason": "at 2 s"}')
-    assert run_command(arguments) == 1
+    assert run_command(arguments) == 2
     assert "gave no result: diverged, at 2 s" in capsys.readouterr().out
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_pair_in_which_every_model_diverges_has_a_report_and_a_status_of_its_own(home, tmp_path):
+    for program, status in (("fem_reference", "not_solved"), ("massspring_0.25", "diverged")):
+        (home / program / "run.json").write_text(json.dumps({"status": status, "reason": "contact"}))
+    words = ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
+    assert run_command(parse_arguments(words)) == 2
+    assert "gave no result: diverged" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_what_the_check_warns_of_stands_in_the_report(home, tmp_path, capfd):
