@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -26,8 +27,11 @@ from .methods import REFERENCE
 from .paths import ROOT, write_text
 from .report import html_table, image_figure, page, svg_figure, text_table
 from .runs import Array, Frame, RunError, method_of, scene_of
-from .wording import percent, percent_signed, significant
+from .wording import listed, percent, percent_signed, significant
 
+# Parts of a scene that do not state the problem: how it is solved and shown, and the surface, which is matched by itself.
+_NOT_OF_PROBLEM = {"name", "paper", "surface", "network", "reference", "comparison", "playback", "output"}
+_OF_TIME = {"mode", "end"}  # the rest is how time is stepped
 _SAME_PLACE = 1e-5  # of the largest coordinate and of the body's size: .frd has six digits
 
 
@@ -55,12 +59,25 @@ class Pair:
             "rigid_motion_removed": self.is_free,
             "n_vertices": len(self.X),
             "largest_distance_of_matched": self.apart,
+            "problem_differences": self.problem_differences(),
             "of_model": self._state(self.u),
             "of_reference": self._state(self.u_reference),
         }
         if both := self._runs():
             values["runs"] = asdict(both)
         return values
+
+    def problem_differences(self) -> dict[str, tuple[Any, Any]]:
+        """Key of the scene -> its values in the model's and the reference's, where two runs are of different problems."""
+        scenes = [scene_of(result.run) for result in (self.model, self.reference) if result.run]
+        if len(scenes) < 2 or not all(scenes):
+            return {}
+        here, there = (_problem_of(scene) for scene in scenes)
+        return {
+            key: (here.get(key), there.get(key))
+            for key in sorted(here.keys() | there.keys())
+            if here.get(key) != there.get(key)
+        }
 
     def _runs(self) -> Figures | None:
         if not (self.model.run and self.reference.run):
@@ -79,6 +96,21 @@ class Pair:
             "area_change": float(vertex_areas(moved, self.F).sum() / areas.sum() - 1),
             "tip_displacement": float(np.linalg.norm(here[lengths.argmax()])),
         }
+
+
+def _problem_of(scene: dict[str, Any]) -> dict[str, Any]:
+    """Key, as in loads.0.pressure -> value."""
+    parts = {key: value for key, value in scene.items() if key not in _NOT_OF_PROBLEM}
+    parts["time"] = {key: value for key, value in scene.get("time", {}).items() if key in _OF_TIME}
+    return dict(_flat(parts, ""))
+
+
+def _flat(value: Any, key: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict) or (isinstance(value, list) and value and isinstance(value[0], dict)):
+        for name, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _flat(part, f"{key}.{name}" if key else name)
+    else:
+        yield key, value
 
 
 def match(model: Result, reference: Result) -> Pair:
@@ -125,10 +157,14 @@ def _nearest(X: Array, Y: Array) -> tuple[Array, Array]:
 
 
 def finding(values: dict[str, Any]) -> str:
-    """The comparison in two sentences."""
+    """The comparison in two sentences, behind a warning where the problems differ."""
+    differences = [f"{key} ({a} against {b})" for key, (a, b) in values["problem_differences"].items()]
+    warning = (
+        f"Warning: two problems are compared, which differ in {listed(differences)}. " if differences else ""
+    )
     rigid = ", rigid motion removed" if values["rigid_motion_removed"] else ""
     return (
-        f"{values['model']} misses the surface displacement of {values['reference']} by "
+        f"{warning}{values['model']} misses the surface displacement of {values['reference']} by "
         f"{percent(values['displacement_error_l2'])} (at worst {percent(values['displacement_error_max'])}{rigid}). "
         f"{values['n_vertices']} vertices are matched, which lie at most {significant(values['largest_distance_of_matched'])} m "
         "apart."

@@ -219,3 +219,27 @@ def test_vtk_file_without_a_displacement_lists_its_arrays(ball, tmp_path):
         read_result(tmp_path / "a.vtp")
     with pytest.raises(RunError, match=r"nowhere.frd: missing, expected the folder of a run"):
         read_result(tmp_path / "nowhere.frd")
+
+
+def with_scene(folder, nu, pressure, **method):
+    folder.joinpath("scene.toml").write_text(
+        f"[material]\nnu = {nu}\n[[loads]]\npressure = {pressure}\n[time]\nmode = 'static'\nload_steps = {method['steps']}\n"
+        f"[network]\nk = {method['k']}\n"
+    )
+    return folder
+
+
+def test_runs_of_different_problems_are_compared_with_a_warning_that_names_the_keys(ball, tmp_path, capsys):
+    a, b, c = (write_run(tmp_path / name, *ball, lambda X: 0.01 * X) for name in "abc")
+    with_scene(a, 0.45, 10, steps=5, k=7)
+    with_scene(b, 0.25, 20, steps=1, k=8)
+    with_scene(c, 0.45, 10, steps=1, k=8)
+    main(parse_arguments(["compare", str(a), str(b), "--out", str(tmp_path / "out")]))
+    warning = (
+        "Warning: two problems are compared, which differ in loads.0.pressure (10 against 20) and "
+        "material.nu (0.45 against 0.25)."
+    )
+    assert warning in capsys.readouterr().out
+    assert warning in (tmp_path / "out" / "report.html").read_text()
+    main(parse_arguments(["compare", str(a), str(c), "--out", str(tmp_path / "out")]))
+    assert "Warning" not in capsys.readouterr().out
