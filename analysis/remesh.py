@@ -24,7 +24,7 @@ from .paths import PROGRAMS, write_text
 from .runs import Array, RunError
 from .wording import significant
 
-NAME, RECORD = "remeshed.off", "remeshed.json"  #: of a run: the surface, and what was done
+FOLDER = "remeshed"  #: in that of a run: surfaces of their body's name, and beside each what was done
 N_VERTICES = 2000  #: that a surface gets where no edge is asked for, about
 TOLERANCE = 2e-3  #: of the diagonal of the body's box, where none is asked for
 SECONDS = 120.0  #: after which fTetWild is stopped: what is no body is worked on for minutes
@@ -112,16 +112,17 @@ def remesh(
 
 
 def remeshed_of(surface: Path, folder: Path) -> Path:
-    """The surface remeshed as the folder's own, with what was done beside it; made once for the same surface.
+    """The surface remeshed in the folder, of the same name, with what was done beside it; made once for the same surface.
 
     Raises RunError as remesh does.
     """
-    out, record = folder / NAME, folder / RECORD
+    out = folder / FOLDER / f"{surface.stem}.off"
+    record = out.with_suffix(".json")
     wanted = {"surface": str(surface.resolve()), "sha256": sha256(surface.read_bytes()).hexdigest()}
     wanted |= {"by": sha256(Path(__file__).read_bytes()).hexdigest()}
     if out.exists() and record.exists() and json.loads(record.read_text())["wanted"] == wanted:
         return out
-    folder.mkdir(parents=True, exist_ok=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
     print(f"remeshing {surface}, which may take {SECONDS:.0f} s", file=sys.stderr)
     done = remesh(surface, out)
     print(done.text, file=sys.stderr)
@@ -131,9 +132,10 @@ def remeshed_of(surface: Path, folder: Path) -> Path:
 
 def sentence_of(scene: dict[str, Any], folder: Path) -> str:
     """What a report says of the remeshed surface that a run in this folder used; "" where it used another."""
-    if Path(scene["surface"].get("file", "")) != (folder / NAME).resolve():
+    file = Path(scene["surface"].get("file", ""))
+    if file.parent != (folder / FOLDER).resolve():
         return ""
-    record = json.loads((folder / RECORD).read_text())
+    record = json.loads(file.with_suffix(".json").read_text())
     done = Remeshed(**record["done"])
     return (
         f"Both methods solved a remeshed surface of {done.after['vertices']} vertices. It lies at most "

@@ -9,7 +9,7 @@ from plates import plate, plate_volume
 
 from analysis import remesh as remeshing
 from analysis.__main__ import parse_arguments
-from analysis.remesh import RECORD, Remeshed, read_off, remesh, remeshed_of, sentence_of
+from analysis.remesh import Remeshed, read_off, remesh, remeshed_of, sentence_of
 from analysis.runs import RunError
 
 TWO_TETRAHEDRA = (  # that share a vertex: closed, but no surface of a body there
@@ -103,12 +103,14 @@ def test_a_run_remeshes_the_same_surface_once_and_says_so(tmp_path, ball, monkey
     file, folder = write_obj(tmp_path / "ball.obj", *ball), tmp_path / "run"
     new = remeshed_of(file, folder)
     assert remeshed_of(file, folder) == new and made == [file]
+    assert new.stem == file.stem  # so that report and folder name the body
     sentence = sentence_of({"surface": {"file": str(new)}}, folder)
     assert "ball.obj" in sentence and "642 vertices" in sentence and "0.004" in sentence
-    assert sentence_of({"surface": {"file": str(file)}}, folder) == ""
+    for other in (file, tmp_path / "another" / new.name):
+        assert sentence_of({"surface": {"file": str(other)}}, folder) == ""
     file.write_text(file.read_text() + "\n# changed\n")
     remeshed_of(file, folder)
-    assert len(made) == 2 and json.loads((folder / RECORD).read_text())["done"]["edge"] == 0.1
+    assert len(made) == 2 and json.loads(new.with_suffix(".json").read_text())["done"]["edge"] == 0.1
 
 
 def test_the_command_line_takes_lengths():
