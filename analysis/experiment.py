@@ -48,6 +48,16 @@ class Experiment:
     next_reference_seconds: float | None = None  #: of the next refinement, as foreseen; None: none is needed
     unrefined: str = ""  #: why the next refinement gave nothing; "": it was not tried
 
+    def __repr__(self) -> str:
+        return f"Experiment({self.name}, {self.surface}, {', '.join(self.calibrations)}: {self.folder})"
+
+    def __str__(self) -> str:
+        """Finding and conclusion. Raises RunError as comparison."""
+        from .verdict import conclusion, finding
+
+        values = self.comparison.as_json()
+        return "\n".join([finding(values), *conclusion(values)])
+
     @property
     def name(self) -> str:
         return self.scene["name"]

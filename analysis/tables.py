@@ -21,7 +21,7 @@ class Plots(dict[str, str]):
     """Caption -> SVG; a notebook shows them."""
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(map(repr, self))})"
+        return f"{len(self)} plots, which a notebook shows"
 
     def _repr_html_(self) -> str:
         return "".join(svg_figure(svg, caption) for caption, svg in self.items())

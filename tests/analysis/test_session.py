@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from IPython.core.formatters import DisplayFormatter
 from solvers import ERRORS, calls, make_solvers
 
 import analysis
@@ -129,8 +130,16 @@ def test_model_without_a_result_is_named_with_those_that_have_one(experiment):
 def test_plots_show_themselves_in_a_notebook(experiment):
     plots = experiment.plot()
     assert all("<svg" in svg for svg in plots.values())
-    assert plots._repr_html_().count("<img") == len(plots) >= 2
-    assert len(repr(plots)) < 1000 and all(caption in repr(plots) for caption in plots)
+    shown, _ = DisplayFormatter().format(plots)
+    assert shown["text/html"].count("<img") == len(plots) >= 2
+    assert shown["text/plain"] == f"{len(plots)} plots, which a notebook shows"
+
+
+def test_experiment_is_printed_as_its_finding_and_shown_in_a_line(experiment):
+    finding, conclusion, *_ = str(experiment).splitlines()
+    assert finding.startswith("synthetic, ball: the affine springs miss")
+    assert conclusion.startswith(("Use", "No model"))
+    assert repr(experiment) == f"Experiment(synthetic, ball, affine: {experiment.folder})"
 
 
 def test_bodies_are_shown_side_by_side_and_the_models_error_is_painted(experiment, tmp_path, monkeypatch):
