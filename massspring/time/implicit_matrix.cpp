@@ -61,7 +61,7 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   if (model_.spread_mass) add_blocks(*model_.spread_mass, -factors.mass, *K_);
 }
 
-void ImplicitMatrix::multiply_sparse(const Matrix3Xd& p, Matrix3Xd& y) const {
+void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
   if (K_) {
     meshing::multiply(*K_, p, y);
   } else {
@@ -70,10 +70,6 @@ void ImplicitMatrix::multiply_sparse(const Matrix3Xd& p, Matrix3Xd& y) const {
     if (damping_) add_product(*model_.springs, *damping_, p, y);
   }
   surface_.add_product(p, y);
-}
-
-void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
-  multiply_sparse(p, y);
   if (g_) add_rank_one(*g_, p, y);
   for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, p, y);
   filter(motion_.constraints, y);
@@ -88,7 +84,7 @@ void ImplicitMatrix::round() {
   if (g_) pad(g_->leftCols(model_.network.n_surface), 1, rounded_->g);
 }
 
-double ImplicitMatrix::multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y) {
+double ImplicitMatrix::multiply_rounded(const PaddedField& p, PaddedField& y) {
   if (!rounded_) round();
   const Rounded& A = *rounded_;
   if (K_)
@@ -96,8 +92,8 @@ double ImplicitMatrix::multiply_rounded(bool is_sparse, const PaddedField& p, Pa
   else
     meshing::multiply(A.mass, p, y);
   surface_.add_product(p, y);
-  if (!is_sparse && g_) add_scaled(static_cast<float>(dot(A.g, p)), A.g, y);
-  if (!is_sparse && !volume_curvature_.empty()) {
+  if (g_) add_scaled(static_cast<float>(dot(A.g, p)), A.g, y);
+  if (!volume_curvature_.empty()) {
     const Eigen::Index n = model_.network.n_surface;
     const Matrix3Xd q = p.topLeftCorner(3, n).cast<double>();
     Matrix3Xd z = Matrix3Xd::Zero(3, n);
@@ -154,12 +150,7 @@ const BlockMatrix& ImplicitMatrix::matrix() {
 
 LinearSystem ImplicitMatrix::system() {
   return {[this](const Matrix3Xd& p, Matrix3Xd& y) { multiply(p, y); },
-          [this](const Matrix3Xd& p, Matrix3Xd& y) {
-            multiply_sparse(p, y);
-            filter(motion_.constraints, y);
-          },
-          [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(false, p, y); },
-          [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(true, p, y); },
+          [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(p, y); },
           [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
           [this](PaddedField& y) { filter_rounded(y); },
           [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },

@@ -42,10 +42,9 @@ class ImplicitMatrix {
   const BlockMatrix& matrix();
 
  private:
-  void multiply_sparse(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
   void round();
   void filter_rounded(PaddedField& y) const;
-  double multiply_rounded(bool is_sparse, const PaddedField& p, PaddedField& y);
+  double multiply_rounded(const PaddedField& p, PaddedField& y);
   void diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
 
   const Motion& motion_;

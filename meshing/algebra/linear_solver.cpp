@@ -142,10 +142,6 @@ LinearSolver LinearSolver::of_stiffness(bool is_floppy) {
   return solver;
 }
 
-void LinearSolver::forget() {
-  preconditioner_ = BlockJacobi{};
-}
-
 SolveReport LinearSolver::solve_with(BlockJacobi& jacobi, const LinearSystem& A, const Matrix3Xd& b,
                                      Matrix3Xd& x, double tolerance, int& n) {
   const bool is_small = b.cols() < kSmallest;

@@ -31,9 +31,6 @@ class LinearSolver {
   /// @param x  the first guess, then the solution
   SolveReport solve(const LinearSystem& A, const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance);
 
-  /// The next solve makes its preconditioner anew.
-  void forget();
-
   /// The preconditioner in use and why.
   const std::string& choice() const { return choice_; }
 

@@ -12,10 +12,8 @@ namespace testbed::meshing {
 /// A symmetric positive definite system on the directions that constraints leave free.
 struct LinearSystem {
   std::function<void(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y)> product;  ///< y = A p, 3 x n
-  /// The same without what couples all nodes: the rank-one part of an enclosed volume, say.
-  std::function<void(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y)> sparse_product;
-  /// Both in single precision; p . y.
-  std::function<double(const PaddedField&p, PaddedField&y)> rounded_product, rounded_sparse_product;
+  /// The same in single precision; p . y.
+  std::function<double(const PaddedField& p, PaddedField& y)> rounded_product;
   std::function<void(Eigen::Matrix3Xd& y)> filter;              ///< takes away constrained directions
   std::function<void(PaddedField& y)> rounded_filter;           ///< the same in single precision
   std::function<void(std::vector<Eigen::Matrix3d>&)> diagonal;  ///< diagonal blocks of A

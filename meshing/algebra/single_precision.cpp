@@ -51,17 +51,6 @@ TESTBED_EVERY_WIDTH double multiply_by(const Lanes* diagonal, const Lanes* off_d
   });
 }
 
-TESTBED_EVERY_WIDTH double correct_by(const Lanes* diagonal, const Lanes* off_diagonal, const Lanes* r,
-                                      const Lanes* Az, Lanes* z, Eigen::Index n) {
-  return sum_of(n, [&](Eigen::Index k, Lanes& sum) TESTBED_INLINE {
-    const Lanes q = r[k] - Az[k], o = off_diagonal[k];
-    const Lanes corrected = z[k] + diagonal[k] * q + o * TESTBED_ROTATED_LEFT(q) +
-                            TESTBED_ROTATED_RIGHT(o) * TESTBED_ROTATED_RIGHT(q);
-    z[k] = corrected;
-    sum += r[k] * corrected;
-  });
-}
-
 TESTBED_EVERY_WIDTH double advance_by(float alpha, const Lanes* p, const Lanes* Ap, Lanes* x, Lanes* r,
                                       Eigen::Index n) {
   return sum_of(n, [&](Eigen::Index k, Lanes& sum) TESTBED_INLINE {
@@ -142,10 +131,6 @@ double dot(const PaddedField& u, const PaddedField& w) {
 double multiply(const SymmetricBlocks& D, const PaddedField& r, PaddedField& z) {
   z.resize(4, r.cols());
   return multiply_by(lanes(D.diagonal), lanes(D.off_diagonal), lanes(r), lanes(z), r.cols() / 4);
-}
-
-double correct(const SymmetricBlocks& D, const PaddedField& r, const PaddedField& Az, PaddedField& z) {
-  return correct_by(lanes(D.diagonal), lanes(D.off_diagonal), lanes(r), lanes(Az), lanes(z), r.cols() / 4);
 }
 
 double advance(float alpha, const PaddedField& p, const PaddedField& Ap, PaddedField& x, PaddedField& r) {

@@ -37,9 +37,6 @@ double dot(const PaddedField& u, const PaddedField& w);
 /// z = D r; r . z.
 double multiply(const SymmetricBlocks& D, const PaddedField& r, PaddedField& z);
 
-/// z += D (r - Az); r . z.
-double correct(const SymmetricBlocks& D, const PaddedField& r, const PaddedField& Az, PaddedField& z);
-
 /// x += alpha p, r -= alpha Ap; r . r.
 double advance(float alpha, const PaddedField& p, const PaddedField& Ap, PaddedField& x, PaddedField& r);
 

@@ -45,23 +45,17 @@ Eigen::VectorXd direct(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd
 }
 
 LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd& positions) {
-  const auto rounded_product = [&A, A_rounded = rounded(A)](const Matrix3Xd* g, const PaddedField& p,
-                                                            PaddedField& y) {
-    y.setZero(4, p.cols());
-    if (g) {
-      PaddedField root;
-      pad(*g, 1, root);
-      add_scaled(static_cast<float>(dot(root, p)), root, y);
-    }
-    return add_product(A, A_rounded, p, y);
-  };
   return {[&](const Matrix3Xd& p, Matrix3Xd& y) {
             multiply(A, p, y);
             y += g.cwiseProduct(p).sum() * g;
           },
-          [&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(A, p, y); },
-          [=, &g](const PaddedField& p, PaddedField& y) { return rounded_product(&g, p, y); },
-          [=](const PaddedField& p, PaddedField& y) { return rounded_product(nullptr, p, y); },
+          [&A, &g, A_rounded = rounded(A)](const PaddedField& p, PaddedField& y) {
+            y.setZero(4, p.cols());
+            PaddedField root;
+            pad(g, 1, root);
+            add_scaled(static_cast<float>(dot(root, p)), root, y);
+            return add_product(A, A_rounded, p, y);
+          },
           [](Matrix3Xd&) {},
           [](PaddedField&) {},
           [&](std::vector<Eigen::Matrix3d>& diagonal) {

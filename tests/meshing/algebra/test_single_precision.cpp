@@ -87,10 +87,6 @@ TEST_P(OddNodes, BlocksAndFactorsOfNodesApplyAsInDoublePrecision) {
   PaddedField z;
   expect_sum(multiply(D, padded_field(r), z), r, times(blocks, r));
   expect_field(z, times(blocks, r));
-  z = padded_field(u);
-  const Matrix3Xd corrected = u + times(blocks, r - w);
-  expect_sum(correct(D, padded_field(r), padded_field(w), z), r, corrected);
-  expect_field(z, corrected);
   const Eigen::VectorXd factor = Eigen::VectorXd::LinSpaced(n, -1, 2);
   multiply(factor.cast<float>().eval(), padded_field(u), z);
   expect_field(z, u * factor.asDiagonal());
