@@ -82,10 +82,11 @@ class Comparison:
         return comparison | {"models": models}
 
 
-def compare(experiment: Experiment) -> Comparison:
+def compare(experiment: Experiment, is_as_in_scene: bool = False) -> Comparison:
     """Loads and compares all runs, with the reference as the scene has it or, where that cannot decide, with its finest.
 
-    Raises RunError for a run that is damaged or of another problem than the reference.
+    is_as_in_scene: with the first in any case, so that rows of a table are of one kind of elements. Raises RunError for a
+    run that is damaged or of another problem than the reference.
     """
     if experiment.unsolved:
         runs = {
@@ -99,7 +100,7 @@ def compare(experiment: Experiment) -> Comparison:
     errors = errors_of_references(levels, experiment.is_free)
     runs = {name: run for name in experiment.calibrations if (run := _springs(experiment, name))}
     comparison = _judged_by(experiment, runs, levels, errors, 0)
-    if len(levels) > 1 and needs_finer_reference(comparison.as_json()):
+    if len(levels) > 1 and not is_as_in_scene and needs_finer_reference(comparison.as_json()):
         return _judged_by(experiment, runs, levels, errors, len(levels) - 1)
     return comparison
 

@@ -87,7 +87,7 @@ def fresh_cells(entry: Entry, row: dict[str, Any]) -> list[str]:
         raise RunError(f"{surface}: missing, expected the mesh of {entry.name}")
     folder = OUT / "reproduce" / entry.name / re.sub(r"\W+", "_", row["label"])
     experiment = run_solvers(SCENES / row["scene"], folder, surface, [*row.get("set", ())], is_quiet=True)
-    values = without_nan(compare(experiment).as_json())
+    values = without_nan(compare(experiment, is_as_in_scene=True).as_json())
     return [cell_of(values, key) for key in entry.columns]
 
 

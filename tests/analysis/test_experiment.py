@@ -15,7 +15,7 @@ from synthetic import write_run
 from analysis import experiment as experiments
 from analysis.__main__ import parse_arguments
 from analysis.__main__ import run as run_command
-from analysis.comparison import errors_of_references
+from analysis.comparison import compare, errors_of_references
 from analysis.drawing.pictures import magnification
 from analysis.drawing.plots import plot_errors
 from analysis.experiment import Experiment, default_folder, run_solvers, surface_overrides
@@ -104,10 +104,16 @@ def refined(experiment, ball, *sizes):
 
 
 def test_differences_near_the_error_of_the_reference_are_named(experiment, ball):
-    comparison = write_results(refined(experiment, ball, 0.010249))
+    finer = refined(experiment, ball, 0.010249)
+    comparison = write_results(finer)
     # The affine springs' 0.2 cannot be told from the bound of 0.2, so that the finer reference judges, and is off by half.
     assert "the reference's own error is some 2.4 %) and their volume" in finding(comparison)
     assert comparison["displacement_error_l2"] == pytest.approx(0.012 / 0.010249 - 1)
+    # A published table keeps the elements that the scene has, and the error that these are off by.
+    as_in_scene = compare(finer, is_as_in_scene=True).as_json()
+    assert as_in_scene["displacement_error_l2"] == pytest.approx(0.2)
+    assert as_in_scene["reference"]["n_refinements"] == 0
+    assert as_in_scene["reference"]["estimated_error_l2"] == pytest.approx(2 * (1 - 0.01 / 0.010249))
     page = (experiment.folder / "report.html").read_text()
     assert "more than a tenth of the difference from affine (14 % of it), which" in page
     assert "finite elements, unrefined" in page

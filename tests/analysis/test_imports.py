@@ -34,6 +34,7 @@ ALLOWED = {
         "results",
         "runs",
         "tables",
+        "verdict",
     },
     "references": {"comparison", "experiment", "methods", "points", "runs", "verdict", "wording"},
     "remesh": {"paths", "runs", "wording"},
