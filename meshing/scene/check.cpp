@@ -173,25 +173,26 @@ std::string unscalable_part(const Scene& scene) {
 }
 
 void check_scene(const Scene& scene, const std::string& file) {
-  const auto expect = [&file](bool is_right, const auto&... words) {
+  const auto expect = [&](bool is_right, const std::string& key, const auto&... words) {
     if (is_right) return;
     std::ostringstream what;
-    what << file << ": ";
+    what << place_of(scene, key, file);
     (what << ... << words);
     throw std::runtime_error(what.str());
   };
   const bool has_file = !scene.surface.file.empty(), has_shape = !scene.surface.shape.empty();
-  expect(has_file != has_shape, "surface.file and surface.shape are both ", has_file ? "given" : "missing",
+  expect(has_file != has_shape, has_file ? "surface.shape" : "surface",
+         "surface.file and surface.shape are both ", has_file ? "given" : "missing",
          ", expected one of them");
 
   if (scene.material.law == MaterialLaw::SmallStrain) {
     const std::string part = large_strain_part(scene);
-    expect(part.empty(), "material.law = small_strain, expected neo_hookean with ", part);
+    expect(part.empty(), "material.law", "material.law = small_strain, expected neo_hookean with ", part);
   }
 
   if (scene.load_scale.strain) {
     const std::string part = unscalable_part(scene);
-    expect(part.empty(), "load_scale.strain = ", *scene.load_scale.strain,
+    expect(part.empty(), "load_scale.strain", "load_scale.strain = ", *scene.load_scale.strain,
            ", expected proportional loads alone, not ", part);
   }
 
@@ -200,26 +201,26 @@ void check_scene(const Scene& scene, const std::string& file) {
   if (time.mode == TimeMode::Static) {
     for (size_t s = 0; s < scene.supports.size(); ++s) {
       const std::string key = "supports." + std::to_string(s) + ".end";
-      if (scene.supports[s].end)
-        throw std::runtime_error(place_of(scene, key, file) + key + " = " +
-                                 toml_text(*scene.supports[s].end) +
-                                 ", expected none with time.mode = static");
+      if (const auto end = scene.supports[s].end)
+        expect(false, key, key, " = ", toml_text(*end), ", expected none with time.mode = static");
     }
-    expect(!has_contacts, "obstacles or self_contact, expected none with time.mode = static");
+    expect(!has_contacts, scene.obstacles.empty() ? "self_contact" : "obstacles",
+           "obstacles or self_contact, expected none with time.mode = static");
   } else {
-    expect(time.tolerance == 0 || !has_contacts, "time.tolerance = ", time.tolerance,
+    expect(time.tolerance == 0 || !has_contacts, "time.tolerance", "time.tolerance = ", time.tolerance,
            ", expected 0 with obstacles or self_contact");
     try {
       if (time.step > 0) n_steps(time, time.step);
     } catch (const std::runtime_error& error) {
-      expect(false, error.what());
+      expect(false, "time.step", error.what());
     }
   }
   if (scene.reference.integrator == ReferenceScheme::CentralDifferences && scene.reference.spectral_radius)
-    expect(false, "reference.spectral_radius = ", *scene.reference.spectral_radius,
+    expect(false, "reference.spectral_radius",
+           "reference.spectral_radius = ", *scene.reference.spectral_radius,
            ", expected none with reference.integrator = central_differences, which has no such parameter");
   if (scene.skin && scene.skin->relaxation > 0)
-    expect(scene.skin->bending > 0, "skin.relaxation = ", scene.skin->relaxation,
+    expect(scene.skin->bending > 0, "skin.relaxation", "skin.relaxation = ", scene.skin->relaxation,
            ", expected skin.bending > 0 to drive it");
 }
 

@@ -10,7 +10,7 @@ namespace testbed::meshing {
 
 /// Everything that neither solver can do, whatever models it has; programs call it once a scene is read.
 /// @param file  of the scene, for the message
-/// @throws std::runtime_error naming file, keys, values found and what is expected.
+/// @throws std::runtime_error naming file, line of a key that is given, keys, values found and what is expected.
 void check_scene(const Scene& scene, const std::string& file);
 
 /// What the scene asks of its surface: no region is empty and, in statics, no part lacks a support that others

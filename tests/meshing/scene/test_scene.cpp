@@ -150,7 +150,7 @@ TEST(Scene, StepsBeyondWhatAnIntHoldsAreRefusedByTheirNumber) {
   EXPECT_THROW(n_steps(time, 1), std::runtime_error);
   const std::string ball = "[surface]\nshape = \"ball\"\n[time]\nend = 300\nstep = 1e-7\n";
   EXPECT_EQ(error_of(ball + "mode = \"dynamic\"\n"),
-            "scene.toml: time.end = 300 s in steps of 1e-07 s: 3e+09 steps, expected at most 2147483647");
+            "scene.toml:5: time.end = 300 s in steps of 1e-07 s: 3e+09 steps, expected at most 2147483647");
   EXPECT_EQ(error_of(ball), "") << "a static scene makes none of them";
 }
 
@@ -232,7 +232,7 @@ TEST(Scene, LawIsThatOfSmallStrainUnlessAPartGoesBeyondIt) {
            "[collapse]\ncoefficient = 0.1\n" + moving, "[[initial]]\nspin = [1, 0, 0]\n" + moving}) {
     EXPECT_EQ(law(ball + part), MaterialLaw::NeoHookean) << part;
     const std::string refusal = error_of(ball + "[material]\nlaw = \"small_strain\"\n" + part);
-    EXPECT_EQ(refusal.substr(0, 63), "scene.toml: material.law = small_strain, expected neo_hookean w")
+    EXPECT_EQ(refusal.substr(0, 65), "scene.toml:4: material.law = small_strain, expected neo_hookean w")
         << part;
     EXPECT_EQ(error_of(ball + "[material]\nlaw = \"neo_hookean\"\n" + part), "") << part;
   }
@@ -311,8 +311,10 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
             "handle, head)");
   EXPECT_EQ(error_of("gravity = [0, 0, -9.81]\n"),
             "scene.toml: surface.file and surface.shape are both missing, expected one of them");
+  EXPECT_EQ(error_of("gravity = [0, 0, -9.81]\n[surface]\nup = \"z\"\n"),
+            "scene.toml:2: surface.file and surface.shape are both missing, expected one of them");
   EXPECT_EQ(error_of(ball + "file = \"" SCENE_FOLDER "/sag.toml\"\n"),
-            "scene.toml: surface.file and surface.shape are both given, expected one of them");
+            "scene.toml:2: surface.file and surface.shape are both given, expected one of them");
   EXPECT_EQ(error_of("[surface]\nfile = \"nope.obj\"\n"),
             "scene.toml:2: surface.file = \"nope.obj\", expected a file; there is no " +
                 (test_folder() / "nope.obj").string());
