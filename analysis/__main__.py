@@ -148,13 +148,14 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     again = add(
         "reproduce", [],
         "Makes published tables and figures again and shows what differs from the stored ones, by analysis/manifest.toml. "
-        "What is finished is not run again; the exit status is 1 where anything differs.",
+        "What is finished is not run again; the exit status is 1 where anything differs. Rows of bodies that are not shipped "
+        "are left out, and it is said where these are found.",
         "example:\n  ./testbed reproduce readme statics\n",
     )  # fmt: skip
     again.add_argument(
         "names", nargs="*", metavar="NAME", help=f"of: {', '.join(reproduce.entries())}; default: all"
     )
-    again.add_argument("--write", action="store_true", help="write tables and figures anew")
+    again.add_argument("--write", action="store_true", help="write tables and figures anew, of a commit")
     study.add_arguments(
         add(
             "study",

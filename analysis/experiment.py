@@ -220,10 +220,11 @@ def run_solvers(
     overrides: list[str],
     is_quiet: bool,
     time_limit: float = TIME_LIMIT,
+    is_refined_once: bool = False,
 ) -> Experiment:
     """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
-    The reference is refined as references.refine does, which gives time_limit (s) its meaning. Where the scene has a part
+    The reference is refined as references.refine does, which gives the last two options their meaning. Where the scene has a part
     that the reference does not model, the springs run alone. Raises RunError when a spring model refuses the scene, and when
     the reference fails or carries no part of the load.
     """
@@ -292,7 +293,7 @@ def run_solvers(
 
     from .references import refine
 
-    return refine(experiment, solve_refined, time_limit, is_quiet)
+    return refine(experiment, solve_refined, time_limit, is_quiet, is_refined_once)
 
 
 def _command(scene: Path, surface: Path | None, overrides: list[str]) -> str:

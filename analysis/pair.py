@@ -108,7 +108,7 @@ def _problem_of(scene: dict[str, Any]) -> dict[str, Any]:
 def _flat(value: Any, key: str) -> Iterator[tuple[str, Any]]:
     if isinstance(value, dict) or (isinstance(value, list) and value and isinstance(value[0], dict)):
         for name, part in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _flat(part, f"{key}.{name}" if key else name)
+            yield from _flat(part, f"{key}.{name}" if key else str(name))
     else:
         yield key, value
 

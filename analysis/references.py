@@ -25,14 +25,18 @@ _LATE = 3  # times the limit, after which a solve that was foreseen to be shorte
 Solve = Callable[[Path, list[str], float], tuple[int, str]]
 
 
-def refine(experiment: Experiment, solve: Solve, time_limit: float, is_quiet: bool) -> Experiment:
-    """Refines the reference once for its error, and further while a statement on a model waits for it.
+def refine(
+    experiment: Experiment, solve: Solve, time_limit: float, is_quiet: bool, is_once: bool = False
+) -> Experiment:
+    """Refines the reference once for its error and, but for is_once, further while a statement on a model waits for it.
 
     time_limit: seconds that a further solve may take, as the last one foretells. The experiment that is returned says why
     the reference was not refined further, and what it would take.
     """
     record = _record_of(experiment.reference_folder)
-    while experiment.n_refinements == 0 or needs_finer_reference(compare(experiment).as_json()):
+    while experiment.n_refinements == 0 or (
+        not is_once and needs_finer_reference(compare(experiment).as_json())
+    ):
         n = experiment.n_refinements + 1
         folder = experiment.refined_folder(n)
         seconds = _GROWTH[experiment.scene["time"]["mode"]] * _solution(record)

@@ -2,18 +2,22 @@
 
 manifest.toml lists them. A table of runs is made cell by cell from the runs' comparison.json; what a study or a benchmark
 gives is made by its command, and its figures are copied. reproduced.json tells of what commit and machine the stored ones are.
+Rows of bodies that are not on this machine are left out, and it is said beforehand where these are found.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import re
 import shutil
 import subprocess
 import time
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from .comparison import compare, without_nan
@@ -26,6 +30,7 @@ from .wording import percent
 
 MANIFEST, STORED = PACKAGE / "manifest.toml", PACKAGE / "reproduced.json"
 _ROUNDING = 1e-8
+_TIME_LIMIT = 600.0  # s, of the refined reference, so that rows do not differ by the machine
 _NUMBER = re.compile(r"[-+]?\d[\d ]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -51,8 +56,23 @@ def entries() -> dict[str, Entry]:
     return {
         name: Entry(name, **entry | {key: tuple(entry.get(key, ())) for key in ("tables", "columns", "rows")})
         for name, entry in listed.items()
-        if isinstance(entry, dict)
+        if name not in ("schemes", "meshes")
     }
+
+
+def missing_meshes(chosen: Iterable[Entry]) -> dict[str, str]:
+    """File -> where it is found, of the bodies that rows need and that are not on this machine, or are other files."""
+    wanted = {row["surface"] for entry in chosen for row in entry.rows if "surface" in row}
+    meshes = tomllib.loads(MANIFEST.read_text())["meshes"]
+    return {
+        name: f"{file} of https://github.com/{repository} at commit {commit}, SHA-256 {digest}"
+        for name, (repository, commit, file, digest) in meshes.items()
+        if name in wanted and _digest_of(MESHES / name) != digest
+    }
+
+
+def _digest_of(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.exists() else ""
 
 
 def tables_of(page: str, heading: str) -> list[tuple[int, list[str]]]:
@@ -78,15 +98,13 @@ def stored_rows(entry: Entry) -> list[list[str]]:
 
 
 def fresh_cells(entry: Entry, row: dict[str, Any]) -> list[str]:
-    """The cells of a row behind its label, by running its pair now; what has not changed is not run again.
-
-    Raises RunError where a mesh is missing.
-    """
+    """The cells of a row behind its label, by running its pair now; what has not changed is not run again."""
     surface = MESHES / row["surface"] if "surface" in row else None
-    if surface and not surface.exists():
-        raise RunError(f"{surface}: missing, expected the mesh of {entry.name}")
     folder = OUT / "reproduce" / entry.name / re.sub(r"\W+", "_", row["label"])
-    experiment = run_solvers(SCENES / row["scene"], folder, surface, [*row.get("set", ())], is_quiet=True)
+    experiment = run_solvers(
+        SCENES / row["scene"], folder, surface, [*row.get("set", ())], is_quiet=True,
+        time_limit=_TIME_LIMIT, is_refined_once=True,
+    )  # fmt: skip
     values = without_nan(compare(experiment, is_as_in_scene=True).as_json())
     return [cell_of(values, key) for key in entry.columns]
 
@@ -121,9 +139,17 @@ def differences(stored: list[str], fresh: list[str], tolerance: float) -> list[s
 
 
 def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool) -> list[str]:
-    """Differences of a table of runs, each with its row's label; written anew where that is asked for."""
+    """Differences of a table of runs, each with its row's label; written anew where that is asked for.
+
+    Rows whose body is not on this machine are left out. Raises RunError where they would have to be written.
+    """
     said, lines = [], []
+    missing = missing_meshes([entry])
+    if is_written and missing:
+        raise RunError(f"{entry.name}: not written without {', '.join(missing)}")
     for row, (label, *stored) in zip(entry.rows, stored_rows(entry), strict=True):
+        if row.get("surface") in missing:
+            continue
         say(f"{entry.name}: {row['label']}", is_quiet)
         n_words = len(stored) - len(entry.columns)  # that stand before the figures
         fresh = fresh_cells(entry, row)
@@ -178,8 +204,16 @@ def main(arguments: argparse.Namespace) -> int:
     if unknown := [name for name in arguments.names if name not in listed]:
         raise RunError(f"no entry '{unknown[0]}' (known: {', '.join(listed)})")
     chosen = [listed[name] for name in arguments.names or listed]
+    commit = describe(PROGRAMS)["commit"]
+    if arguments.write and not re.fullmatch("[0-9a-f]+", commit):
+        raise RunError(f"--write: the tree is {commit}, expected a commit without further changes")
     minutes = sum(entry.minutes for entry in chosen)
     say(f"{len(chosen)} tables and figures, about {minutes:.0f} min on two cores", arguments.quiet)
+    missing = missing_meshes(chosen)
+    if missing:
+        print(f"Rows of {len(missing)} bodies are left out until these files lie in {MESHES}:")
+        for name, source in missing.items():
+            print(f"  {name}: {source}")
     stored = json.loads(STORED.read_text()) if STORED.exists() else {}
     n_different = 0
     for entry in chosen:
@@ -188,7 +222,11 @@ def main(arguments: argparse.Namespace) -> int:
         except RunError as error:
             said = [str(error)]
         of = stored.get(entry.name, {}).get("commit", "an unknown commit")
-        print(f"{entry.name} (stored of {of}): {'as stored' if not said else ''}")
+        n_left_out = sum(row.get("surface") in missing for row in entry.rows)
+        left_out = f"{n_left_out} of {len(entry.rows)} rows left out" if n_left_out else ""
+        print(
+            f"{entry.name} (stored of {of}): {', '.join(filter(None, ['' if said else 'as stored', left_out]))}"
+        )
         for line in said:
             print(f"  {line}")
         n_different += bool(said)

@@ -372,6 +372,18 @@ def test_refinement_of_an_earlier_run_does_not_outlive_it(home, tmp_path):
     assert not refined.exists()
 
 
+@pytest.mark.parametrize("is_once, n", [(False, 2), (True, 1)])
+def test_reference_is_refined_until_it_decides_or_once(is_once, n, home, ball, tmp_path):
+    for level, size in (("1", 0.0107), ("2", 0.01071)):
+        folder = home / f"fem_reference_refine_{level}"
+        write_run(folder, *ball, lambda X, size=size: size * X, np.linspace(0, 1, 2), program="fem_reference")
+    experiment = run_solvers(
+        tmp_path / "scene.toml", tmp_path / "out", None, [], is_quiet=True, is_refined_once=is_once
+    )
+    assert experiment.n_refinements == n
+    assert sum(call.startswith("fem_reference") for call in calls(home / "bin")) == 1 + n
+
+
 def test_first_plot_of_a_scene_that_keeps_its_volume_is_that_of_its_tip(ball, experiment):
     (experiment.reference_folder).rename(experiment.folder / "old")
     write_run(experiment.reference_folder, *ball, lambda X: [1e-4, -1e-4, 0] * X, seconds=REFERENCE_SECONDS)

@@ -8,6 +8,7 @@ import pytest
 from pages import PAGES
 
 from analysis import reproduce as module
+from analysis.__main__ import parse_arguments
 from analysis.paths import PROGRAMS, ROOT
 from analysis.reproduce import (
     Entry,
@@ -15,6 +16,7 @@ from analysis.reproduce import (
     differences,
     entries,
     fresh_cells,
+    main,
     reproduce,
     stored_rows,
     tables_of,
@@ -150,6 +152,54 @@ def test_a_table_of_runs_is_compared_and_written_in_its_place(page):
 def test_a_table_of_other_rows_is_refused(page):
     with pytest.raises(RunError, match="expected a table of 1 rows"):
         stored_rows(replace(ENTRY, rows=ENTRY.rows[:1]))
+
+
+@pytest.fixture
+def on_its_own(page, monkeypatch):
+    """The same project, its second row of a body that is not on this machine. Returns the lines of a command."""
+    entry = replace(ENTRY, rows=({"label": "x"}, {"label": "y", "surface": "bunny.obj"}))
+    monkeypatch.setattr(module, "entries", lambda: {"two": entry})
+    monkeypatch.setattr(module, "MESHES", page.parent / "meshes")
+
+    def run(*words, commit="abc"):
+        monkeypatch.setattr(module, "describe", lambda _: {"commit": commit, "processor": "a"})
+        return main(parse_arguments(["reproduce", *words, "--quiet"]))
+
+    return run
+
+
+def test_rows_without_their_body_are_left_out_and_it_is_said_where_that_is(on_its_own, page, capsys):
+    page.write_text(PAGE.replace("1.5 %", "1.9 %").replace("rounding", "7 %"))
+    assert on_its_own() == 0
+    said = capsys.readouterr().out
+    assert re.search(
+        rf"{page.parent}/meshes:\n  bunny.obj: objects/bunny/bunny.obj of https://github.com/odedstein/meshes at commit "
+        r"83521327, SHA-256 [0-9a-f]{64}\n",
+        said,
+    )
+    assert said.endswith("two (stored of an unknown commit): as stored, 1 of 2 rows left out\n")
+    (page.parent / "meshes").mkdir()
+    (page.parent / "meshes" / "bunny.obj").write_text("of another commit")
+    on_its_own()
+    assert "1 of 2 rows left out" in capsys.readouterr().out
+    before = page.read_text()
+    assert on_its_own("--write") == 1
+    assert "not written without bunny.obj" in capsys.readouterr().out and page.read_text() == before
+
+
+@pytest.mark.parametrize("commit", ["abc-dirty", "unknown"])
+def test_nothing_is_written_but_of_a_commit(commit, on_its_own):
+    with pytest.raises(RunError, match=f"the tree is {commit}, expected a commit"):
+        on_its_own("--write", commit=commit)
+
+
+def test_every_body_of_a_row_has_a_source():
+    wanted = {row["surface"] for entry in entries().values() for row in entry.rows if "surface" in row}
+    meshes = tomllib.loads(module.MANIFEST.read_text())["meshes"]
+    assert wanted == set(meshes)
+    assert set(module.missing_meshes(entries().values())) == {
+        name for name in wanted if not (module.MESHES / name).exists()
+    }, "those that are here are the files that the manifest names"
 
 
 def test_figures_of_a_command_are_compared_and_copied(page):
