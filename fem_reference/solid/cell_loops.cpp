@@ -16,6 +16,8 @@ namespace {
 
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
+using meshing::Curvature;
+using meshing::SurfaceHessian;
 
 Vector3d eigen(const dealii::Point<3>& p) {
   return {p[0], p[1], p[2]};
@@ -66,7 +68,14 @@ ElasticSolid::Implementation::Implementation(const TetMesh& tetrahedra, int p)
                   ? std::make_optional<TetBatches>(mesh.X, mesh.T, own_cells(space))
                   : std::nullopt),
       solver(nodes.X, nodes.edges, tets, corners ? &*corners : nullptr),
-      u(Matrix3Xd::Zero(3, nodes.X.cols())) {}
+      from_corners(nodes.X.cols(), nodes.n_vertices),
+      u(Matrix3Xd::Zero(3, nodes.X.cols())) {
+  std::vector<Eigen::Triplet<double>> weights;
+  for (int i = 0; i < nodes.n_vertices; ++i) weights.emplace_back(i, i, 1.);
+  for (int e = 0; e < nodes.edges.cols(); ++e)
+    for (const int end : nodes.edges.col(e)) weights.emplace_back(nodes.n_vertices + e, end, 0.5);
+  from_corners.setFromTriplets(weights.begin(), weights.end());
+}
 
 /// Exact for the stiffness of degree p at small strain and no eigenstrain that varies.
 TetRule ElasticSolid::Implementation::rule(int p) const {
@@ -146,8 +155,7 @@ void ElasticSolid::Implementation::find_residual(const Matrix3Xd& at, double loa
   sum_over_processes(r.reshaped());
   size = std::max(size, load_factor * load.norm() + r.norm());
   r = load_factor * load.reshaped(3, r.cols()) - r;
-  for (const meshing::FollowerPressure& follower : followers)
-    add_forces(follower, nodes.X + at, r, load_factor);
+  for (const auto& energy : surface_at(load_factor)) energy->add_forces(nodes.X + at, r);
   for (Eigen::Index k = 0; k < r.size(); ++k)
     if (is_held[k]) r.data()[k] = 0;
 }
@@ -155,41 +163,43 @@ void ElasticSolid::Implementation::find_residual(const Matrix3Xd& at, double loa
 double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_factor) {
   shrink(load_factor);
   double sum = tets.energy(at) - load_factor * load.dot(at.reshaped());
-  for (const meshing::FollowerPressure& follower : followers)
-    sum += load_factor * energy(follower, nodes.X + at);
+  for (const auto& energy : surface_at(load_factor)) sum += energy->energy(nodes.X + at);
   return sum;
+}
+
+const meshing::SurfaceEnergies& ElasticSolid::Implementation::surface_at(double load_factor) const {
+  for (const auto& energy : surface) energy->set_load_factor(load_factor);
+  return surface;
 }
 
 template <class Real>
 void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at, double load_factor,
-                                        bool with_pressure, Real* blocks) const {
+                                        Curvature curvature, Real* blocks) const {
   on.add_tangent(at, blocks);
-  const bool is_curved = &on == &tets;
-  if (with_pressure)
-    for (const meshing::FollowerPressure& follower : followers)
-      for_each_hessian_block(
-          is_curved ? follower : meshing::FollowerPressure{follower.pressure, follower.F}, nodes.X + at,
-          [&](int i, int j, const Eigen::Matrix3d& block) {
-            const int place = on.pattern().find(on.rank()[i], on.rank()[j]);
-            Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place)) +=
-                (load_factor * block).cast<Real>();
-          });
+  SurfaceHessian H;
+  for (const auto& energy : surface_at(load_factor)) energy->add_hessian(nodes.X + at, H, curvature);
+  if (&on != &tets) H = at_nodes(H, from_corners);
+  H.for_each_block([&](int i, int j, const Eigen::Matrix3d& block) {
+    const int place = on.pattern().find(on.rank()[i], on.rank()[j]);
+    Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place)) +=
+        block.cast<Real>();
+  });
   symmetrise(on.pattern(), blocks);
 }
 
 template void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at,
-                                                 double load_factor, bool with_pressure,
+                                                 double load_factor, Curvature curvature,
                                                  double* blocks) const;
 
 TwoLevelSolver::Stiffness ElasticSolid::Implementation::stiffness_at(const Matrix3Xd& at, double load_factor,
-                                                                     bool with_pressure) const {
+                                                                     Curvature curvature) const {
   TwoLevelSolver::Stiffness A;
   A.blocks.assign(9 * tets.pattern().column.size() + 3, 0);
-  fill(tets, at, load_factor, with_pressure, A.blocks.data());
+  fill(tets, at, load_factor, curvature, A.blocks.data());
   const auto fill_held = [=](const TetBatches& on, const std::vector<char>& is_held_row) {
     return [=, &on, &is_held_row](meshing::BlockMatrix& B) {
       double* blocks = B.block.data()->data();
-      fill(on, at, load_factor, with_pressure, blocks);
+      fill(on, at, load_factor, curvature, blocks);
       meshing::hold(B, is_held_row, blocks);
     };
   };
@@ -252,8 +262,11 @@ void ElasticSolid::find_forces(const Eigen::Ref<const Matrix3Xd>& displacement, 
   Implementation& s = *self_;
   s.shrink(load_factor);
   s.tets.forces(displacement, force);
-  for (const meshing::FollowerPressure& follower : s.followers)
-    add_forces(follower, s.nodes.X + displacement, force, -load_factor);
+  if (s.surface.empty()) return;
+  Matrix3Xd by_surface = Matrix3Xd::Zero(3, force.cols());
+  for (const auto& energy : s.surface_at(load_factor))
+    energy->add_forces(s.nodes.X + displacement, by_surface);
+  force -= by_surface;
 }
 
 Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,
@@ -267,7 +280,7 @@ Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load
   if (!with_tangent) return result;
   meshing::BlockMatrix K = s.tets.pattern();
   K.block.assign(K.column.size(), Eigen::Matrix3d::Zero());
-  s.fill(s.tets, displacement, load_factor, true, K.block.data()->data());
+  s.fill(s.tets, displacement, load_factor, Curvature::Exact, K.block.data()->data());
   std::vector<int> node(K.rows());
   for (int i = 0; i < K.rows(); ++i) node[s.tets.rank()[i]] = i;
   // Columns of the symmetric matrix are its rows; those of a node are compressed in the nodes' order.

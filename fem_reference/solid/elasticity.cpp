@@ -15,6 +15,7 @@
 #include "fem_reference/solid/implementation.h"
 #include "fem_reference/solvers/distributed.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/follower_pressure.h"
 
 namespace testbed::fem {
 namespace {
@@ -119,11 +120,11 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.material = material;
   s.law = law;
   s.loads = loads;
-  s.followers.clear();
+  s.surface.clear();
   if (loads.follower_pressure) {
     Eigen::VectorXd pressure(s.nodes.faces.cols());
     for (int f = 0; f < pressure.size(); ++f) pressure(f) = loads.follower_pressure(f);
-    s.followers = meshing::followers_of(pressure, s.nodes.faces);
+    s.surface = meshing::followers_of(pressure, s.nodes.faces);
   }
   s.held = held;
   s.u.setZero();
@@ -203,13 +204,13 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
     if (processes().n > 1) {
       meshing::BlockMatrix part = tets.pattern();
       part.block.assign(part.column.size(), Eigen::Matrix3d::Zero());
-      fill(tets, at, load_factor, false, part.block.data()->data());
+      fill(tets, at, load_factor, meshing::Curvature::Projected, part.block.data()->data());
       meshing::hold(part, held_rows, part.block.data()->data());
       stage("solve");
       linear = solve_distributed(nodes, space, part, tets.rank(), rigid, r, wanted, at);
     } else {
       if (!constant) {
-        constant = stiffness_at(Matrix3Xd::Zero(3, u.cols()), 0, false);
+        constant = stiffness_at(Matrix3Xd::Zero(3, u.cols()), 0, meshing::Curvature::Projected);
         hold(*constant);
         stiffness_norm = Eigen::Map<const Eigen::VectorXf>(constant->blocks.data(),
                                                            static_cast<Eigen::Index>(constant->blocks.size()))
@@ -270,8 +271,8 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
 bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double load_factor,
                                                    const Matrix3Xd& r, double relative, Matrix3Xd& dx) {
   find_rigid_motions(at);
-  const auto solve = [&](bool with_pressure) {
-    TwoLevelSolver::Stiffness A = stiffness_at(at, load_factor, with_pressure);
+  const auto solve = [&](meshing::Curvature curvature) {
+    TwoLevelSolver::Stiffness A = stiffness_at(at, load_factor, curvature);
     hold(A);
     dx = Matrix3Xd::Zero(3, r.cols());
     const LinearReport linear = solver.solve(A, rigid, r, relative, dx);
@@ -279,9 +280,9 @@ bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double l
     report.linear_iterations += linear.iterations;
     return linear.is_definite;
   };
-  if (solve(true)) return true;
+  if (solve(meshing::Curvature::Exact)) return true;
   // The stress that makes the tangent definite is still to come. The body's part alone also descends.
-  if (!followers.empty()) solve(false);
+  if (!surface.empty()) solve(meshing::Curvature::Projected);
   return false;
 }
 
@@ -294,7 +295,7 @@ bool ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd
     if (!is_held[k] && moved.data()[k] != 0) return true;  // predicted from earlier equilibria
   find_rigid_motions(u);
   find_residual(u, load_factor, r);
-  TwoLevelSolver::Stiffness A = stiffness_at(u, load_factor, true);
+  TwoLevelSolver::Stiffness A = stiffness_at(u, load_factor, meshing::Curvature::Exact);
   solver.add_product(A, -1, moved, r);
   for (Eigen::Index k = 0; k < r.size(); ++k)
     if (is_held[k]) r.data()[k] = 0;
@@ -323,7 +324,7 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
   bool is_definite = true;
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport& newton) {
     // Downhill of a saddle lies another path: shorter load steps keep to this one.
-    if (!is_definite && followers.empty()) newton.status = meshing::Status::NotConverged;
+    if (!is_definite && surface.empty()) newton.status = meshing::Status::NotConverged;
     if (newton.status != meshing::Status::Ok) return true;
     residual = r.norm();
     first = std::max(first, residual);

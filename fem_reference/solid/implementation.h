@@ -10,7 +10,7 @@
 #include "fem_reference/solvers/two_level.h"
 #include "meshing/algebra/load_path.h"
 #include "meshing/algebra/newton.h"
-#include "meshing/surface_energies/follower_pressure.h"
+#include "meshing/surface_energies/surface_points.h"
 
 namespace testbed::fem {
 
@@ -28,12 +28,13 @@ struct ElasticSolid::Implementation {
   TetBatches tets;
   std::optional<TetBatches> corners;  // of degree 1, on degree 2
   TwoLevelSolver solver;
+  meshing::SurfacePoints from_corners;  // all nodes as points of the corners
 
   Material material;
   ElasticLaw law = ElasticLaw::SmallStrain;
   std::optional<double> tolerance;
   ElasticLoads loads;
-  std::vector<meshing::FollowerPressure> followers;  // at full strength
+  meshing::SurfaceEnergies surface;  // what acts on the surface
   std::vector<HeldComponent> held;
   std::vector<char> is_held;                      // 3 node + component
   std::vector<char> held_rows, held_corner_rows;  // of the matrices
@@ -59,14 +60,16 @@ struct ElasticSolid::Implementation {
   /// Forces out of balance on what is free.
   void find_residual(const Matrix3Xd& at, double load_factor, Matrix3Xd& r);
   double potential(const Matrix3Xd& at, double load_factor);
+  const meshing::SurfaceEnergies& surface_at(double load_factor) const;
   /// Whether forces of this size out of balance are none.
   bool is_balanced(const Matrix3Xd& at, double residual);
-  /// The tangent, nothing held; blocks are zero.
+  /// The tangent, nothing held; blocks are zero. Projected: that of the surface alone.
   template <class Real>
-  void fill(const TetBatches& on, const Matrix3Xd& at, double load_factor, bool with_pressure,
+  void fill(const TetBatches& on, const Matrix3Xd& at, double load_factor, meshing::Curvature curvature,
             Real* blocks) const;
   /// The same with its factories, nothing held in its own blocks.
-  TwoLevelSolver::Stiffness stiffness_at(const Matrix3Xd& at, double load_factor, bool with_pressure) const;
+  TwoLevelSolver::Stiffness stiffness_at(const Matrix3Xd& at, double load_factor,
+                                         meshing::Curvature curvature) const;
   void hold(TwoLevelSolver::Stiffness& A) const;
 
   void solve_linear(double load_factor, StageTimer* timer);

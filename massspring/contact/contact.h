@@ -4,6 +4,7 @@
 
 #include "massspring/model/model.h"
 #include "meshing/surface_energies/rigid_body.h"
+#include "meshing/surface_energies/surface_energy.h"
 
 namespace testbed::massspring {
 
@@ -32,6 +33,16 @@ class PushOut {
  private:
   const std::vector<RigidBody>& bodies_;
   std::vector<Eigen::VectorXd> clearance_;  ///< per body and node, what it may go before it is looked at (m)
+};
+
+/// Friction of nodes that slide, the same within a step.
+struct SlidingFriction : SurfaceEnergy {
+  Eigen::Matrix3Xd force;  ///< N, 3 x n
+
+  double energy(const Eigen::Matrix3Xd& x) const override { return -force.cwiseProduct(x).sum(); }
+  void add_forces(const Eigen::Matrix3Xd&, Eigen::Matrix3Xd& f) const override { f += force; }
+  void add_hessian(const Eigen::Matrix3Xd&, SurfaceHessian&, Curvature) const override {}
+  bool is_invariant() const override { return false; }
 };
 
 /// Linearised implicit scheme: nodes in touch move along their obstacle, or with it while friction holds

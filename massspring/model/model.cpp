@@ -14,6 +14,7 @@
 #include "meshing/base/geometry.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/follower_pressure.h"
 
 namespace testbed::massspring {
 Eigen::Matrix3Xd displacement(const MassSpringModel& model, const State& state) {
@@ -85,7 +86,6 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   const SurfaceProblem problem = discretise(scene, surface);
   Forces forces;
   forces.mass_damping = scene.material.damping;
-  if (scene.volume && scene.volume->coefficient > 0) forces.volume_pressure = scene.volume->coefficient;
   forces.load = Eigen::Matrix3Xd::Zero(3, network.X.cols());
   if (const auto gravity = gravity_of(scene)) forces.load += *gravity * model.mass.transpose();
   const Eigen::VectorXd areas = area_vectors(surface.X, surface.F).colwise().norm();
@@ -95,9 +95,23 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
     forces.load.leftCols(network.n_surface) +=
         traction_forces([&terms = terms](const Eigen::Vector3d& x) { return stress_at(terms, x); }, surface.X,
                         surface.F(Eigen::all, triangles));
-  forces.followers = followers_of(problem.follower_pressure, surface.F);
+  forces.surface = followers_of(problem.follower_pressure, surface.F);
+  if (scene.volume && scene.volume->coefficient > 0)
+    add_volume_penalty(scene.volume->coefficient, model, forces);
   forces.constraints = constraints_of(scene, surface);
   return forces;
+}
+
+void add_volume_penalty(double P, const MassSpringModel& model, Forces& forces) {
+  const Eigen::Matrix3Xi& F = model.network.F;
+  forces.volume = std::make_shared<VolumePenalty>(P, Faces{F}, volume(model.network.X, F));
+  forces.surface.push_back(forces.volume);
+}
+
+const SurfaceEnergies& surface_at(const Forces& forces, const State& state, double load_factor) {
+  if (forces.volume) forces.volume->set_target(state.target_volume);
+  for (const auto& energy : forces.surface) energy->set_load_factor(load_factor);
+  return forces.surface;
 }
 
 void add_skin(const Skin& skin, MassSpringModel& model) {
@@ -211,9 +225,7 @@ Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state
 double potential(const MassSpringModel& model, const Forces& forces, const State& state, double load_factor) {
   double sum =
       elastic_energy(model, state) - load_factor * forces.load.cwiseProduct(displacement(model, state)).sum();
-  for (const FollowerPressure& follower : forces.followers) sum += load_factor * energy(follower, state.x);
-  if (forces.volume_pressure)
-    sum += volume_energy(*forces.volume_pressure, state.target_volume, model.network.F, state.x);
+  for (const auto& energy : surface_at(forces, state, load_factor)) sum += energy->energy(state.x);
   return sum;
 }
 
@@ -224,26 +236,15 @@ void undamped_forces(const MassSpringModel& model, const Forces& forces, const S
     f.middleCols(begin, end - begin) = load_factor * forces.load.middleCols(begin, end - begin);
   });
   add_elastic_forces(model, state, f);
-  for (const FollowerPressure& follower : forces.followers) add_forces(follower, state.x, f, load_factor);
-  if (forces.volume_pressure)
-    add_volume_forces(*forces.volume_pressure, state.target_volume, model.network.F, state.x, f);
+  for (const auto& energy : surface_at(forces, state, load_factor)) energy->add_forces(state.x, f);
 }
 
-std::optional<Eigen::Matrix3Xd> volume_stiffness_root(const MassSpringModel& model, const Forces& forces,
-                                                      const State& state) {
-  if (!forces.volume_pressure) return {};
-  return meshing::volume_stiffness_root(*forces.volume_pressure, state.target_volume, model.network.F,
-                                        state.x);
-}
-
-std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, const Forces& forces,
-                                               const State& state, double load_factor) {
-  std::vector<VolumeCurvature> curvatures;
-  const Eigen::Matrix3Xi& F = model.network.F;
-  if (forces.volume_pressure)
-    curvatures.push_back({*forces.volume_pressure * (volume(state.x, F) / state.target_volume - 1), &F});
-  for (const FollowerPressure& f : forces.followers) curvatures.push_back({load_factor * f.pressure, &f.F});
-  return curvatures;
+SurfaceHessian surface_hessian(const Forces& forces, const State& state, Curvature curvature,
+                               double load_factor) {
+  SurfaceHessian H;
+  for (const auto& energy : surface_at(forces, state, load_factor))
+    energy->add_hessian(state.x, H, curvature);
+  return H;
 }
 
 namespace {

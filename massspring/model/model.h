@@ -18,8 +18,8 @@
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
 #include "meshing/surface_energies/bending.h"
-#include "meshing/surface_energies/follower_pressure.h"
 #include "meshing/surface_energies/seams.h"
+#include "meshing/surface_energies/volume_penalty.h"
 
 namespace testbed::massspring {
 
@@ -125,11 +125,11 @@ Eigen::Index n_stiffness_blocks(const MassSpringModel& model);
 
 /// Everything that acts on the model in a scene.
 struct Forces {
-  Eigen::Matrix3Xd load;                    ///< gravity and dead surface loads at full strength (N), 3 x n
-  std::vector<FollowerPressure> followers;  ///< at full strength
-  double mass_damping = 0;                  ///< 1/s: force -mass_damping m v
-  std::optional<double> volume_pressure;    ///< P of the global volume force (Pa)
-  std::vector<Constraint> constraints;      ///< at most one per node
+  Eigen::Matrix3Xd load;                  ///< gravity and dead surface loads at full strength (N), 3 x n
+  double mass_damping = 0;                ///< 1/s: force -mass_damping m v
+  std::vector<Constraint> constraints;    ///< at most one per node
+  SurfaceEnergies surface;                ///< followers, volume and what the surface touches
+  std::shared_ptr<VolumePenalty> volume;  ///< the one of them whose target is that of the state
 };
 
 /// What the scene's supports hold in a step that begins at t (s).
@@ -142,13 +142,19 @@ std::vector<Constraint> constraints_of(const Scene& scene, const SurfaceMesh& su
 /// of a component of the surface.
 Forces forces_of(const Scene& scene, const MassSpringModel& model);
 
+/// Adds the global volume force with pressure coefficient P (Pa).
+void add_volume_penalty(double P, const MassSpringModel& model, Forces& forces);
+
+/// What acts on the surface, as it does at a state and load factor.
+const SurfaceEnergies& surface_at(const Forces& forces, const State& state, double load_factor = 1);
+
 /// Elastic energy (J).
 double elastic_energy(const MassSpringModel& model, const State& state);
 
 /// Elastic forces (N), 3 x n.
 Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state);
 
-/// Energy (J): elastic, of volume, and of the loads at `load_factor` times full strength.
+/// Energy (J): elastic, of what acts on the surface, and of the loads at `load_factor` times full strength.
 double potential(const MassSpringModel& model, const Forces& forces, const State& state,
                  double load_factor = 1);
 
@@ -156,18 +162,9 @@ double potential(const MassSpringModel& model, const Forces& forces, const State
 void undamped_forces(const MassSpringModel& model, const Forces& forces, const State& state,
                      Eigen::Matrix3Xd& f, double load_factor = 1);
 
-/// The global volume force's part g g^T of the potential's Hessian, if there is one.
-std::optional<Eigen::Matrix3Xd> volume_stiffness_root(const MassSpringModel& model, const Forces& forces,
-                                                      const State& state);
-
-/// What that leaves out of the Hessian, of the global volume force and of the followers: factor d2V/dx2, V
-/// the volume enclosed by the triangles F.
-struct VolumeCurvature {
-  double factor;  ///< Pa
-  const Eigen::Matrix3Xi* F;
-};
-std::vector<VolumeCurvature> volume_curvatures(const MassSpringModel& model, const Forces& forces,
-                                               const State& state, double load_factor = 1);
+/// Hessian of what acts on the surface (N/m).
+SurfaceHessian surface_hessian(const Forces& forces, const State& state, Curvature curvature,
+                               double load_factor = 1);
 
 /// Zero matrix with the pattern of the model's stiffness.
 BlockMatrix stiffness_pattern(const MassSpringModel& model);

@@ -176,7 +176,7 @@ void QuasiStaticSolver::project(PaddedField& y) const {
 Matrix3Xd QuasiStaticSolver::residual(const State& state, double load_factor, double& size) const {
   Matrix3Xd r;
   undamped_forces(model_, forces_, state, r, load_factor);
-  const bool is_dead = forces_.followers.empty() && !forces_.volume_pressure;
+  const bool is_dead = forces_.surface.empty();
   size = std::abs(load_factor) * forces_.load.norm() +
          (is_dead ? (r - load_factor * forces_.load).norm() : elastic_forces(model_, state).norm());
   project(r);
@@ -186,33 +186,23 @@ Matrix3Xd QuasiStaticSolver::residual(const State& state, double load_factor, do
 void QuasiStaticSolver::set_stiffness(const State& state, double load_factor, Curvature curvature) {
   K_.set_zero();
   add_stiffness(model_, state, K_, curvature);
-  curvatures_.clear();
-  if (curvature == Curvature::Exact) curvatures_ = volume_curvatures(model_, forces_, state, load_factor);
+  surface_ = surface_hessian(forces_, state, curvature, load_factor);
   rounded_K_ = rounded(K_);
+  rounded_roots_ = surface_.rounded_roots();
   x_ = state.x;
-  g_ = volume_stiffness_root(model_, forces_, state);
-  if (g_) pad(*g_, 1, rounded_g_);
 }
 
 void QuasiStaticSolver::product(const Matrix3Xd& p, Matrix3Xd& y) const {
   multiply(stiffness(), p, y);
-  if (g_) add_rank_one(*g_, p, y);
-  for (const auto& [factor, F] : curvatures_) add_volume_curvature(factor, *F, x_, p, y);
+  surface_.add_product(p, y);
   project(y);
 }
 
 double QuasiStaticSolver::product(const PaddedField& p, PaddedField& y) const {
   y.setZero(4, p.cols());
   double p_y = add_product(stiffness(), rounded_K_, p, y);
-  const bool is_all = !g_ && curvatures_.empty() && held_motions_.cols() == 0;
-  if (g_) add_scaled(static_cast<float>(dot(rounded_g_, p)), rounded_g_, y);
-  if (!curvatures_.empty()) {
-    const Eigen::Index n = model_.network.n_surface;
-    const Matrix3Xd q = p.topLeftCorner(3, n).cast<double>();
-    Matrix3Xd z = Matrix3Xd::Zero(3, n);
-    for (const auto& [factor, F] : curvatures_) add_volume_curvature(factor, *F, x_, q, z);
-    y.topLeftCorner(3, n) += z.cast<float>();
-  }
+  const bool is_all = surface_.empty() && held_motions_.cols() == 0;
+  surface_.add_product(rounded_roots_, p, y);
   project(y);
   return is_all ? p_y : dot(p, y);
 }

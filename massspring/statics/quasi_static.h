@@ -73,12 +73,11 @@ class QuasiStaticSolver {
   double floppy_load_share_ = 0;
   double largest_stiffness_;  ///< on the diagonal of the stiffness at rest (N/m)
 
-  // The matrix at hand: K, the rank-one part g g^T of a global volume force, and its curvatures at x.
+  // The matrix at hand: K and what acts on the surface, at x.
   BlockMatrix K_;  ///< empty for a linear model, which has its own
   std::vector<float> rounded_K_;
-  std::optional<Eigen::Matrix3Xd> g_;
-  PaddedField rounded_g_;
-  std::vector<VolumeCurvature> curvatures_;
+  SurfaceHessian surface_;
+  std::vector<PaddedField> rounded_roots_;
   Eigen::Matrix3Xd x_;
 
   BlockMatrix P_;  ///< of which preconditioners are made

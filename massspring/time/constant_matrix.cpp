@@ -9,8 +9,7 @@ using Eigen::Matrix3Xd;
 constexpr int kMostNodes = 30'000;  // beyond, fill outgrows patience
 
 bool is_linear(const Motion& motion) {
-  return motion.model.linear && motion.contacts.bodies.empty() && motion.surface_energies.empty() &&
-         motion.forces.followers.empty() && !motion.forces.volume_pressure;
+  return motion.model.linear && motion.contacts.bodies.empty() && motion.surface().empty();
 }
 
 ConstantMatrix::ConstantMatrix(const Motion& motion, ImplicitMatrix& A, LinearSolver& solver, bool keeps_step,

@@ -38,16 +38,9 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   mass_ = factors.mass * model_.mass;
   if (model_.springs && model_.springs->damping > 0)
     damping_ = damping_matrix(*model_.springs, motion_.damped_at(damped_at), factors.damping);
-  if (has_volume_) g_ = volume_stiffness_root(model_, motion_.forces, at);
-  if (g_) *g_ *= std::sqrt(factors.stiffness);
-  volume_curvature_.clear();
-  if (curvature == Curvature::Exact) {
-    volume_curvature_ = volume_curvatures(model_, motion_.forces, at);
-    for (VolumeCurvature& c : volume_curvature_) c.factor *= factors.stiffness;
-  }
   x_ = at.x;
-  surface_.clear();
-  for (const auto& energy : motion_.surface_energies) energy->add_hessian(at.x, surface_);
+  surface_ = motion_.surface_hessian(at, curvature);
+  if (!has_volume_) surface_.roots.clear();
   surface_.scale(factors.stiffness);
   if (!K_) {
     springs_ = hessian(*model_.springs, at.rest_length, at.x, factors.stiffness, curvature);
@@ -70,8 +63,6 @@ void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
     if (damping_) add_product(*model_.springs, *damping_, p, y);
   }
   surface_.add_product(p, y);
-  if (g_) add_rank_one(*g_, p, y);
-  for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, p, y);
   filter(motion_.constraints, y);
 }
 
@@ -81,7 +72,7 @@ void ImplicitMatrix::round() {
   if (springs_) rounded_->springs = rows_->in_rows(*springs_);
   if (springs_ && damping_) rounded_->damping = rows_->in_rows(*damping_);
   if (K_) rounded_->K = rounded(*K_);
-  if (g_) pad(g_->leftCols(model_.network.n_surface), 1, rounded_->g);
+  rounded_->roots = surface_.rounded_roots();
 }
 
 double ImplicitMatrix::multiply_rounded(const PaddedField& p, PaddedField& y) {
@@ -91,15 +82,7 @@ double ImplicitMatrix::multiply_rounded(const PaddedField& p, PaddedField& y) {
     y.setZero(4, p.cols());
   else
     meshing::multiply(A.mass, p, y);
-  surface_.add_product(p, y);
-  if (g_) add_scaled(static_cast<float>(dot(A.g, p)), A.g, y);
-  if (!volume_curvature_.empty()) {
-    const Eigen::Index n = model_.network.n_surface;
-    const Matrix3Xd q = p.topLeftCorner(3, n).cast<double>();
-    Matrix3Xd z = Matrix3Xd::Zero(3, n);
-    for (const auto& [factor, F] : volume_curvature_) add_volume_curvature(factor, *F, x_, q, z);
-    y.topLeftCorner(3, n) += z.cast<float>();
-  }
+  surface_.add_product(A.roots, p, y);
   double p_Ap;
   if (K_) {
     p_Ap = add_product(*K_, A.K, p, y);

@@ -14,9 +14,9 @@ struct Gradients {
   bool bending = true;  ///< of the skin
 };
 
-/// A = mass M + stiffness K + damping D on the free directions: M the masses, K the Hessian of the potential
-/// with the rank-one part of the global volume force, D the damping matrix of the springs. Where springs are
-/// all there is, A is applied spring by spring and only a factorisation forms it.
+/// A = mass M + stiffness K + damping D on the free directions: M the masses, K the Hessian of the potential,
+/// D the damping matrix of the springs. Where springs are all there is, A is applied spring by spring and only a
+/// factorisation forms it.
 class ImplicitMatrix {
  public:
   struct Factors {
@@ -38,7 +38,7 @@ class ImplicitMatrix {
   /// For LinearSolver; valid until the next set.
   LinearSystem system();
 
-  /// A itself, but for rank-one parts and curvature of volumes, on the constrained space [filter].
+  /// A on the constrained space [filter], of the surface the diagonal alone.
   const BlockMatrix& matrix();
 
  private:
@@ -53,11 +53,9 @@ class ImplicitMatrix {
   const MassSpringModel& model_;              ///< what the matrix knows of
   Eigen::VectorXd mass_;                      ///< at nodes, times its factor
   std::optional<SpringBlocks> springs_, damping_;
-  std::optional<BlockMatrix> K_;  ///< all of A but rank-one part and constraints, where not springs alone
-  SurfaceHessian surface_;        ///< of the surface's energies, times its factor
-  std::optional<Eigen::Matrix3Xd> g_;              ///< of the rank-one part g g^T
-  std::vector<VolumeCurvature> volume_curvature_;  ///< times their factor; only exact curvature has it
-  Eigen::Matrix3Xd x_;                             ///< positions that it is taken at
+  std::optional<BlockMatrix> K_;  ///< all of A but the surface and constraints, where not springs alone
+  SurfaceHessian surface_;        ///< of what acts on the surface, times its factor
+  Eigen::Matrix3Xd x_;            ///< positions that it is taken at
   std::optional<BlockMatrix> A_;
 
   /// In single precision, where that is asked for.
@@ -65,7 +63,7 @@ class ImplicitMatrix {
     Eigen::VectorXf mass;
     Eigen::Matrix4Xf springs, damping;  ///< in rows
     std::vector<float> K;
-    PaddedField g;  ///< of the nodes of the surface
+    std::vector<PaddedField> roots;  ///< of the surface
   };
   std::optional<SpringRows> rows_;
   std::optional<Rounded> rounded_;

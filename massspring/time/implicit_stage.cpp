@@ -88,7 +88,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   constexpr int kMaxNewton = 500;
   const MassSpringModel& model = motion_.model;
   const double mass_damping = motion_.forces.mass_damping;
-  const auto& energies = motion_.surface_energies;
+  const SurfaceEnergies energies = motion_.surface();
   const auto any = [&](const auto& is) { return std::any_of(energies.begin(), energies.end(), is); };
   const bool is_free =
       motion_.constraints.empty() && !any([](const auto& energy) { return !energy->is_invariant(); });
@@ -112,7 +112,7 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     return sum;
   };
   objective.negative_gradient = [&](Matrix3Xd& r) { r = unbalanced(start, trial, a, w, size); };
-  const bool is_stiff = !energies.empty();
+  const bool is_stiff = any([](const auto& energy) { return energy->is_stiff(); });
   if (!is_stiff)
     objective.is_end = [&](const Matrix3Xd& r, NewtonReport&) {
       report.residual = r.norm() / size;

@@ -30,6 +30,7 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, con
   if (model.spread_mass && integrator_.is_explicit)
     throw std::runtime_error("an explicit scheme, expected mass at nodes: spread mass has no simple inverse");
   if (!contacts.bodies.empty() && integrator_.minimises()) motion_.add_barrier();
+  if (!contacts.bodies.empty() && integrator_.is_linearised) motion_.add_friction();
 }
 
 StepReport TimeStepper::step(State& state, double h) {
@@ -122,7 +123,7 @@ StepReport TimeStepper::step_in_parts(State& state, double h) {
 StepReport TimeStepper::step_whole(State& state, double h) {
   state.u.resize(3, 0);  // of a state that statics left
   const std::vector<RigidBody>& bodies = motion_.contacts.bodies;
-  for (const auto& energy : motion_.surface_energies) energy->begin_step(state.t, h, state.x);
+  for (const auto& energy : motion_.surface()) energy->begin_step(state.t, h, state.x);
   for (size_t i = 0; i < supports_.size(); ++i) {
     Constraint& c = supports_[i];
     c.velocity = (prescribed(c, state.t + h, end_) - prescribed(c, state.t, end_)) / h;
@@ -130,7 +131,7 @@ StepReport TimeStepper::step_whole(State& state, double h) {
   }
   if (integrator_.is_linearised && !bodies.empty()) {
     motion_.constraints = supports_;
-    touches_.hold(bodies, state, h, motion_.constraints, motion_.friction);
+    touches_.hold(bodies, state, h, motion_.constraints, motion_.friction->force);
     v_before_ = state.v;
   }
   motion_.constrain(state.v);
@@ -160,13 +161,13 @@ StepReport TimeStepper::step_whole(State& state, double h) {
 double stable_step(const MassSpringModel& model, const Forces& forces, const State& state) {
   BlockMatrix K = stiffness_pattern(model);
   add_stiffness(model, state, K);
-  const std::optional<Matrix3Xd> g = volume_stiffness_root(model, forces, state);
+  const SurfaceHessian surface = surface_hessian(forces, state, Curvature::Projected);
   const Eigen::VectorXd scale = model.mass.cwiseSqrt().cwiseInverse();
   Matrix3Xd scaled, Kq;
   const auto product = [&](const Matrix3Xd& q) -> Matrix3Xd {  // M^-1/2 K M^-1/2 q
     scaled = q * scale.asDiagonal();
     multiply(K, scaled, Kq);
-    if (g) add_rank_one(*g, scaled, Kq);
+    surface.add_product(scaled, Kq);
     filter(forces.constraints, Kq);
     return Kq * scale.asDiagonal();
   };

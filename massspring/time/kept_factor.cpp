@@ -1,5 +1,6 @@
 #include "massspring/time/kept_factor.h"
 
+#include <algorithm>
 #include <limits>
 
 namespace testbed::massspring {
@@ -12,8 +13,10 @@ constexpr int kPatience = 50;  // of its cost that may be in vain
 /// Matrices of springs alone cost less than what they spare; and what a factorised matrix does not hold would
 /// make its directions poor.
 bool is_eligible(const Motion& motion) {
-  return !is_springs_alone(motion.model) && motion.contacts.bodies.empty() && motion.surface_energies.empty() &&
-         !motion.forces.volume_pressure;
+  const auto is_stiff = [](const auto& energy) { return energy->is_stiff(); };
+  const SurfaceEnergies surface = motion.surface();
+  return !is_springs_alone(motion.model) && motion.contacts.bodies.empty() && !motion.forces.volume &&
+         std::none_of(surface.begin(), surface.end(), is_stiff);
 }
 
 }  // namespace

@@ -9,8 +9,8 @@ namespace testbed::massspring {
 Motion::Motion(const MassSpringModel& model, const Forces& forces, const Contacts& contacts)
     : model(model), forces(forces), contacts(contacts), constraints(forces.constraints) {
   if (contacts.self_thickness)
-    surface_energies.push_back(std::make_unique<SurfaceContact>(model.network.X, model.network.F,
-                                                                model.material.E, *contacts.self_thickness));
+    touching.push_back(std::make_shared<SurfaceContact>(model.network.X, model.network.F, model.material.E,
+                                                        *contacts.self_thickness));
 }
 
 void Motion::add_barrier() {
@@ -23,8 +23,14 @@ void Motion::add_barrier() {
   std::vector<int> nodes;
   for (int i = 0; i < X.cols(); ++i)
     if (!is_held[i]) nodes.push_back(i);
-  surface_energies.insert(surface_energies.begin(),
-                          std::make_unique<Barrier>(X, nodes, model.material.E * length, contacts.bodies));
+  touching.insert(touching.begin(),
+                  std::make_shared<Barrier>(X, nodes, model.material.E * length, contacts.bodies));
+}
+
+void Motion::add_friction() {
+  friction = std::make_shared<SlidingFriction>();
+  friction->force.setZero(3, model.network.X.cols());
+  touching.insert(touching.begin(), friction);
 }
 
 void Motion::forces_at(const State& state, Eigen::Matrix3Xd& f) const {
@@ -35,8 +41,7 @@ void Motion::forces_at(const State& state, Eigen::Matrix3Xd& f) const {
 
 void Motion::undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const {
   undamped_forces(model, forces, state, f);
-  if (friction.size() > 0) f += friction;
-  for (const auto& energy : surface_energies) energy->add_forces(state.x, f);
+  for (const auto& energy : touching) energy->add_forces(state.x, f);
 }
 
 void Motion::add_spring_damping(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v,
@@ -46,8 +51,20 @@ void Motion::add_spring_damping(const Eigen::Matrix3Xd& x, const Eigen::Matrix3X
 
 double Motion::potential(const State& state) const {
   double sum = massspring::potential(model, forces, state);
-  for (const auto& energy : surface_energies) sum += energy->energy(state.x);
+  for (const auto& energy : touching) sum += energy->energy(state.x);
   return sum;
+}
+
+SurfaceEnergies Motion::surface() const {
+  SurfaceEnergies all = forces.surface;
+  all.insert(all.end(), touching.begin(), touching.end());
+  return all;
+}
+
+SurfaceHessian Motion::surface_hessian(const State& state, Curvature curvature) const {
+  SurfaceHessian H = massspring::surface_hessian(forces, state, curvature);
+  for (const auto& energy : touching) energy->add_hessian(state.x, H, curvature);
+  return H;
 }
 
 void Motion::constrain(Eigen::Matrix3Xd& v) const {

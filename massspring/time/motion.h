@@ -2,7 +2,6 @@
 #pragma once
 
 #include "massspring/contact/contact.h"
-#include "meshing/surface_energies/surface_energy.h"
 
 namespace testbed::massspring {
 
@@ -12,11 +11,13 @@ struct Motion {
   /// Puts a barrier around obstacles, for schemes that minimise: kappa is E times the mean length of springs
   /// or, without, of the surface's edges. Nodes that supports hold are left alone.
   void add_barrier();
+  /// Lets nodes slide along obstacles, for the scheme that constrains them.
+  void add_friction();
 
   /// f(x, v) (N), the list of all that acts on the model.
   void forces_at(const State& state, Eigen::Matrix3Xd& f) const;
 
-  /// The same without damping; but for the friction of `friction` the negative gradient of potential.
+  /// The same without damping, the negative gradient of potential.
   void undamped_forces_at(const State& state, Eigen::Matrix3Xd& f) const;
 
   /// Where the directions come from in which independent springs at x damp: rest, of a linear model.
@@ -30,15 +31,21 @@ struct Motion {
   /// Energy (J): elastic, of volume, loads and contacts.
   double potential(const State& state) const;
 
+  /// All that acts on the surface: of `forces`, then of contacts.
+  SurfaceEnergies surface() const;
+
+  /// Its Hessian (N/m).
+  SurfaceHessian surface_hessian(const State& state, Curvature curvature) const;
+
   /// v_i <- S_i v_i + what is prescribed along the directions taken away [paper 3.2].
   void constrain(Eigen::Matrix3Xd& v) const;
 
   const MassSpringModel& model;
   const Forces& forces;
   const Contacts& contacts;
-  std::vector<Constraint> constraints;  ///< in this step: supports, and contacts that hold nodes
-  Eigen::Matrix3Xd friction;            ///< of contacts that nodes slide along in this step (N); empty: none
-  std::vector<std::unique_ptr<SurfaceEnergy>> surface_energies;  ///< of contacts
+  std::vector<Constraint> constraints;        ///< in this step: supports, and contacts that hold nodes
+  std::shared_ptr<SlidingFriction> friction;  ///< of contacts that nodes slide along in this step
+  SurfaceEnergies touching;                   ///< of contacts
 };
 
 }  // namespace testbed::massspring

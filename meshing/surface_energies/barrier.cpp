@@ -132,7 +132,7 @@ void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
   }
 }
 
-void Barrier::add_hessian(const Matrix3Xd& x, SurfaceHessian& H) const {
+void Barrier::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature) const {
   std::vector<Eigen::Matrix3d>& diagonal = H.diagonal;
   if (diagonal.empty()) diagonal.assign(x.cols(), Eigen::Matrix3d::Zero());
   for_each_near(x, [&](int, int i, const RigidBody::Gap& gap) {

@@ -21,7 +21,7 @@ class Barrier : public SurfaceEnergy {
 
   double energy(const Eigen::Matrix3Xd& x) const override;  ///< J; infinite inside
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
-  void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H) const override;
+  void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
   /// Bodies go to their places at t + h, friction is taken from the contact forces at x.
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override;
   bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const override;
@@ -31,6 +31,7 @@ class Barrier : public SurfaceEnergy {
   /// [Chan, Golub & Mulet 1999].
   void follow(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) override;
   bool bounds_steps() const override { return true; }
+  bool is_stiff() const override { return true; }
   bool is_invariant() const override { return false; }
 
  private:

@@ -1,11 +1,25 @@
 #include "meshing/surface_energies/enclosed_volume.h"
 
 #include <Eigen/Geometry>
-#include <cmath>
+#include <algorithm>
 
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/surface_points.h"
 
 namespace testbed::meshing {
+
+Eigen::VectorXi Faces::nodes(Eigen::Index t) const {
+  Eigen::VectorXi nodes(is_curved() ? 6 : 3);
+  nodes.head<3>() = F.col(t);
+  if (is_curved()) nodes.tail<3>() = middles.col(t);
+  return nodes;
+}
+
+Faces faces_of(const Eigen::MatrixXi& nodes) {
+  Faces faces{nodes.topRows<3>()};
+  if (nodes.rows() == 6) faces.middles = nodes.bottomRows<3>();
+  return faces;
+}
 
 double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient) {
   gradient.setZero(3, F.maxCoeff() + 1);
@@ -20,27 +34,25 @@ double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
   return V;
 }
 
-double volume_energy(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x) {
-  const double excess = volume(x, F) - target;
-  return P / 2 * excess * excess / target;
+double volume_and_gradient(const Faces& faces, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient) {
+  if (!faces.is_curved()) return volume_and_gradient(faces.F, x, gradient);
+  gradient.setZero(3, std::max(faces.F.maxCoeff(), faces.middles.maxCoeff()) + 1);
+  double V = 0;
+  for (Eigen::Index t = 0; t < faces.F.cols(); ++t) {
+    const Eigen::VectorXi nodes = faces.nodes(t);
+    const EnclosedVolume v = enclosed_volume(x(Eigen::all, nodes));
+    V += v.volume;
+    gradient(Eigen::all, nodes) += v.gradient;
+  }
+  return V;
 }
 
-void add_volume_forces(double P, double target, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
-                       Eigen::Matrix3Xd& f) {
-  thread_local Eigen::Matrix3Xd gradient;  // kept, so that a step allocates nothing
-  const double V = volume_and_gradient(F, x, gradient);
-  f.leftCols(gradient.cols()) += P * (target - V) / target * gradient;
-}
-
-Eigen::Matrix3Xd volume_stiffness_root(double P, double target, const Eigen::Matrix3Xi& F,
-                                       const Eigen::Matrix3Xd& x) {
-  Eigen::Matrix3Xd g;
-  volume_and_gradient(F, x, g);
-  return std::sqrt(P / target) * g;
-}
-
-void add_rank_one(const Eigen::Matrix3Xd& g, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) {
-  y.leftCols(g.cols()) += g.cwiseProduct(p.leftCols(g.cols())).sum() * g;
+double volume_of(const Faces& faces, const Eigen::Matrix3Xd& x) {
+  if (!faces.is_curved()) return volume(x, faces.F);
+  double V = 0;
+  for (Eigen::Index t = 0; t < faces.F.cols(); ++t)
+    V += enclosed_volume(x(Eigen::all, faces.nodes(t))).volume;
+  return V;
 }
 
 void add_volume_curvature(double factor, const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x,
@@ -54,23 +66,6 @@ void add_volume_curvature(double factor, const Eigen::Matrix3Xi& F, const Eigen:
 }
 
 namespace {
-
-/// Values and derivatives by r and s of the n Lagrange functions of a triangle, a row each.
-Eigen::Matrix3Xd shape_functions(Eigen::Index n, double r, double s) {
-  const Eigen::Vector3d l(1 - r - s, r, s);
-  const Eigen::Matrix<double, 2, 3> dl = (Eigen::Matrix<double, 2, 3>() << -1, 1, 0, -1, 0, 1).finished();
-  Eigen::Matrix3Xd N(3, n);
-  for (int i = 0; i < 3; ++i) {
-    const int j = (i + 1) % 3;
-    if (n == 3) {
-      N.col(i) << l(i), dl.col(i);
-      continue;
-    }
-    N.col(i) << l(i) * (2 * l(i) - 1), (4 * l(i) - 1) * dl.col(i);
-    N.col(3 + i) << 4 * l(i) * l(j), 4 * (l(i) * dl.col(j) + l(j) * dl.col(i));
-  }
-  return N;
-}
 
 Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
   return (Eigen::Matrix3d() << 0, -v(2), v(1), v(2), 0, -v(0), -v(1), v(0), 0).finished();

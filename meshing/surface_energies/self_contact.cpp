@@ -152,7 +152,7 @@ void SurfaceContact::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
   });
 }
 
-void SurfaceContact::add_hessian(const Matrix3Xd& x, SurfaceHessian& H) const {
+void SurfaceContact::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature) const {
   for_each_near(x, [&](const Pair& pair, const Weights& w, const Vector3d& n, double) {
     H.pairs.push_back({pair.node, w, n, smoothing_of(pair, x).m * stiffness_});
   });

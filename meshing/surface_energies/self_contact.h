@@ -18,10 +18,11 @@ class SurfaceContact : public SurfaceEnergy {
 
   double energy(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
-  void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H) const override;
+  void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
   /// Remembers on which side of each other pairs lie. Looks for pairs again when nodes have moved so far that
   /// new ones may have met.
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override;
+  bool is_stiff() const override { return true; }
 
  private:
   struct Pair {

@@ -1,23 +1,74 @@
 #include "meshing/surface_energies/surface_energy.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace testbed::meshing {
 
+bool SurfaceHessian::empty() const {
+  return diagonal.empty() && pairs.empty() && blocks.empty() && roots.empty() && curvatures.empty();
+}
+
 void SurfaceHessian::clear() {
-  diagonal.clear();
-  pairs.clear();
+  *this = {};
 }
 
 void SurfaceHessian::scale(double factor) {
   for (Eigen::Matrix3d& block : diagonal) block *= factor;
   for (NearPair& pair : pairs) pair.stiffness *= factor;
+  for (HessianBlock& b : blocks) b.block *= factor;
+  for (Eigen::Matrix3Xd& g : roots) g *= std::sqrt(factor);
+  for (VolumeCurvature& c : curvatures) c.factor *= factor;
 }
 
-void SurfaceHessian::add_diagonal(std::vector<Eigen::Matrix3d>& blocks) const {
-  for (size_t i = 0; i < diagonal.size(); ++i) blocks[i] += diagonal[i];
+void SurfaceHessian::add_volume(double factor, const Faces& faces, const Eigen::Matrix3Xd& x) {
+  if (!faces.is_curved()) {
+    curvatures.push_back({factor, &faces.F, x.leftCols(faces.F.maxCoeff() + 1)});
+    return;
+  }
+  for (Eigen::Index t = 0; t < faces.F.cols(); ++t) {
+    const Eigen::VectorXi face = faces.nodes(t);
+    const EnclosedVolume v = enclosed_volume(x(Eigen::all, face));
+    for (int a = 0; a < face.size(); ++a)
+      for (int b = a; b < face.size(); ++b)
+        blocks.push_back({face(a), face(b), factor * v.hessian.block<3, 3>(3 * a, 3 * b)});
+  }
+}
+
+void SurfaceHessian::add_diagonal(std::vector<Eigen::Matrix3d>& sum) const {
+  for (size_t i = 0; i < diagonal.size(); ++i) sum[i] += diagonal[i];
   for (const NearPair& pair : pairs)
     for (int a = 0; a < 4; ++a)
-      blocks[pair.node[a]] +=
+      sum[pair.node[a]] +=
           pair.stiffness * pair.weight[a] * pair.weight[a] * pair.normal * pair.normal.transpose();
+  for (const HessianBlock& b : blocks)
+    if (b.i == b.j) sum[b.i] += b.block;
+}
+
+void SurfaceHessian::add_product(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const {
+  add_sparse_product(p, y);
+  for (const Eigen::Matrix3Xd& g : roots)
+    y.leftCols(g.cols()) += g.cwiseProduct(p.leftCols(g.cols())).sum() * g;
+  for (const VolumeCurvature& c : curvatures) add_volume_curvature(c.factor, *c.F, c.x, p, y);
+}
+
+std::vector<PaddedField> SurfaceHessian::rounded_roots() const {
+  std::vector<PaddedField> rounded(roots.size());
+  for (size_t k = 0; k < roots.size(); ++k) pad(roots[k], 1, rounded[k]);
+  return rounded;
+}
+
+void SurfaceHessian::add_product(const std::vector<PaddedField>& rounded, const PaddedField& p,
+                                 PaddedField& y) const {
+  add_sparse_product(p, y);
+  for (const PaddedField& g : rounded) add_scaled(static_cast<float>(dot(g, p)), g, y);
+  if (curvatures.empty()) return;
+  Eigen::Index n = 0;
+  for (const VolumeCurvature& c : curvatures) n = std::max(n, c.x.cols());
+  const Eigen::Matrix3Xd q = p.topLeftCorner(3, n).cast<double>();
+  Eigen::Matrix3Xd z = Eigen::Matrix3Xd::Zero(3, n);
+  for (const VolumeCurvature& c : curvatures) add_volume_curvature(c.factor, *c.F, c.x, q, z);
+  y.topLeftCorner(3, n) += z.cast<float>();
 }
 
 }  // namespace testbed::meshing

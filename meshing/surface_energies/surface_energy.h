@@ -1,9 +1,12 @@
 // What an energy of the surface answers to the solid that it acts on, whatever that is.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
+#include <memory>
 #include <vector>
+
+#include "meshing/algebra/block_matrix.h"
+#include "meshing/surface_energies/enclosed_volume.h"
 
 namespace testbed::meshing {
 
@@ -16,21 +19,60 @@ struct NearPair {
   double stiffness = 0;    ///< N/m
 };
 
+/// A block (N/m) at nodes i and j of a symmetric matrix, which has its transpose at j and i.
+struct HessianBlock {
+  int i, j;
+  Eigen::Matrix3d block;
+};
+
+/// factor d2V/dx2 (N/m), V the volume enclosed by the straight triangles F at positions x.
+struct VolumeCurvature {
+  double factor;              ///< Pa
+  const Eigen::Matrix3Xi* F;  ///< outlives it
+  Eigen::Matrix3Xd x;
+};
+
 /// Hessian (N/m) of surface energies, whose entries may lie outside the solid's pattern.
 struct SurfaceHessian {
   std::vector<Eigen::Matrix3d> diagonal;  ///< a block per node; empty: none
   std::vector<NearPair> pairs;            ///< each adds stiffness (w_a n)(w_b n)^T between its nodes a and b
+  std::vector<HessianBlock> blocks;       ///< which add up
+  std::vector<Eigen::Matrix3Xd> roots;    ///< each adds g g^T on the first nodes, all of which it couples
+  std::vector<VolumeCurvature> curvatures;
 
-  bool empty() const { return diagonal.empty() && pairs.empty(); }
+  bool empty() const;
   void clear();
   void scale(double factor);
 
-  /// Adds its diagonal blocks, those of the pairs among them.
+  /// Adds factor d2V/dx2 (Pa), V the volume enclosed by the faces, which outlive it, at positions x.
+  void add_volume(double factor, const Faces& faces, const Eigen::Matrix3Xd& x);
+
+  /// Adds its diagonal blocks, but for those of roots and curvatures.
   void add_diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
 
-  /// y += H p on the first three rows; sums over pairs are in double precision.
+  /// Calls visit(i, j, block) for blocks as HessianBlock whose sum it is, but for its roots.
+  template <class Visit>
+  void for_each_block(const Visit& visit) const {
+    for (size_t i = 0; i < diagonal.size(); ++i) visit(static_cast<int>(i), static_cast<int>(i), diagonal[i]);
+    for (const NearPair& pair : pairs)
+      for (int a = 0; a < 4; ++a)
+        for (int b = a; b < 4; ++b)
+          visit(pair.node[a], pair.node[b],
+                Eigen::Matrix3d(pair.stiffness * pair.weight[a] * pair.weight[b] * pair.normal *
+                                pair.normal.transpose()));
+    for (const HessianBlock& b : blocks) visit(b.i, b.j, b.block);
+    for (const VolumeCurvature& c : curvatures)
+      for (const auto& t : c.F->colwise()) {
+        const EnclosedVolume v = enclosed_volume(c.x(Eigen::all, t));
+        for (int a = 0; a < 3; ++a)
+          for (int b = a; b < 3; ++b)
+            visit(t(a), t(b), Eigen::Matrix3d(c.factor * v.hessian.block<3, 3>(3 * a, 3 * b)));
+      }
+  }
+
+  /// y += H p on the first three rows, without roots and curvatures; sums over pairs are in double precision.
   template <class Field>
-  void add_product(const Field& p, Field& y) const {
+  void add_sparse_product(const Field& p, Field& y) const {
     using Scalar = typename Field::Scalar;
     for (size_t i = 0; i < diagonal.size(); ++i)
       y.col(i).template head<3>() += diagonal[i].template cast<Scalar>() * p.col(i).template head<3>();
@@ -43,7 +85,19 @@ struct SurfaceHessian {
         y.col(pair.node[a]).template head<3>() +=
             (pair.stiffness * closing * pair.weight[a] * pair.normal).template cast<Scalar>();
     }
+    for (const HessianBlock& b : blocks) {
+      const auto block = b.block.template cast<Scalar>();
+      y.col(b.i).template head<3>() += block * p.col(b.j).template head<3>();
+      if (b.i != b.j) y.col(b.j).template head<3>() += block.transpose() * p.col(b.i).template head<3>();
+    }
   }
+
+  /// y += H p, 3 x n.
+  void add_product(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
+  /// The same in single precision.
+  /// @param rounded  of rounded_roots
+  void add_product(const std::vector<PaddedField>& rounded, const PaddedField& p, PaddedField& y) const;
+  std::vector<PaddedField> rounded_roots() const;
 };
 
 /// An energy of the positions x (3 x n, m), in the order in which a step by Newton's method calls it.
@@ -51,8 +105,11 @@ class SurfaceEnergy {
  public:
   virtual ~SurfaceEnergy() = default;
 
+  /// Loads act with this part of their full strength from here on; in motion they always have all of it.
+  virtual void set_load_factor(double) {}
+
   /// A step of h seconds begins at t (s) and x: what it keeps fixed meanwhile is taken from there.
-  virtual void begin_step(double t, double h, const Eigen::Matrix3Xd& x) = 0;
+  virtual void begin_step(double, double, const Eigen::Matrix3Xd&) {}
 
   /// Moves the first guess y to where the energy is finite, coming from x. Returns whether it had to.
   virtual bool keep_out(const Eigen::Matrix3Xd&, Eigen::Matrix3Xd&) const { return false; }
@@ -60,8 +117,9 @@ class SurfaceEnergy {
   virtual double energy(const Eigen::Matrix3Xd& x) const = 0;                         ///< J
   virtual void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const = 0;  ///< N
 
-  /// H += positive semidefinite part of the Hessian (N/m).
-  virtual void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H) const = 0;
+  /// H += Hessian (N/m), or its positive semidefinite part where curvature is projected. What is stiff has that
+  /// part alone.
+  virtual void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const = 0;
 
   /// Largest part of the step dx from x within which nothing passes through, at most 1.
   virtual double largest_step(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd&) const { return 1; }
@@ -72,8 +130,14 @@ class SurfaceEnergy {
   /// Whether largest_step may be less than 1.
   virtual bool bounds_steps() const { return false; }
 
+  /// Whether it is contact, so stiff that Newton's method ends by its last correction and not by forces.
+  virtual bool is_stiff() const { return false; }
+
   /// Whether rigid motions of the body leave the energy as it is.
   virtual bool is_invariant() const { return true; }
 };
+
+/// All that acts on a surface, in the order in which it is summed.
+using SurfaceEnergies = std::vector<std::shared_ptr<SurfaceEnergy>>;
 
 }  // namespace testbed::meshing

@@ -34,7 +34,7 @@ constexpr int kWarmUp = 3;                   // steps after which bodies stand a
 Forces make_forces(const MassSpringModel& model) {
   Forces forces;
   forces.load = Eigen::Vector3d(0, 0, -9.81) * model.mass.transpose();
-  forces.volume_pressure = model.material.E;
+  add_volume_penalty(model.material.E, model, forces);
   forces.mass_damping = 1;
   return forces;
 }
@@ -211,7 +211,8 @@ Work work_of_hessians(const TetSprings& springs, const BlockMatrix& K) {
 void solve(benchmark::State& bench, double E, bool is_eigens) {
   const MassSpringModel model = make_model(kModels[3], E);
   Forces forces = make_forces(model);
-  forces.volume_pressure.reset();
+  forces.surface.clear();
+  forces.volume.reset();
   const Motion motion(model, forces);
   const State state = initial_state(model);
   constexpr double h = 1. / 60, kTolerance = 1e-6;

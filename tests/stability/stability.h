@@ -102,7 +102,7 @@ inline Outcome run_cell(const Method& method, const Start& start, double E, doub
   const MassSpringModel model = make_body(method, E);
   Forces forces;
   forces.load = Eigen::Matrix3Xd::Zero(3, model.network.X.cols());
-  if (method.has_volume_force) forces.volume_pressure = E;
+  if (method.has_volume_force) add_volume_penalty(E, model, forces);
   State state = initial_state(model);
   Random random(seed);
   state.x = start.deform(model.network.X, random);

@@ -6,6 +6,7 @@
 #include "fem_reference/solid/problem.h"
 #include "massspring/calibrations/calibrate.h"
 #include "meshing/scene/surface_problem.h"
+#include "meshing/surface_energies/follower_pressure.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed {
@@ -79,9 +80,11 @@ TEST(SameProblem, FollowersAreWholeShellsAndPressSpringsAndElementsAtFiniteStrai
   box.scene.loads.push_back(follower);
   box.scene.loads.push_back(follower);
   const massspring::Forces forces = box.springs();
-  ASSERT_EQ(forces.followers.size(), 1u);
-  EXPECT_EQ(forces.followers[0].pressure, 10);
-  EXPECT_EQ(forces.followers[0].F, box.mesh.F);
+  ASSERT_EQ(forces.surface.size(), 1u);
+  const auto pressed = std::dynamic_pointer_cast<meshing::FollowerPressure>(forces.surface[0]);
+  ASSERT_TRUE(pressed);
+  EXPECT_EQ(pressed->pressure(), 10);
+  EXPECT_EQ(pressed->faces().F, box.mesh.F);
   EXPECT_EQ(law_of(box.scene), MaterialLaw::NeoHookean);
   const Eigen::VectorXd with = box.elements().load();
   box.scene.loads.resize(2);

@@ -366,7 +366,7 @@ TEST(Barrier, ForceIsMinusEnergyGradientAndHessianItsDerivativeOnAPlane) {
     ASSERT_GT(f.row(0).norm(), 1);
     barrier.follow(x, x);  // the friction of x itself
     SurfaceHessian H;
-    barrier.add_hessian(x, H);
+    barrier.add_hessian(x, H, Curvature::Projected);
     const std::vector<Eigen::Matrix3d>& K = H.diagonal;
     for (int i = 0; i < x.cols(); ++i) {
       for (int c = 0; c < 3; ++c) {

@@ -7,6 +7,7 @@
 #include "massspring/statics/linear_statics.h"
 #include "massspring/statics/quasi_static.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/follower_pressure.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::massspring {
@@ -110,7 +111,7 @@ TEST_P(CoupledModel, PullThatFollowsTheSurfaceInflatesByTheLaw) {
   Forces forces = no_forces(model);
   forces.constraints = hold_rigid_motion(model.network.X);
   const double pull = mu / kStretch + lambda / 2 * kVolumeRatio - (mu + lambda / 2) / kVolumeRatio;
-  forces.followers.push_back({-pull, model.network.F});
+  forces.surface.push_back(std::make_shared<FollowerPressure>(-pull, Faces{model.network.F}));
   const Outcome outcome = solve(model, forces);
   EXPECT_TRUE(outcome.is_ok);
   EXPECT_LT(outcome.newton_iterations, kMostNewtonIterations);

@@ -5,6 +5,7 @@
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/statics/quasi_static.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/follower_pressure.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::massspring {
@@ -314,7 +315,7 @@ TEST(QuasiStatic, BeyondALimitPointEndsSoonAndSaysWhy) {
       2, 1, 3, 2,   //
       3, 3, 2, 1;
   if (volume(model.network.X, F) < 0) F.row(0).swap(F.row(1));
-  forces.followers.push_back({-limit, F});
+  forces.surface.push_back(std::make_shared<FollowerPressure>(-limit, Faces{F}));
   QuasiStaticSolver solver(model, forces);
   State state = initial_state(model);
   ASSERT_EQ(solver.solve(0.9, state).status, Status::Ok);

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "massspring/time/implicit_matrix.h"
+#include "meshing/surface_energies/follower_pressure.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed::massspring {
@@ -51,8 +52,8 @@ TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
 TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
   for (const MassSpringModel& model : {damped_springs(), damped_springs_in_blocks()}) {
     Forces forces = some_constraints(model);
-    forces.volume_pressure = 70;
-    forces.followers.push_back({40, model.network.F});
+    add_volume_penalty(70, model, forces);
+    forces.surface.push_back(std::make_shared<FollowerPressure>(40, Faces{model.network.F}));
     const Motion motion(model, forces);
     State state =
         initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
@@ -96,7 +97,7 @@ struct TwoContacts {
     motion.emplace(model, forces, contacts);
     motion->add_barrier();
     state.x.leftCols(3).row(2).array() -= 2 - 0.8 * kThickness;
-    for (const auto& energy : motion->surface_energies) energy->begin_step(0, 1, state.x);
+    for (const auto& energy : motion->surface()) energy->begin_step(0, 1, state.x);
   }
 };
 
@@ -156,8 +157,8 @@ TEST(ImplicitMatrix, IsInSinglePrecisionTheSameToItsRounding) {
   constexpr double kSingleRounding = 1e-6;
   for (const MassSpringModel& model : {damped_springs(), damped_springs_in_blocks()}) {
     Forces forces = some_constraints(model);
-    forces.volume_pressure = 70;
-    forces.followers.push_back({40, model.network.F});
+    add_volume_penalty(70, model, forces);
+    forces.surface.push_back(std::make_shared<FollowerPressure>(40, Faces{model.network.F}));
     const Motion motion(model, forces);
     State state = initial_state(model);
     state.x *= 0.8;

@@ -161,7 +161,7 @@ TEST(Integrators, ConvergeWithTheirOrder) {
   Forces forces = no_forces(model);
   forces.mass_damping = 0.3;
   forces.load = random_points(5, 3, 2);
-  forces.volume_pressure = 20;
+  add_volume_penalty(20, model, forces);
   constexpr double kEnd = 0.32;
   constexpr double kSlopeTolerance = 0.15;  // steps are finite
   const State start = lively(model);
@@ -295,7 +295,7 @@ TEST(Integrators, SupportsFollowTheirMotion) {
 TEST(Integrators, ALinearisedStepWithoutFiniteForcesDiverges) {
   const MassSpringModel model = small_model();
   Forces forces = no_forces(model);
-  forces.volume_pressure = 1e3;
+  add_volume_penalty(1e3, model, forces);
   State state = lively(model);
   state.target_volume = -1;  // of a body that has turned inside out
   const State before = state;
@@ -465,7 +465,7 @@ TEST(Integrators, DroppedGradientsAndEitherLinearSolverLeadToTheSameMotion) {
   model.bending = make_bending(model.network.X, model.network.F, 3);
   model.local_volume = LocalVolume{30, Eigen::Vector4i(0, 1, 2, 3), Eigen::VectorXd::Constant(1, 1. / 6)};
   Forces forces = no_forces(model);
-  forces.volume_pressure = 20;
+  add_volume_penalty(20, model, forces);
   constexpr double kEnd = 0.02, kSlopeTolerance = 0.1, kLinearTolerance = 1e-13;
   const State start = lively(model), exact = advance(model, forces, "rk4", start, kEnd / 1024, 1024);
   const auto run = [&](bool is_kept, Krylov krylov, int n_steps) {
@@ -488,7 +488,7 @@ TEST(StableStep, IsTheLimitOfSymplecticEuler) {
   const MassSpringModel model = small_model();
   Forces forces = no_forces(model);
   forces.mass_damping = 2;
-  forces.volume_pressure = 500;  // so that its stiffness counts
+  add_volume_penalty(500, model, forces);  // so that its stiffness counts
   const double limit = stable_step(model, forces, initial_state(model));
   for (double factor : {0.98, 1.02}) {
     State state = initial_state(model);

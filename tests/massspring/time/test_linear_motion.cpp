@@ -6,6 +6,7 @@
 
 #include "massspring/time/constant_matrix.h"
 #include "massspring/time/integrators.h"
+#include "meshing/surface_energies/follower_pressure.h"
 #include "tests/massspring/dense.h"
 #include "tests/massspring/linear_box.h"
 #include "tests/massspring/small_network.h"
@@ -263,8 +264,8 @@ TEST(LinearMotion, IsWhereNothingButLinearForcesActs) {
   const MassSpringModel linear = linear_box("edge_coupled", 1), full = full_box("edge_coupled", 1);
   const Forces dead = no_forces(linear);
   Forces following = dead, bagged = dead;
-  following.followers.push_back({1, linear.network.F});
-  bagged.volume_pressure = 1;
+  following.surface.push_back(std::make_shared<FollowerPressure>(1, Faces{linear.network.F}));
+  add_volume_penalty(1, linear, bagged);
   EXPECT_TRUE(is_linear(Motion(linear, dead)));
   EXPECT_FALSE(is_linear(Motion(full, dead)));
   EXPECT_FALSE(is_linear(Motion(linear, following)));

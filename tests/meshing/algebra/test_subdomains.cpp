@@ -170,7 +170,7 @@ TEST_F(Subdomains, ExplicitStepsOnAFloorHaveTheSameBitsOnOneThreadAndTwo) {
   Forces forces;
   forces.load = Eigen::Vector3d(0, -9.81, 0) * model.mass.transpose();
   forces.mass_damping = 1;
-  forces.volume_pressure = 1e4;
+  add_volume_penalty(1e4, model, forces);
   Obstacle floor;
   floor.shape = HalfSpace{{0, x.row(1).minCoeff(), 0}, {0, 1, 0}};
   Contacts contacts;

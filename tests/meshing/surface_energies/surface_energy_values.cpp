@@ -43,7 +43,7 @@ json barrier_values() {
       x.col(0) = point + gap * range * normal;
       const double without_friction = barrier.energy(x);
       SurfaceHessian H;
-      barrier.add_hessian(x, H);
+      barrier.add_hessian(x, H, Curvature::Projected);
       barrier.begin_step(0, kStep, x);
       Matrix3Xd f = Matrix3Xd::Zero(3, 2);
       x.col(0) += slid * slip * along;
@@ -99,7 +99,7 @@ json pair_values() {
     SurfaceContact contact(X, F, kYoungs, kThickness);
     contact.begin_step(0, 1, x);
     SurfaceHessian H;
-    contact.add_hessian(x, H);
+    contact.add_hessian(x, H, Curvature::Projected);
     double edge = 0;
     for (const auto& t : F.colwise())
       for (int k = 0; k < 3; ++k) edge += (X.col(t(k)) - X.col(t((k + 1) % 3))).norm() / 6;

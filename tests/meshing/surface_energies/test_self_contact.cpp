@@ -7,6 +7,7 @@
 
 #include "massspring/time/integrators.h"
 #include "meshing/surface/shapes.h"
+#include "meshing/surface_energies/follower_pressure.h"
 #include "meshing/surface_energies/self_contact.h"
 #include "tests/massspring/small_network.h"
 #include "tests/meshing/box_tets.h"
@@ -42,7 +43,7 @@ SurfaceContact contact_of(const MassSpringModel& model, double thickness) {
 
 std::vector<NearPair> touching(const SurfaceContact& contact, const Matrix3Xd& x) {
   SurfaceHessian H;
-  contact.add_hessian(x, H);
+  contact.add_hessian(x, H, Curvature::Projected);
   return H.pairs;
 }
 
@@ -176,17 +177,17 @@ TEST_F(TwoBalls, ForceIsMinusEnergyGradientAndKeepsMomentum) {
 TEST_F(TwoBalls, PotentialOfAMotionHasAllItsUndampedForcesAsNegativeGradient) {
   Forces all = no_forces(model);
   all.load = random_points(2 * n, 3, 8);
-  all.volume_pressure = 20;
-  all.followers.push_back({4, model.network.F});
+  add_volume_penalty(20, model, all);
+  all.surface.push_back(std::make_shared<FollowerPressure>(4, Faces{model.network.F}));
   const Contacts contacts{{}, thickness};
   Motion motion(model, all, contacts);
-  for (double by = 0; by < 0.34; by += 0.02) motion.surface_energies[0]->begin_step(0, 1, moved(by));
+  for (double by = 0; by < 0.34; by += 0.02) motion.touching[0]->begin_step(0, 1, moved(by));
   State state = initial_state(model);
   state.x = moved(0.34);
   Matrix3Xd f;
   motion.undamped_forces_at(state, f);
   Matrix3Xd by_contact = Matrix3Xd::Zero(3, 2 * n);
-  motion.surface_energies[0]->add_forces(state.x, by_contact);
+  motion.touching[0]->add_forces(state.x, by_contact);
   ASSERT_GT(by_contact.norm(), 0.1 * f.norm());
   constexpr double kStep = 1e-7;
   for (int k = 0; k < f.size(); ++k) {

@@ -1,0 +1,99 @@
+#include "meshing/surface_energies/surface_points.h"
+
+namespace testbed::meshing {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+
+/// Adds W^T B W of a block at points p and q, and of its transpose at q and p.
+void add_at_nodes(int p, int q, const Matrix3d& block, const SurfacePoints& W, SurfaceHessian& H) {
+  for (SurfacePoints::InnerIterator a(W, p); a; ++a)
+    for (SurfacePoints::InnerIterator b(W, q); b; ++b) {
+      const int i = static_cast<int>(a.col()), j = static_cast<int>(b.col());
+      const double w = a.value() * b.value();
+      if (p == q && i > j) continue;  // the transpose of another
+      if (p != q && i == j)
+        H.blocks.push_back({i, i, w * (block + block.transpose())});
+      else
+        H.blocks.push_back({i, j, w * block});
+    }
+}
+
+}  // namespace
+
+Eigen::Matrix3Xd shape_functions(Eigen::Index n, double r, double s) {
+  const Eigen::Vector3d l(1 - r - s, r, s);
+  const Eigen::Matrix<double, 2, 3> dl = (Eigen::Matrix<double, 2, 3>() << -1, 1, 0, -1, 0, 1).finished();
+  Eigen::Matrix3Xd N(3, n);
+  for (int i = 0; i < 3; ++i) {
+    const int j = (i + 1) % 3;
+    if (n == 3) {
+      N.col(i) << l(i), dl.col(i);
+      continue;
+    }
+    N.col(i) << l(i) * (2 * l(i) - 1), (4 * l(i) - 1) * dl.col(i);
+    N.col(3 + i) << 4 * l(i) * l(j), 4 * (l(i) * dl.col(j) + l(j) * dl.col(i));
+  }
+  return N;
+}
+
+SurfacePoints points_on(const Eigen::MatrixXi& faces, const Matrix3Xd& places, Eigen::Index n_nodes) {
+  std::vector<Eigen::Triplet<double>> entries;
+  int p = 0;
+  for (const auto& face : faces.colwise())
+    for (const auto& place : places.colwise()) {
+      const Matrix3Xd N = shape_functions(faces.rows(), place(1), place(2));
+      for (Eigen::Index a = 0; a < faces.rows(); ++a)
+        if (N(0, a) != 0) entries.emplace_back(p, face(a), N(0, a));
+      ++p;
+    }
+  SurfacePoints points(p, n_nodes);
+  points.setFromTriplets(entries.begin(), entries.end());
+  return points;
+}
+
+SurfaceHessian at_nodes(const SurfaceHessian& H, const SurfacePoints& W) {
+  SurfaceHessian result;
+  H.for_each_block([&](int p, int q, const Matrix3d& block) {
+    if (!block.isZero(0)) add_at_nodes(p, q, block, W, result);
+  });
+  for (const Matrix3Xd& g : H.roots) result.roots.emplace_back(g * W.topRows(g.cols()));
+  return result;
+}
+
+bool EnergyOfPoints::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
+  constexpr int kMaxSweeps = 20;
+  const Matrix3Xd from = at_points(x);
+  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
+    Matrix3Xd kept = at_points(y);
+    if (!energy_->keep_out(from, kept)) return sweep > 0;
+    for (int p = 0; p < W_.rows(); ++p) {
+      Eigen::Vector3d way = kept.col(p);
+      double squares = 0;
+      for (SurfacePoints::InnerIterator a(W_, p); a; ++a) {
+        way -= a.value() * y.col(a.col());
+        squares += a.value() * a.value();
+      }
+      if (squares == 0 || way.isZero(0)) continue;
+      for (SurfacePoints::InnerIterator a(W_, p); a; ++a) y.col(a.col()) += a.value() / squares * way;
+    }
+  }
+  return true;
+}
+
+void EnergyOfPoints::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
+  Matrix3Xd at = Matrix3Xd::Zero(3, W_.rows());
+  energy_->add_forces(at_points(x), at);
+  f += at * W_;
+}
+
+void EnergyOfPoints::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const {
+  SurfaceHessian at;
+  energy_->add_hessian(at_points(x), at, curvature);
+  const SurfaceHessian mapped = at_nodes(at, W_);
+  H.blocks.insert(H.blocks.end(), mapped.blocks.begin(), mapped.blocks.end());
+  H.roots.insert(H.roots.end(), mapped.roots.begin(), mapped.roots.end());
+}
+
+}  // namespace testbed::meshing

@@ -1,0 +1,172 @@
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "meshing/surface_energies/barrier.h"
+#include "meshing/surface_energies/surface_points.h"
+#include "tests/massspring/small_network.h"
+
+namespace testbed::meshing {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Matrix3Xd;
+using Eigen::Vector3d;
+using massspring::random_points;
+
+/// Places of a symmetric rule, and a corner and the middle of an edge.
+Matrix3Xd some_places() {
+  Matrix3Xd places(3, 5);
+  places << 2. / 3, 1. / 6, 1. / 6, 1, 0,  //
+      1. / 6, 2. / 3, 1. / 6, 0, 0.5,      //
+      1. / 6, 1. / 6, 2. / 3, 0, 0.5;
+  return places;
+}
+
+/// Two triangles with a common edge, straight or curved.
+Eigen::MatrixXi two_faces(int n) {
+  Eigen::MatrixXi faces(6, 2);
+  faces << 0, 2, 1, 1, 2, 3, 4, 5, 5, 7, 6, 8;
+  return faces.topRows(n);
+}
+
+int n_nodes(int n) {
+  return n == 3 ? 4 : 9;
+}
+
+TEST(SurfacePoints, LieWhereALinearOrQuadraticFieldIs) {
+  const auto quadratic = [](const Vector3d& l) { return Vector3d(l(0) * l(1), l(1) * l(1) + l(2), l(0)); };
+  const auto linear = [](const Vector3d& l) { return Vector3d(2 * l(0) - l(1), l(2), 1); };
+  Matrix3Xd corners(3, 6);  // and middles, in barycentric coordinates
+  corners << 1, 0, 0, .5, 0, .5, 0, 1, 0, .5, .5, 0, 0, 0, 1, 0, .5, .5;
+  for (const int n : {3, 6}) {
+    Matrix3Xd x(3, n);
+    const auto field = [&](const Vector3d& l) -> Vector3d { return n == 3 ? linear(l) : quadratic(l); };
+    for (int a = 0; a < n; ++a) x.col(a) = field(corners.col(a));
+    const Matrix3Xd places = some_places();
+    const SurfacePoints W = points_on(Eigen::VectorXi::LinSpaced(n, 0, n - 1), places, n);
+    const Matrix3Xd points = x * W.transpose();
+    for (int k = 0; k < places.cols(); ++k)
+      EXPECT_LT((points.col(k) - field(places.col(k))).norm(), 1e-15) << n << ' ' << k;
+  }
+}
+
+TEST(SurfacePoints, HessianAtNodesIsThatAtPointsBetweenTheMapAndItsTranspose) {
+  for (const int n : {3, 6}) {
+    const SurfacePoints W = points_on(two_faces(n), some_places(), n_nodes(n));
+    const int m = static_cast<int>(W.rows());
+    SurfaceHessian H;
+    for (int p = 0; p < m; ++p) {
+      const Matrix3d B = random_points(3, 1, p);
+      H.diagonal.emplace_back(B * B.transpose());
+    }
+    H.pairs.push_back({{0, 1, 6, 7}, {1, -0.2, -0.5, -0.3}, Vector3d(1, 2, 2) / 3, 7});
+    H.blocks.push_back({2, 2, H.diagonal[0]});
+    H.blocks.push_back({1, 8, random_points(3, 1, 20)});
+    H.roots.push_back(random_points(m - 2, 1, 21));
+    const Eigen::Matrix3Xi F = (Eigen::Matrix3Xi(3, 2) << 0, 3, 4, 4, 8, 9).finished();
+    H.curvatures.push_back({0.7, &F, random_points(m, 1, 22)});
+    const Matrix3Xd p = random_points(n_nodes(n), 1, 23), at_points = p * W.transpose();
+    Matrix3Xd expected = Matrix3Xd::Zero(3, m), y = Matrix3Xd::Zero(3, n_nodes(n));
+    H.add_sparse_product(at_points, expected);
+    expected.leftCols(m - 2) += H.roots[0].cwiseProduct(at_points.leftCols(m - 2)).sum() * H.roots[0];
+    for (const auto& t : F.colwise()) {  // of the parts of the volume themselves: the surface is not closed
+      const EnclosedVolume v = enclosed_volume(H.curvatures[0].x(Eigen::all, t));
+      expected(Eigen::all, t) += 0.7 * (v.hessian * at_points(Eigen::all, t).reshaped()).reshaped(3, 3);
+    }
+    at_nodes(H, W).add_product(p, y);
+    ASSERT_GT(y.norm(), 1);
+    EXPECT_LT((y - expected * W).norm(), 1e-14 * y.norm()) << n;
+  }
+}
+
+/// Faces some way above a plane with friction, with a barrier at points on them.
+struct AboveAPlane {
+  std::vector<RigidBody> bodies;
+  Matrix3Xd x;
+  std::shared_ptr<Barrier> barrier;
+  std::unique_ptr<EnergyOfPoints> energy;
+  double range;
+
+  explicit AboveAPlane(int n) {
+    Obstacle plane;
+    plane.shape = HalfSpace{{0, 0, 0}, {0, 0, 1}};
+    plane.friction = 0.4;
+    bodies.emplace_back(plane);
+    x.resize(3, 9);
+    x << 0, 1, 0, 1, .5, .5, 0, 1, .5,  //
+        0, 0, 1, 1, 0, .5, .5, .5, 1,   //
+        0, 0, 0, 0, 0, 0, 0, 0, 0;
+    x = x.leftCols(n_nodes(n)).eval();
+    const SurfacePoints W = points_on(two_faces(n), some_places(), x.cols());
+    std::vector<int> points(W.rows());
+    std::iota(points.begin(), points.end(), 0);
+    barrier = std::make_shared<Barrier>(x, points, 5e4, bodies);
+    energy = std::make_unique<EnergyOfPoints>(barrier, W);
+    range = 1e-3 * M_SQRT2;
+    x.row(2).array() += 0.5 * range;
+    x.row(2) += 0.2 * range * random_points(static_cast<int>(x.cols()), 1, 4).row(0);
+    x.row(2) -= 0.1 * range * x.row(0);  // no two points lie alike
+  }
+};
+
+TEST(EnergyOfPoints, ForcesOfABarrierAndItsHessianAreDifferencesOnStraightAndCurvedFaces) {
+  for (const int n : {3, 6}) {
+    AboveAPlane above(n);
+    above.energy->begin_step(0, 1e-2, above.x);
+    Matrix3Xd x = above.x;
+    x.row(0).array() += 1e-6;  // friction is smoothed up to 1.4e-6 m
+    x.row(1).array() -= 5e-7;
+    const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 6);
+    const auto forces = [&](const Matrix3Xd& at) {
+      Matrix3Xd f = Matrix3Xd::Zero(3, at.cols());
+      above.energy->add_forces(at, f);
+      return f;
+    };
+    above.energy->follow(x, x);  // the friction of x itself
+    const double step = 1e-9;
+    const Matrix3Xd f = forces(x), up = x + step * p, down = x - step * p;
+    ASSERT_GT(f.row(0).norm(), 1);
+    ASSERT_GT(f.row(2).norm(), 1);
+    EXPECT_NEAR(f.cwiseProduct(p).sum(), (above.energy->energy(down) - above.energy->energy(up)) / (2 * step),
+                1e-4 * f.norm());
+    SurfaceHessian H;
+    above.energy->add_hessian(x, H, Curvature::Projected);
+    Matrix3Xd Kp = Matrix3Xd::Zero(3, x.cols());
+    H.add_product(p, Kp);
+    EXPECT_LT((Kp - (forces(down) - forces(up)) / (2 * step)).norm(), 1e-4 * Kp.norm());
+  }
+}
+
+TEST(EnergyOfPoints, StepsEndBeforeAPointWouldPassAndGuessesAreKeptOut) {
+  for (const int n : {3, 6}) {
+    AboveAPlane above(n);
+    above.energy->begin_step(0, 1e-2, above.x);
+    Matrix3Xd dx = Matrix3Xd::Zero(3, above.x.cols());
+    dx.row(2).setConstant(-1);
+    const double part = above.energy->largest_step(above.x, dx);
+    EXPECT_GT(part, 0);
+    EXPECT_TRUE(std::isfinite(above.energy->energy(above.x + part * dx)));
+    EXPECT_TRUE(std::isinf(above.energy->energy(above.x + 2 * part * dx)));
+    Matrix3Xd y = above.x;
+    y.row(2).array() -= 3 * above.range;
+    ASSERT_TRUE(std::isinf(above.energy->energy(y)));
+    EXPECT_TRUE(above.energy->keep_out(above.x, y));
+    EXPECT_TRUE(std::isfinite(above.energy->energy(y)));
+    EXPECT_LT((y - above.x).row(2).maxCoeff(), 3 * above.range);
+    EXPECT_LT((y - above.x).topRows<2>().norm(), 1e-15);
+    Matrix3Xd far = above.x;
+    far.row(2).array() += 1;
+    EXPECT_FALSE(above.energy->keep_out(above.x, far));
+  }
+}
+
+TEST(EnergyOfPoints, IsAsItsEnergyInWhatAStepAsksFirst) {
+  const AboveAPlane above(3);
+  EXPECT_TRUE(above.energy->bounds_steps());
+  EXPECT_TRUE(above.energy->is_stiff());
+  EXPECT_FALSE(above.energy->is_invariant());
+}
+
+}  // namespace
+}  // namespace testbed::meshing
