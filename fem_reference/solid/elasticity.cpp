@@ -1,19 +1,16 @@
 #include "fem_reference/solid/elasticity.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <stdexcept>
 
-#include "fem_reference/base/rigid.h"
 #include "fem_reference/elements/laws.h"
 #include "fem_reference/solid/implementation.h"
 #include "fem_reference/solvers/distributed.h"
+#include "meshing/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/follower_pressure.h"
 
@@ -22,9 +19,6 @@ namespace {
 
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
-
-const char* const kMotions[6] = {"shift along x", "shift along y", "shift along z",
-                                 "turn about x",  "turn about y",  "turn about z"};
 
 }  // namespace
 
@@ -67,42 +61,7 @@ void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
     const auto row = R.row(3 * h.node + h.component);
     moved += row.transpose() * row;
   }
-  constexpr double kZero = 1e-10;  // squared sine of the angle at which supports hold a motion
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(moved);
-  const int m = static_cast<int>((eigen.eigenvalues().array() < kZero).count());
-  rigid = R * eigen.eigenvectors().leftCols(m);
-  if (m > 0)
-    rigid = Eigen::HouseholderQR<Eigen::MatrixXd>(rigid).householderQ() *
-            Eigen::MatrixXd::Identity(rigid.rows(), m);
-}
-
-void ElasticSolid::Implementation::check_balance() const {
-  Eigen::VectorXd f = load;
-  for (int k = 0; k < load.size(); ++k)
-    if (is_held[k]) f(k) = 0;
-  constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
-  if ((rigid.transpose() * f).norm() <= kBalanced * f.norm()) return;
-  const Vector3d centre = nodes.X.rowwise().mean();
-  Vector3d force = Vector3d::Zero(), torque = force;
-  for (int i = 0; i < nodes.X.cols(); ++i) {
-    force += load.segment<3>(3 * i);
-    torque += (nodes.X.col(i) - centre).cross(load.segment<3>(3 * i));
-  }
-  const Eigen::MatrixXd motions = rigid_motions(nodes.X);
-  std::ostringstream what;
-  what << "the supports leave " << rigid.cols() << " rigid motions free (";
-  bool is_first = true;
-  for (int k = 0; k < 6; ++k) {
-    constexpr double kPart = 1e-6;
-    if ((rigid.transpose() * motions.col(k)).norm() < kPart * motions.col(k).norm()) continue;
-    what << (is_first ? "" : ", ") << kMotions[k];
-    is_first = false;
-  }
-  what << ") and the loads drive them: net force (" << force.transpose() << ") N, net torque ("
-       << torque.transpose()
-       << ") N m about the centre; expected more supports, balanced loads or "
-          "reference.inertia_relief";
-  throw std::runtime_error(what.str());
+  rigid = free_rigid_motions(R, moved);
 }
 
 double ElasticSolid::Implementation::held_displacement(int k, double load_factor) const {
@@ -350,7 +309,8 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
 ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   Implementation& s = *self_;
   s.find_rigid_motions(Matrix3Xd::Zero(3, s.u.cols()));
-  s.check_balance();
+  meshing::check_balance(s.nodes.X, s.rigid, s.load.reshaped(3, s.u.cols()),
+                         "more supports, balanced loads or reference.inertia_relief");
   s.report = {};
   s.size = 0;
   if (s.law == ElasticLaw::SmallStrain) {

@@ -51,7 +51,6 @@ struct ElasticSolid::Implementation {
   ElasticReport report;                               // of the solve at hand
 
   void find_rigid_motions(const Matrix3Xd& at);
-  void check_balance() const;
   double held_displacement(int k, double load_factor) const;
   void prescribe(double load_factor, Matrix3Xd& at) const;
   void find_load();

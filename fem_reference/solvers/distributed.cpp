@@ -10,8 +10,8 @@
 #include <limits>
 
 #include "fem_reference/base/processes.h"
-#include "fem_reference/base/rigid.h"
 #include "fem_reference/solvers/amg.h"
+#include "meshing/algebra/rigid_motion.h"
 
 namespace testbed::fem {
 namespace {

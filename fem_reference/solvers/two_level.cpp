@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "fem_reference/base/memory.h"
-#include "fem_reference/base/rigid.h"
+#include "meshing/algebra/rigid_motion.h"
 
 namespace testbed::fem {
 namespace {

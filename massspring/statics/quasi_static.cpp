@@ -1,12 +1,9 @@
 #include "massspring/statics/quasi_static.h"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <stdexcept>
 
 #include "meshing/algebra/newton.h"
@@ -18,28 +15,16 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A) {
-  return Eigen::HouseholderQR<Eigen::MatrixXd>(A).householderQ() *
-         Eigen::MatrixXd::Identity(A.rows(), A.cols());
-}
-
-/// Orthonormal basis of the rigid motions of X that leave every constrained direction at rest, 3n x m, m
-/// <= 6.
-Eigen::MatrixXd free_rigid_motions(const Matrix3Xd& X, const std::vector<Constraint>& constraints) {
-  const Eigen::Vector3d centre = X.rowwise().mean();
-  const double size = (X.colwise() - centre).colwise().norm().maxCoeff();
-  Eigen::MatrixXd R(X.size(), 6);
-  for (int i = 0; i < X.cols(); ++i) R.middleRows<3>(3 * i) = rigid_motions_at((X.col(i) - centre) / size);
+/// Those of X that leave every constrained direction at rest.
+Eigen::MatrixXd free_rigid_motions_of(const Matrix3Xd& X, const std::vector<Constraint>& constraints) {
+  const Eigen::MatrixXd R = rigid_motions(X);
   Eigen::Matrix<double, 6, 6> held = Eigen::Matrix<double, 6, 6>::Zero();
   for (const Constraint& c : constraints) {
     const Eigen::Matrix<double, 3, 6> moved =
         (Eigen::Matrix3d::Identity() - c.S) * R.middleRows<3>(3 * c.node);
     held += moved.transpose() * moved;
   }
-  constexpr double kZero = 1e-10;  // squared sines of the angles at which supports hold a motion
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(held);
-  const int m = static_cast<int>((eigen.eigenvalues().array() < kZero).count());
-  return m == 0 ? Eigen::MatrixXd(X.size(), 0) : orthonormal(R * eigen.eigenvectors().leftCols(m));
+  return free_rigid_motions(R, held);
 }
 
 /// Orthonormal basis of the motions on which K does no work, 3n x m, by subspace iteration with K's shifted
@@ -108,40 +93,28 @@ Eigen::MatrixXd zero_energy_motions(BlockMatrix K, const std::vector<Constraint>
 int n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
   if (model.tet_springs) return 0;  // rigid motions are all that tetrahedra leave free
   const auto n_free = zero_energy_motions(simple_stiffness(model, initial_state(model)), constraints).cols();
-  return static_cast<int>(n_free - free_rigid_motions(model.network.X, constraints).cols());
+  return static_cast<int>(n_free - free_rigid_motions_of(model.network.X, constraints).cols());
 }
 
 QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces& forces, double tolerance)
     : model_(model),
       forces_(forces),
       tolerance_(tolerance),
-      held_motions_(free_rigid_motions(model.network.X, forces.constraints)),
+      held_motions_(free_rigid_motions_of(model.network.X, forces.constraints)),
       K_(model.linear ? BlockMatrix() : stiffness_pattern(model)),
       solver_(LinearSolver::of_stiffness(!model.tet_springs)),
       path_(Matrix3Xd::Zero(3, model.network.X.cols())) {
   n_free_rigid_motions_ = static_cast<int>(held_motions_.cols());
-  const Eigen::Map<const Eigen::VectorXd> load(forces.load.data(), forces.load.size());
-  constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
-  if ((held_motions_.transpose() * load).norm() > kBalanced * load.norm()) {
-    const Eigen::Vector3d force = forces.load.rowwise().sum(), centre = model.network.X.rowwise().mean();
-    Eigen::Vector3d torque = Eigen::Vector3d::Zero();
-    for (int i = 0; i < forces.load.cols(); ++i)
-      torque += (model.network.X.col(i) - centre).cross(forces.load.col(i));
-    std::ostringstream what;
-    what << "the supports leave " << n_free_rigid_motions_
-         << " rigid motions free and the loads drive them: net force (" << force.transpose()
-         << ") N, net torque (" << torque.transpose()
-         << ") N m about the centre; expected more supports or balanced loads";
-    throw std::runtime_error(what.str());
-  }
+  check_balance(model.network.X, held_motions_, forces.load, "more supports or balanced loads");
   const State rest = initial_state(model);
   last_rest_ = {rest.rest_length, rest.patch_scale, rest.target_volume};
   if (!model.linear) add_stiffness(model, rest, K_);
   largest_stiffness_ = largest_diagonal(stiffness());
   if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
     held_motions_ = zero_energy_motions(stiffness(), forces.constraints);
-    const double load_norm = load.norm();
-    if (load_norm > 0) floppy_load_share_ = (held_motions_.transpose() * load).norm() / load_norm;
+    const double load_norm = forces.load.norm();
+    if (load_norm > 0)
+      floppy_load_share_ = (held_motions_.transpose() * forces.load.reshaped()).norm() / load_norm;
   }
   const Eigen::Index n = model.network.X.cols(), n_held = held_motions_.cols();
   rounded_held_motions_.setZero(4 * padded(n), n_held);

@@ -1,9 +1,58 @@
 #include "meshing/algebra/rigid_motion.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <Eigen/QR>
+#include <sstream>
+#include <stdexcept>
 
 namespace testbed::meshing {
+
+Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X) {
+  const Eigen::Vector3d centre = X.rowwise().mean();
+  const double size = (X.colwise() - centre).colwise().norm().maxCoeff();
+  Eigen::MatrixXd R(X.size(), 6);
+  for (int i = 0; i < X.cols(); ++i) R.middleRows<3>(3 * i) = rigid_motions_at((X.col(i) - centre) / size);
+  return R;
+}
+
+Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A) {
+  return Eigen::HouseholderQR<Eigen::MatrixXd>(A).householderQ() *
+         Eigen::MatrixXd::Identity(A.rows(), A.cols());
+}
+
+Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions, const Eigen::Matrix<double, 6, 6>& held) {
+  constexpr double kZero = 1e-10;  // squared sine of the angle at which supports hold a motion
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(held);
+  const auto m = (eigen.eigenvalues().array() < kZero).count();
+  if (m == 0) return Eigen::MatrixXd(motions.rows(), 0);
+  return orthonormal(motions * eigen.eigenvectors().leftCols(m));
+}
+
+void check_balance(const Eigen::Matrix3Xd& X, const Eigen::MatrixXd& free, const Eigen::Matrix3Xd& load,
+                   const std::string& expected) {
+  constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
+  if ((free.transpose() * load.reshaped()).norm() <= kBalanced * load.norm()) return;
+  const char* const names[] = {"shift along x", "shift along y", "shift along z",
+                               "turn about x",  "turn about y",  "turn about z"};
+  const Eigen::MatrixXd motions = rigid_motions(X);
+  std::ostringstream what;
+  what << "the supports leave " << free.cols() << " rigid motions free";
+  const char* before = " (";
+  for (int k = 0; k < 6; ++k) {
+    constexpr double kPart = 1e-6;
+    if ((free.transpose() * motions.col(k)).norm() < kPart * motions.col(k).norm()) continue;
+    what << before << names[k];
+    before = ", ";
+  }
+  const Eigen::Vector3d force = load.rowwise().sum(), centre = X.rowwise().mean();
+  Eigen::Vector3d torque = Eigen::Vector3d::Zero();
+  for (int i = 0; i < X.cols(); ++i) torque += (X.col(i) - centre).cross(load.col(i));
+  what << ") and the loads drive them: net force (" << force.transpose() << ") N, net torque ("
+       << torque.transpose() << ") N m about the centre; expected " << expected;
+  throw std::runtime_error(what.str());
+}
 
 SmallRotation best_rotation(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
                             const Eigen::VectorXd& weights) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 
 #include "meshing/base/namespace.h"
 
@@ -20,6 +21,27 @@ inline Eigen::Matrix<double, 3, 6> rigid_motions_at(const Eigen::Vector3d& d) {
   R << Eigen::Matrix3d::Identity(), -cross_product_matrix(d);
   return R;
 }
+
+/// The six of points X (3 x n) about their mean, scaled to order 1, over 3 i + c: shifts along x, y, z, turns
+/// about x, y, z.
+Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X);
+
+/// Orthonormal basis of the span of independent columns.
+Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A);
+
+/// Orthonormal basis of the rigid motions that supports leave free, 3n x m, m <= 6.
+/// @param motions  of all points, see rigid_motions
+/// @param held     H^T H, 6 x 6, H what the supports hold of each motion
+Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions, const Eigen::Matrix<double, 6, 6>& held);
+
+/// That a load drives no free rigid motion.
+/// @param X         3 x n (m)
+/// @param free      see free_rigid_motions
+/// @param load      N, 3 x n
+/// @param expected  what would help, for the message
+/// @throws std::runtime_error naming the free motions, net force and net torque.
+void check_balance(const Eigen::Matrix3Xd& X, const Eigen::MatrixXd& free, const Eigen::Matrix3Xd& load,
+                   const std::string& expected);
 
 /// A small rotation about a centre, besides the centre's own translation.
 struct SmallRotation {

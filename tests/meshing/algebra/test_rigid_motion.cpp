@@ -23,6 +23,32 @@ TEST(RigidMotion, OfAPointIsTheTranslationAndTheRotationTimesItsOffset) {
   EXPECT_LT((cross_product_matrix(rotation) * d - rotation.cross(d)).norm(), kRounding);
 }
 
+// Two points held in all directions leave the turn about the line through them.
+TEST(RigidMotion, FreeOnesKeepAllDistancesAndWhatIsHeld) {
+  const Matrix3Xd X = random_points(n, 1, 2);
+  const Eigen::MatrixXd R = rigid_motions(X);
+  const Eigen::MatrixXd held = R.topRows<6>(), free = free_rigid_motions(R, held.transpose() * held);
+  ASSERT_EQ(free.cols(), 1);
+  EXPECT_NEAR(free.norm(), 1, kRounding);
+  const Matrix3Xd u = free.reshaped(3, n);
+  EXPECT_LT(u.leftCols(2).norm(), 100 * kRounding);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j)
+      EXPECT_LT(std::abs((X.col(i) - X.col(j)).dot(u.col(i) - u.col(j))), 100 * kRounding);
+  EXPECT_EQ(free_rigid_motions(R, R.transpose() * R).cols(), 0);
+}
+
+TEST(RigidMotion, AreDrivenByLoadsThatAreNotBalanced) {
+  const Matrix3Xd X = random_points(n, 1, 2);
+  const Eigen::MatrixXd free = free_rigid_motions(rigid_motions(X), Eigen::Matrix<double, 6, 6>::Zero());
+  Matrix3Xd load = Matrix3Xd::Zero(3, n);
+  load.col(0) = X.col(1) - X.col(0);
+  load.col(1) = -load.col(0);
+  EXPECT_NO_THROW(check_balance(X, free, load, ""));
+  load.col(1).setZero();
+  EXPECT_THROW(check_balance(X, free, load, ""), std::runtime_error);
+}
+
 TEST(RigidMotion, BestRotationIsThatOfABodyThatTurnsAsItGoes) {
   const Matrix3Xd X = random_points(n, 1, 2);
   const Eigen::VectorXd weights = random_points(n, 1, 3).row(0).cwiseAbs();
