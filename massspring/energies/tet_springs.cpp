@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "massspring/kernels/padded_nodes.h"
@@ -36,6 +38,14 @@ double volume_energy(double J_1, double lambda, double mu) {
 
 double scale_of(const Eigen::VectorXd& scale, int patch) {
   return scale.size() > 0 ? scale[patch] : 1;
+}
+
+std::size_t hash_of(const PatchBatches& batches) {
+  const auto of = [](const std::vector<int>& list) {
+    return std::hash<std::string_view>()(
+        {reinterpret_cast<const char*>(list.data()), list.size() * sizeof(int)});
+  };
+  return of(batches.node) + 31 * of(batches.start);
 }
 
 /// Of the blocks that the pairs of entries of every batch add to.
@@ -327,10 +337,13 @@ void add_forces(const TetSprings& springs, const Matrix3Xd& u, Matrix3Xd& f, con
 void add_hessian(const TetSprings& springs, const Matrix3Xd& u, BlockMatrix& K, Curvature curvature,
                  const Eigen::VectorXd& scale) {
   const PatchBatches& batches = springs.batches;
-  if (K.coupled.empty()) K.coupled = positions(batches, K);
+  if (const std::size_t hash = hash_of(batches); K.kept_of != hash) {
+    K.kept = positions(batches, K);
+    K.kept_of = hash;
+  }
   const Double4* const columns = pad(u);
   for_each_range(springs.subdomain_batch, batches.n_batches(), [&](int begin, int end) {
-    add_patch_hessians(begin, end, batches, arrays_of(springs, scale), columns, curvature, K.coupled.data(),
+    add_patch_hessians(begin, end, batches, arrays_of(springs, scale), columns, curvature, K.kept.data(),
                        K.block.data());
   });
   mirror(K);

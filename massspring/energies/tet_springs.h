@@ -85,7 +85,7 @@ void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& u, Eigen::Mat
                 const Eigen::VectorXd& scale = {});
 
 /// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K is symmetric,
-/// its pattern holds pairs_of(springs), and it remembers where their blocks lie: it takes those of no others.
+/// its pattern holds pairs_of(springs).
 void add_hessian(const TetSprings& springs, const Eigen::Matrix3Xd& u, BlockMatrix& K,
                  Curvature curvature = Curvature::Projected, const Eigen::VectorXd& scale = {});
 

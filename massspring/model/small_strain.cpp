@@ -39,7 +39,8 @@ void linearise(MassSpringModel& model) {
   auto linear = std::make_shared<LinearElasticity>();
   linear->K = stiffness_pattern(model);
   add_stiffness(model, rest, linear->K, Curvature::Exact);  // no negative eigenvalues at rest
-  linear->K.coupled = std::vector<int>();                   // it is assembled once
+  linear->K.kept = std::vector<int>();                      // it is assembled once
+  linear->K.kept_of = 0;
   linear->rest_length = rest.rest_length;
   model.linear = std::move(linear);
 }

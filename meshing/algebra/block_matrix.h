@@ -18,7 +18,9 @@ struct BlockMatrix {
   std::vector<int> column;             ///< n_blocks
   std::vector<Eigen::Matrix3d> block;  ///< n_blocks
   std::vector<int> diagonal;           ///< position of each diagonal block, n
-  std::vector<int> coupled;            ///< positions that coupled springs add to, once they have
+  /// Positions that an energy adds to, kept from one time to the next, and the hash of what they follow from.
+  std::vector<int> kept;
+  std::size_t kept_of = 0;
 
   int rows() const { return static_cast<int>(row_start.size()) - 1; }
   /// Position of block (i, j), which must be in the pattern.

@@ -122,6 +122,18 @@ TEST_P(EveryBlend, HessianIsAddedToWhatIsThere) {
   EXPECT_LT((once - once.transpose()).norm(), kRounding * once.norm());
 }
 
+// The same springs in another order have the same Hessian, whichever of the two a matrix has met before.
+TEST_P(EveryBlend, HessiansOfTwoSetsOfSpringsAddUpInOneMatrix) {
+  const Matrix3Xd u = random_field(mesh.X.cols(), 0.1, 2);
+  const TetSprings reversed =
+      couple_springs(mesh.X, mesh.T.rowwise().reverse(), kSoft, GetParam().blend, GetParam().held);
+  BlockMatrix K = make_block_matrix(static_cast<int>(u.cols()), pairs_of(springs));
+  add_hessian(springs, u, K);
+  const Eigen::MatrixXd once = dense(K);
+  add_hessian(reversed, u, K);
+  EXPECT_LT((dense(K) - 2 * once).norm(), kRounding * once.norm());
+}
+
 TEST_P(EveryBlend, RestIsFreeOfForceAtAnyRotation) {
   const Matrix3Xd moved = (some_rotation() * mesh.X).colwise() + Vector3d(3, 4, 5);
   const double scale = force_at(1.1 * mesh.X).norm();
