@@ -108,6 +108,33 @@ Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine
 
 }  // namespace
 
+std::string unmodelled_part(const Scene& scene) {
+  if (!scene.obstacles.empty() || scene.self_contact.is_on)
+    return "obstacles or self_contact: the reference has no contact";
+  if (!frame_of(scene.supports))
+    return "supports in directions neither parallel nor at right angles: the reference holds along three "
+           "axes";
+  if (!scene.seams.empty()) return "seams: the reference ties nothing";
+  if (scene.volume || scene.skin) return "volume or skin: the reference is the solid alone";
+  if (scene.collapse)
+    for (const Pivot& pivot : scene.collapse->pivots)
+      if (!pivot.motion.empty() || pivot.end)
+        return "collapse.pivots with motion or end: the reference's stay";
+  const bool is_static = scene.time.mode == TimeMode::Static;
+  if (scene.reference.inertia_relief && (!is_static || law_of(scene) != MaterialLaw::SmallStrain))
+    return "reference.inertia_relief: for static scenes at small strain";
+  if (is_static) return "";
+  if (scene.collapse)
+    return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
+  if (law_of(scene) != MaterialLaw::SmallStrain && scene.material.stiffness_damping > 0)
+    return "material.stiffness_damping at finite strain: it would hold back rotations";
+  if (scene.reference.integrator == ReferenceScheme::CentralDifferences &&
+      scene.material.stiffness_damping > 0)
+    return "material.stiffness_damping with reference.integrator = central_differences: explicit steps would "
+           "have to be shorter than it";
+  return "";
+}
+
 ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh) {
   const Eigen::Matrix3d frame = frame_of(scene.supports).value();
   TetMesh fine = mesh;

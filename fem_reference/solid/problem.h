@@ -1,13 +1,16 @@
 // A scene on a mesh of tetrahedra, as the elastic solid takes it.
 #pragma once
 
-#include <vector>
+#include <string>
 
 #include "fem_reference/solid/elasticity.h"
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
 
 namespace testbed::fem {
+
+/// The part of the scene that the reference does not model, and why; empty: none.
+std::string unmodelled_part(const Scene& scene);
 
 /// The scene's solid on `mesh` refined `scene.reference.refine` times, loads and supports assembled. Supports
 /// hold the surface's vertices in their region, and middles of boundary edges whose both ends are held. The

@@ -36,7 +36,4 @@ std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& s
 /// why; empty: none.
 std::string unscalable_part(const Scene& scene);
 
-/// Parts of the scene that the reference does not model; empty: none.
-std::string unmodelled_part(const Scene& scene);
-
 }  // namespace testbed::meshing

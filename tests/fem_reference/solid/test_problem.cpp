@@ -17,6 +17,44 @@ using Eigen::Vector3d;
 
 constexpr double kRounding = 1e-12;
 
+TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
+  const Scene still;
+  Scene moving;
+  moving.time.mode = TimeMode::Dynamic;
+  EXPECT_EQ(unmodelled_part(still), "");
+  EXPECT_EQ(unmodelled_part(moving), "");
+  const auto part_with = [](Scene scene, auto change) {
+    change(scene);
+    const std::string part = unmodelled_part(scene);
+    return part.substr(0, part.find(':'));
+  };
+  EXPECT_EQ(part_with(moving, [](Scene& s) { s.obstacles.emplace_back(); }), "obstacles or self_contact");
+  EXPECT_EQ(part_with(moving, [](Scene& s) { s.self_contact.is_on = true; }), "obstacles or self_contact");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.seams.emplace_back(); }), "seams");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.volume.emplace(); }), "volume or skin");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.skin.emplace(); }), "volume or skin");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.collapse.emplace().pivots.emplace_back(); }), "");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.collapse.emplace().pivots.emplace_back().end = 1; }),
+            "collapse.pivots with motion or end");
+  EXPECT_EQ(part_with(moving, [](Scene& s) { s.collapse.emplace(); }),
+            "collapse with time.mode = \"dynamic\"");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.reference.inertia_relief = true; }), "");
+  EXPECT_EQ(part_with(moving, [](Scene& s) { s.reference.inertia_relief = true; }),
+            "reference.inertia_relief");
+  EXPECT_EQ(part_with(moving,
+                      [](Scene& s) {
+                        s.reference.integrator = ReferenceScheme::CentralDifferences;
+                        s.material.stiffness_damping = 0.1;
+                      }),
+            "material.stiffness_damping with reference.integrator = central_differences");
+  const auto damp_at_finite_strain = [](Scene& s) {
+    s.material.law = MaterialLaw::NeoHookean;
+    s.material.stiffness_damping = 0.1;
+  };
+  EXPECT_EQ(part_with(moving, damp_at_finite_strain), "material.stiffness_damping at finite strain");
+  EXPECT_EQ(part_with(still, damp_at_finite_strain), "");
+}
+
 /// Points on the end x = 2 of the box.
 Region far_end() {
   return {HalfSpace{Vector3d(2, 0, 0), Vector3d(-1, 0, 0)}};

@@ -87,43 +87,6 @@ TEST(CheckScene, RefusesASpectralRadiusOfCentralDifferences) {
             "central_differences, which has no such parameter");
 }
 
-TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
-  EXPECT_EQ(unmodelled_part(ball()), "");
-  EXPECT_EQ(unmodelled_part(moving_ball()), "");
-  const auto part_with = [](Scene scene, auto change) {
-    change(scene);
-    const std::string part = unmodelled_part(scene);
-    return part.substr(0, part.find(':'));
-  };
-  EXPECT_EQ(part_with(moving_ball(), [](Scene& s) { s.obstacles.emplace_back(); }),
-            "obstacles or self_contact");
-  EXPECT_EQ(part_with(moving_ball(), [](Scene& s) { s.self_contact.is_on = true; }),
-            "obstacles or self_contact");
-  EXPECT_EQ(part_with(ball(), [](Scene& s) { s.seams.emplace_back(); }), "seams");
-  EXPECT_EQ(part_with(ball(), [](Scene& s) { s.volume.emplace(); }), "volume or skin");
-  EXPECT_EQ(part_with(ball(), [](Scene& s) { s.skin.emplace(); }), "volume or skin");
-  EXPECT_EQ(part_with(ball(), [](Scene& s) { s.collapse.emplace().pivots.emplace_back(); }), "");
-  EXPECT_EQ(part_with(ball(), [](Scene& s) { s.collapse.emplace().pivots.emplace_back().end = 1; }),
-            "collapse.pivots with motion or end");
-  EXPECT_EQ(part_with(moving_ball(), [](Scene& s) { s.collapse.emplace(); }),
-            "collapse with time.mode = \"dynamic\"");
-  EXPECT_EQ(part_with(ball(), [](Scene& s) { s.reference.inertia_relief = true; }), "");
-  EXPECT_EQ(part_with(moving_ball(), [](Scene& s) { s.reference.inertia_relief = true; }),
-            "reference.inertia_relief");
-  EXPECT_EQ(part_with(moving_ball(),
-                      [](Scene& s) {
-                        s.reference.integrator = ReferenceScheme::CentralDifferences;
-                        s.material.stiffness_damping = 0.1;
-                      }),
-            "material.stiffness_damping with reference.integrator = central_differences");
-  const auto damp_at_finite_strain = [](Scene& s) {
-    s.material.law = MaterialLaw::NeoHookean;
-    s.material.stiffness_damping = 0.1;
-  };
-  EXPECT_EQ(part_with(moving_ball(), damp_at_finite_strain), "material.stiffness_damping at finite strain");
-  EXPECT_EQ(part_with(ball(), damp_at_finite_strain), "");
-}
-
 /// Two balls of radius 1 about the origin and x = 5.
 SurfaceMesh two_balls() {
   const SurfaceMesh one = make_shape("ball", 162);
