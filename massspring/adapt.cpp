@@ -9,7 +9,7 @@
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/base/geometry.h"
 #include "meshing/base/kd_tree.h"
-#include "meshing/scene/build_network.h"
+#include "meshing/network/build_network.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
 

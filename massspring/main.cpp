@@ -12,8 +12,8 @@
 #include "massspring/statics/diagnostics.h"
 #include "massspring/statics/frequencies.h"
 #include "meshing/base/names.h"
+#include "meshing/network/build_network.h"
 #include "meshing/run/session.h"
-#include "meshing/scene/build_network.h"
 #include "meshing/scene/check.h"
 #include "meshing/surface/cut_surface.h"
 

@@ -3,11 +3,11 @@
 #include <cstdio>
 #include <iostream>
 
+#include "meshing/network/build_network.h"
 #include "meshing/network/connect.h"
 #include "meshing/network/rigidity.h"
 #include "meshing/run/exit_status.h"
 #include "meshing/run/record.h"
-#include "meshing/scene/build_network.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface/surface_check.h"

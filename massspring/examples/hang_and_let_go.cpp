@@ -5,7 +5,7 @@
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/statics/quasi_static.h"
 #include "massspring/time/integrators.h"
-#include "meshing/scene/build_network.h"
+#include "meshing/network/build_network.h"
 
 int main() {
   using namespace testbed;

@@ -7,7 +7,7 @@
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/calibrations/calibrations.h"
 #include "massspring/statics/diagnostics.h"
-#include "meshing/scene/build_network.h"
+#include "meshing/network/build_network.h"
 
 namespace testbed::massspring {
 

@@ -7,7 +7,7 @@
 
 #include "massspring/calibrations/calibrate.h"
 #include "meshing/algebra/cholesky.h"
-#include "meshing/scene/build_network.h"
+#include "meshing/network/build_network.h"
 
 namespace testbed::massspring {
 

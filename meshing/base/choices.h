@@ -102,6 +102,50 @@ constexpr std::array<Named<MaterialLaw>, 2> names_of(MaterialLaw) {
   return {{{MaterialLaw::SmallStrain, "small_strain"}, {MaterialLaw::NeoHookean, "neo_hookean"}}};
 }
 
+/// Of the nodes inside a spring network.
+enum class Sampling {
+  Darts,    ///< the paper's: random points that pass the three tests of figure 4
+  Relaxed,  ///< then moved towards the centres of their cells: more even, but phi is no longer kept
+  Graded    ///< moved likewise, to be as dense as the surface nearby
+};
+
+constexpr std::array<Named<Sampling>, 3> names_of(Sampling) {
+  return {{{Sampling::Darts, "darts"}, {Sampling::Relaxed, "relaxed"}, {Sampling::Graded, "graded"}}};
+}
+
+/// Which nodes of a network springs join.
+enum class Connectivity {
+  Surface,      ///< the surface's edges alone; internal nodes are left out
+  Central,      ///< one node at the vertices' mean, linked to every vertex [paper fig. 3c]
+  Complete,     ///< every pair [paper fig. 3b]
+  Delaunay,     ///< edges of the nodes' Delaunay tetrahedra
+  Pcp,          ///< the paper's
+  CompletedPcp  ///< PCP and symmetric nearest neighbours, and further links until it is rigid
+};
+
+constexpr std::array<Named<Connectivity>, 6> names_of(Connectivity) {
+  return {{{Connectivity::Surface, "surface"},
+           {Connectivity::Central, "central"},
+           {Connectivity::Complete, "complete"},
+           {Connectivity::Delaunay, "delaunay"},
+           {Connectivity::Pcp, "pcp"},
+           {Connectivity::CompletedPcp, "completed_pcp"}}};
+}
+
+/// How to read the pseudocode of figure 8.
+enum class PcpReading {
+  /// Gray nodes turn white when all white ones of the stage are done; ends with the last black node.
+  StageWise,
+  WholeLastStage,  ///< the same, but every white node of the last stage projects its springs
+  Literal          ///< gray nodes turn white after each white node: a tree
+};
+
+constexpr std::array<Named<PcpReading>, 3> names_of(PcpReading) {
+  return {{{PcpReading::StageWise, "stage_wise"},
+           {PcpReading::WholeLastStage, "whole_last_stage"},
+           {PcpReading::Literal, "literal"}}};
+}
+
 /// The axis of a surface's file that points up.
 enum class UpAxis { Y, Z };
 constexpr std::array<Named<UpAxis>, 2> names_of(UpAxis) {

@@ -12,23 +12,6 @@
 
 namespace testbed::meshing {
 
-enum class Connectivity {
-  Surface,      ///< the surface's edges alone; internal nodes are left out
-  Central,      ///< one node at the vertices' mean, linked to every vertex [paper fig. 3c]
-  Complete,     ///< every pair [paper fig. 3b]
-  Delaunay,     ///< edges of the nodes' Delaunay tetrahedra
-  Pcp,          ///< the paper's
-  CompletedPcp  ///< PCP and symmetric nearest neighbours, and further links until it is rigid
-};
-
-constexpr std::array<Named<Connectivity>, 6> names_of(Connectivity) {
-  return {{{Connectivity::Surface, "surface"},
-           {Connectivity::Central, "central"},
-           {Connectivity::Complete, "complete"},
-           {Connectivity::Delaunay, "delaunay"},
-           {Connectivity::Pcp, "pcp"},
-           {Connectivity::CompletedPcp, "completed_pcp"}}};
-}
 /// @throws std::runtime_error for a name not among them.
 Connectivity connectivity_of(const std::string& name);
 

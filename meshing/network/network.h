@@ -10,16 +10,6 @@
 
 namespace testbed::meshing {
 
-enum class Sampling {
-  Darts,    ///< the paper's: random points that pass the three tests of figure 4
-  Relaxed,  ///< then moved towards the centres of their cells: more even, but phi is no longer kept
-  Graded    ///< moved likewise, to be as dense as the surface nearby
-};
-
-constexpr std::array<Named<Sampling>, 3> names_of(Sampling) {
-  return {{{Sampling::Darts, "darts"}, {Sampling::Relaxed, "relaxed"}, {Sampling::Graded, "graded"}}};
-}
-
 /// Lengths are in the normalised box, whose smallest side is 1 [paper 4.2].
 struct SampleOptions {
   std::optional<double> phi;  ///< least distance between internal nodes; from the surface if absent
@@ -52,20 +42,6 @@ SampleOptions fill_spacing(const SurfaceMesh& surface, SampleOptions options);
 /// @param is_graded  as dense as the surface nearby, else evenly
 Eigen::Matrix3Xd relax_interior(const SurfaceMesh& surface, const Eigen::Matrix3Xd& interior,
                                 double least_depth, std::uint64_t seed, bool is_graded);
-
-/// How to read the pseudocode of figure 8.
-enum class PcpReading {
-  /// Gray nodes turn white when all white ones of the stage are done; ends with the last black node.
-  StageWise,
-  WholeLastStage,  ///< the same, but every white node of the last stage projects its springs
-  Literal          ///< gray nodes turn white after each white node: a tree
-};
-
-constexpr std::array<Named<PcpReading>, 3> names_of(PcpReading) {
-  return {{{PcpReading::StageWise, "stage_wise"},
-           {PcpReading::WholeLastStage, "whole_last_stage"},
-           {PcpReading::Literal, "literal"}}};
-}
 
 /// White nodes project to those of least distance + degree_weight * springs there + depth_weight * depth
 /// below the surface.

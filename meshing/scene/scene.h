@@ -14,7 +14,6 @@
 #include "meshing/base/choices.h"
 #include "meshing/base/material.h"
 #include "meshing/base/mesh.h"
-#include "meshing/network/network.h"
 
 namespace testbed::meshing {
 
@@ -183,7 +182,7 @@ struct NetworkOptions {
   std::uint64_t seed = 1;
   std::string sampling = "darts";    ///< of the internal nodes: darts, relaxed, graded or mesher
   double spacing = 0.7;              ///< mesher: edges inside over the surface's nearby
-  std::string connectivity = "pcp";  ///< of Connectivity in meshing/network/connect.h
+  std::string connectivity = "pcp";  ///< of Connectivity
   int neighbours = 8;                ///< completed_pcp: nearest neighbours of every node
   SpringLaw spring_law = SpringLaw::Hooke;
   double spring_damping = 0;  ///< k_d of every independent spring (N s/m)

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "meshing/network/connect.h"
 #include "meshing/scene/scene.h"
 #include "meshing/surface/shapes.h"
 

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "massspring/adapt.h"
-#include "meshing/scene/build_network.h"
+#include "meshing/network/build_network.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"

@@ -8,7 +8,7 @@
 #include "massspring/energies/tractions.h"
 #include "massspring/statics/exact_fields.h"
 #include "massspring/statics/linear_statics.h"
-#include "meshing/scene/build_network.h"
+#include "meshing/network/build_network.h"
 #include "meshing/scene/scene.h"
 
 namespace testbed::massspring {

@@ -1,4 +1,4 @@
-#include "meshing/scene/build_network.h"
+#include "meshing/network/build_network.h"
 
 #include <stdexcept>
 

@@ -3,8 +3,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "meshing/network/build_network.h"
 #include "meshing/network/network.h"
-#include "meshing/scene/build_network.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
