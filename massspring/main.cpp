@@ -8,6 +8,7 @@
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/choices/check_model.h"
 #include "massspring/choices/list.h"
+#include "massspring/choices/paper.h"
 #include "massspring/simulation.h"
 #include "massspring/statics/diagnostics.h"
 #include "massspring/statics/frequencies.h"
@@ -147,7 +148,8 @@ void check(const Scene& scene, const Arguments& arguments) {
 }
 
 ExitStatus run(const Arguments& arguments) {
-  const Scene scene = read_scene(arguments.scene, arguments.overrides);
+  Scene scene = read_scene(arguments.scene, arguments.overrides);
+  if (scene.is_paper) set_paper_method(scene);
   check(scene, arguments);
   if (arguments.is_check) return kSolved;
   Session session("massspring", arguments, scene);

@@ -334,26 +334,6 @@ typename Rows::value_type interpolated(const Rows& rows, double t) {
   return *before + (t - (*before)(0)) / ((*after)(0) - (*before)(0)) * (*after - *before);
 }
 
-/// Sets what the PCP paper prescribes; any scheme but explicit Euler's becomes its implicit one.
-void publish(Scene& scene) {
-  scene.material.law = MaterialLaw::NeoHookean;  // full geometry
-  scene.network.sampling = name_of(Sampling::Darts);
-  scene.network.connectivity = name_of(Connectivity::Pcp);
-  scene.network.calibration = "uniform";
-  scene.network.link_share = 0;
-  scene.network.spring_law = SpringLaw::Hooke;
-  if (scene.time.integrator != "explicit_euler") {
-    scene.time.integrator = "implicit_euler";
-    scene.time.linear_solver = Krylov::BiCg;
-  }
-  scene.time.tolerance = scene.time.sleep_below = 0;
-  if (scene.collapse) {
-    scene.collapse->is_per_step = true;
-    scene.collapse->least = 0;
-  }
-  scene.comparison.calibrations.clear();
-}
-
 }  // namespace
 
 double value_at(const Curve& curve, double t) {
@@ -398,6 +378,7 @@ std::string large_strain_part(const Scene& scene) {
 }
 
 MaterialLaw law_of(const Scene& scene) {
+  if (scene.is_paper) return MaterialLaw::NeoHookean;  // full geometry
   if (scene.material.law) return *scene.material.law;
   return large_strain_part(scene).empty() ? MaterialLaw::SmallStrain : MaterialLaw::NeoHookean;
 }
@@ -431,7 +412,6 @@ Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides
   Reader reader(table, "", scene.places);
   describe(reader, scene);
   reader.refuse_unknown_keys();
-  if (scene.is_paper) publish(scene);
   scene.material.law = law_of(scene);
   return scene;
 }

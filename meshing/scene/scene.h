@@ -227,7 +227,7 @@ struct PlaybackOptions {
 
 struct Scene {
   std::string name;
-  bool is_paper = false;  ///< the method as published: takes precedence over keys that say otherwise
+  bool is_paper = false;  ///< springs as the PCP paper has them, whatever other keys say
   SurfaceSource surface;
   Material material;
   std::optional<Eigen::Vector3d> gravity;  ///< m/s2
@@ -261,7 +261,8 @@ std::optional<Eigen::Vector3d> gravity_of(const Scene& scene);
 /// The part of the scene that small strain does not describe, and why; empty: none.
 std::string large_strain_part(const Scene& scene);
 
-/// The scene's law, of both solvers: where it names none, neo-Hookean with such a part, else small strain.
+/// The scene's law, of both solvers: where it names none, neo-Hookean with such a part, else small strain. The
+/// paper's method is neo-Hookean.
 MaterialLaw law_of(const Scene& scene);
 
 /// The sum of a polynomial stress field's terms at x (Pa).

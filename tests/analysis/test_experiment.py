@@ -196,6 +196,19 @@ def test_springs_that_did_not_converge_are_listed_with_their_status(nu, status, 
     assert (experiment.failed, experiment.unsolved) == ({"affine": status}, "")
 
 
+def test_models_are_those_that_the_check_names_whatever_the_scene_does(solve, tmp_path):
+    """The paper's method has one of its own."""
+    for file in (tmp_path / "home").glob("fem_reference*/scene.toml"):
+        file.write_text(
+            file.read_text()
+            .replace('calibration = "affine"', 'calibration = "moment"')
+            .replace("[]", '["lloyd"]')
+        )
+    experiment = solve("0.3")
+    assert experiment.calibrations == ["affine"]
+    assert not experiment.failed
+
+
 def test_what_the_reference_does_not_model_is_no_error(solve):
     assert solve("touched").unsolved == "obstacles: the reference has no contact"
 

@@ -754,33 +754,11 @@ TEST(Scene, SupportsShareAFrameWhereEachHoldsAlongItsAxesOnly) {
   EXPECT_FALSE(frame_of(supports));
 }
 
-TEST(Scene, PaperTakesPrecedenceOverWhatThePaperHasNot) {
-  const std::string text = R"([surface]
-shape = "ball"
-[collapse]
-coefficient = 0.01
-[time]
-mode = "dynamic"
-integrator = "bdf2"
-[network]
-spring_law = "definite"
-)";
-  const Scene own = read_scene(write_scene(text)), paper = read_scene(write_scene(text), {"paper=true"});
-  EXPECT_FALSE(own.is_paper);
-  EXPECT_EQ(own.time.integrator, "bdf2");
-  EXPECT_EQ(paper.time.integrator, "implicit_euler");
-  EXPECT_EQ(paper.time.linear_solver, Krylov::BiCg);
-  EXPECT_EQ(paper.network.spring_law, SpringLaw::Hooke);
-  EXPECT_EQ(paper.network.connectivity, "pcp");
-  EXPECT_EQ(paper.network.calibration, "uniform");
-  EXPECT_TRUE(paper.collapse->is_per_step);
-  EXPECT_EQ(paper.collapse->least, 0);
-  EXPECT_EQ(law_of(paper), MaterialLaw::NeoHookean);
-  EXPECT_EQ(to_toml(read_scene(write_scene(to_toml(paper)))), to_toml(paper));
-  EXPECT_EQ(read_scene(write_scene(text), {"paper=true", "time.integrator=explicit_euler"}).time.integrator,
-            "explicit_euler");
-  EXPECT_EQ(error_of("paper = true\n[surface]\nshape = \"ball\"\n"),
-            "scene.toml:1: paper = true, expected false with time.mode = static");
+TEST(Scene, PapersMethodIsForMotionInFullGeometry) {
+  const std::string text = "paper = true\n[surface]\nshape = \"ball\"\n";
+  EXPECT_EQ(read_scene(write_scene(text), {"time.mode=dynamic", "material.law=small_strain"}).material.law,
+            MaterialLaw::NeoHookean);
+  EXPECT_EQ(error_of(text), "scene.toml:1: paper = true, expected false with time.mode = static");
 }
 
 }  // namespace
