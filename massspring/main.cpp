@@ -129,9 +129,8 @@ nlohmann::ordered_json extent_of(const Scene& scene, const SurfaceMesh& surface)
   return extent;
 }
 
-/// Checks the scene for its own spring model or for all that it names, and tells which keys none of them reads,
-/// what was probably not meant and, asked for the check alone, the scene's extent.
-void check(const Scene& scene, const Arguments& arguments) {
+/// Checks the scene for its own spring model or for all that it names, and tells which keys none of them reads.
+void check_keys(const Scene& scene, const Arguments& arguments) {
   check_scene(scene, arguments.scene);
   check_model(scene, scene.network.calibration, arguments.scene);
   if (arguments.is_check)
@@ -139,24 +138,39 @@ void check(const Scene& scene, const Arguments& arguments) {
   if (arguments.is_checked) return;
   if (const auto unused = unused_keys(scene); !unused.empty())
     std::cerr << "unused: " << joined(unused) << '\n';
-  const SurfaceMesh surface = load_surface(scene.surface);
-  check_on_surface(scene, surface, arguments.scene);
-  if (arguments.n_frequencies == 0) check_motion(scene, surface, arguments.scene);
-  for (const std::string& warning : warnings_about(scene, surface, arguments.scene))
+}
+
+void warn(const Scene& scene, const SurfaceMesh& surface, const std::string& file) {
+  for (const std::string& warning : warnings_about(scene, surface, file))
     std::cerr << "warning: " << warning << '\n';
-  if (arguments.is_check) std::cout << extent_of(scene, surface) << '\n';
+}
+
+/// Checks what the scene asks of its surface and tells what was probably not meant, and the scene's extent.
+void check_surface(const Scene& scene, const Arguments& arguments) {
+  const SurfaceMesh surface = load_surface(scene.surface);
+  Scene unscaled = scene;  // the factor that load_scale.strain wants is found by a run
+  unscaled.load_scale = {};
+  check_supports(scene, surface, discretise(unscaled, surface), arguments.scene);
+  if (arguments.n_frequencies == 0) check_motion(scene, surface, arguments.scene);
+  warn(scene, surface, arguments.scene);
+  std::cout << extent_of(scene, surface) << '\n';
 }
 
 ExitStatus run(const Arguments& arguments) {
   Scene scene = read_scene(arguments.scene, arguments.overrides);
   if (scene.is_paper) set_paper_method(scene);
-  check(scene, arguments);
-  if (arguments.is_check) return kSolved;
+  check_keys(scene, arguments);
+  if (arguments.is_check) {
+    check_surface(scene, arguments);
+    return kSolved;
+  }
   Session session("massspring", arguments, scene);
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const std::string options =
       (arguments.is_undiagnosed ? "undiagnosed " : "") + std::to_string(arguments.n_frequencies);
-  if (const auto status = session.stored_status({"reference"}, options)) return *status;
+  const auto stored = session.stored_status({"reference"}, options);
+  if (!arguments.is_checked) warn(scene, session.surface, arguments.scene);
+  if (stored) return *stored;
 
   session.start("mesh");
   const bool needs_links = calibration.needs_links || scene.network.link_share > 0;

@@ -11,22 +11,22 @@
 #include "massspring/time/implicit_stage.h"
 #include "meshing/base/geometry.h"
 #include "meshing/scene/initial_motion.h"
-#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
 namespace {
 
+SurfaceMesh surface_of(const SpringNetwork& network) {
+  return {network.X.leftCols(network.n_surface), network.F, network.cuts};
+}
+
 /// The solid of a scene, with its skin and volumes.
-MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
+MassSpringModel model_of(const Scene& scene, const SurfaceProblem& problem, const SpringNetwork& network) {
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const double share = scene.network.link_share;
-  const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F, network.cuts};
   std::vector<int> held;
-  for (const Support& support : scene.supports) {
-    const std::vector<int> vertices = vertices_in(support.region, surface);
+  for (const auto& [vertices, support] : problem.held)
     held.insert(held.end(), vertices.begin(), vertices.end());
-  }
   MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share, held)
                                     : calibrate(network, scene.material, calibration, held);
   const bool is_explicit_run =
@@ -39,7 +39,7 @@ MassSpringModel model_of(const Scene& scene, const SpringNetwork& network) {
   }
   if (scene.skin) add_skin(*scene.skin, model);
   if (!scene.seams.empty()) {
-    const auto stitches = discretise(scene, surface).stitches;
+    const auto& stitches = problem.stitches;
     const auto m = static_cast<Eigen::Index>(stitches.size());
     model.seams = Seams{Eigen::Matrix2Xi(2, m), Eigen::VectorXd(m)};
     for (Eigen::Index s = 0; s < m; ++s) {
@@ -73,8 +73,9 @@ std::ptrdiff_t n_holding_at(const Scene& scene, double t) {
 
 Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
     : scene_(scene),
-      model_(model_of(scene, network)),
-      forces_(forces_of(scene, model_)),
+      problem_(discretise(scene, surface_of(network))),
+      model_(model_of(scene, problem_, network)),
+      forces_(forces_of(scene, problem_, model_)),
       n_holding_(n_holding_at(scene, 0)) {
   const SurfaceMesh surface = surface_of(model_);
   contacts_ = contacts_of(scene, surface);
@@ -88,7 +89,7 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
     // Statics hold floppy motions. In motion, linear forces would let them drift without bound.
     constexpr double kForever = std::numeric_limits<double>::infinity();
     const int n_floppy = time.mode == TimeMode::Dynamic
-                             ? n_floppy_motions(model_, constraints_of(scene, surface, kForever))
+                             ? n_floppy_motions(model_, constraints_of(problem_, surface, kForever))
                              : 0;
     if (n_floppy == 0)
       linearise(model_);
@@ -146,7 +147,7 @@ void Simulation::release_nodes() {
   const auto n_holding = n_holding_at(scene_, state_.t);
   if (n_holding == n_holding_) return;
   n_holding_ = n_holding;
-  forces_.constraints = constraints_of(scene_, surface_of(model_), state_.t);
+  forces_.constraints = constraints_of(problem_, surface_of(model_), state_.t);
   stepper_ = std::make_unique<TimeStepper>(model_, forces_, scene_.time.integrator, scene_.time.end, options_,
                                            contacts_);
 }

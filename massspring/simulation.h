@@ -55,6 +55,7 @@ class Simulation {
   void release_nodes();
 
   Scene scene_;
+  SurfaceProblem problem_;
   MassSpringModel model_;
   Forces forces_;
   Contacts contacts_;

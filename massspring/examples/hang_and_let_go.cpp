@@ -25,7 +25,7 @@ int main() {
   const SurfaceMesh surface = load_surface(scene.surface);
   const SpringNetwork network = build_network(surface, scene.network, false, true);
   const MassSpringModel model = calibrate(network, scene.material, find_calibration("node_averaged"));
-  Forces forces = forces_of(scene, model);
+  Forces forces = forces_of(scene, discretise(scene, surface_of(model)), model);
 
   // 3. It hangs: full load in one step. A bar of density rho stretches by rho g L^2 / (2 E).
   State state = initial_state(model);

@@ -12,7 +12,6 @@
 #include "massspring/energies/tractions.h"
 #include "meshing/algebra/subdomains.h"
 #include "meshing/base/geometry.h"
-#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/follower_pressure.h"
 
@@ -40,13 +39,13 @@ SurfaceMesh surface_of(const MassSpringModel& model) {
   return {network.X.leftCols(network.n_surface), network.F, model.cuts};
 }
 
-std::vector<Constraint> constraints_of(const Scene& scene, const SurfaceMesh& surface, double t) {
+std::vector<Constraint> constraints_of(const SurfaceProblem& problem, const SurfaceMesh& surface, double t) {
   struct Held {
     Constraint constraint;
     bool is_oblique, is_moved;
   };
   std::map<int, Held> of_node;
-  for (const auto& [vertices, support] : discretise(scene, surface).held) {
+  for (const auto& [vertices, support] : problem.held) {
     if (!holds_at(support, t)) continue;
     const auto motion = support.motion.empty() ? nullptr : std::make_shared<const Path>(support.motion);
     const bool is_oblique = support.normal || support.along;
@@ -80,10 +79,9 @@ std::vector<Constraint> constraints_of(const Scene& scene, const SurfaceMesh& su
   return constraints;
 }
 
-Forces forces_of(const Scene& scene, const MassSpringModel& model) {
+Forces forces_of(const Scene& scene, const SurfaceProblem& problem, const MassSpringModel& model) {
   const TetMesh& network = model.network;
   const SurfaceMesh surface = surface_of(model);
-  const SurfaceProblem problem = discretise(scene, surface);
   Forces forces;
   forces.mass_damping = scene.material.damping;
   forces.load = Eigen::Matrix3Xd::Zero(3, network.X.cols());
@@ -98,7 +96,7 @@ Forces forces_of(const Scene& scene, const MassSpringModel& model) {
   forces.surface = followers_of(problem.follower_pressure, surface.F);
   if (scene.volume && scene.volume->coefficient > 0)
     add_volume_penalty(scene.volume->coefficient, model, forces);
-  forces.constraints = constraints_of(scene, surface);
+  forces.constraints = constraints_of(problem, surface);
   return forces;
 }
 

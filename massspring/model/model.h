@@ -17,6 +17,7 @@
 #include "meshing/algebra/status.h"
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
+#include "meshing/scene/surface_problem.h"
 #include "meshing/surface_energies/bending.h"
 #include "meshing/surface_energies/seams.h"
 #include "meshing/surface_energies/volume_penalty.h"
@@ -132,15 +133,17 @@ struct Forces {
   std::shared_ptr<VolumePenalty> volume;  ///< the one of them whose target is that of the state
 };
 
-/// What the scene's supports hold in a step that begins at t (s).
-/// @throws std::runtime_error when a support meets no node, or where supports in other directions than those
-/// of the axes overlap with others and one of them moves.
-std::vector<Constraint> constraints_of(const Scene& scene, const SurfaceMesh& surface, double t = 0);
+/// What supports hold in a step that begins at t (s).
+/// @param problem  on the surface
+/// @throws std::runtime_error where supports in other directions than those of the axes overlap with others and
+/// one of them moves.
+std::vector<Constraint> constraints_of(const SurfaceProblem& problem, const SurfaceMesh& surface,
+                                       double t = 0);
 
 /// Dead loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.
-/// @throws std::runtime_error when a support or load meets no node or triangle, or a follower pressure a part
-/// of a component of the surface.
-Forces forces_of(const Scene& scene, const MassSpringModel& model);
+/// @param problem  the scene's, on the model's surface
+/// @throws std::runtime_error as constraints_of.
+Forces forces_of(const Scene& scene, const SurfaceProblem& problem, const MassSpringModel& model);
 
 /// Adds the global volume force with pressure coefficient P (Pa).
 void add_volume_penalty(double P, const MassSpringModel& model, Forces& forces);

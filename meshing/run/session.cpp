@@ -7,7 +7,6 @@
 #include "meshing/base/files.h"
 #include "meshing/run/hash.h"
 #include "meshing/scene/check.h"
-#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
 
@@ -79,7 +78,8 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
                                                  const std::string& options) {
   timer.start("mesh");
   surface = load_surface(scene.surface);
-  check_on_surface(scene, surface, file_);
+  problem_ = discretise(scene, surface);
+  check_supports(scene, surface, problem_, file_);
   if (!finds_frequencies_) check_motion(scene, surface, file_);
   load_factor_of(scene);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
@@ -116,7 +116,7 @@ void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::ve
   head["law"] = name_of(law_of(scene));
   head["input_hash"] = hash_;
   head["mesh_hash"] = hash_of({reinterpret_cast<const char*>(X.data()), X.size() * sizeof(double)});
-  head["problem_hash"] = hash_of(bytes_of(discretise(scene, surface)));
+  head["problem_hash"] = hash_of(bytes_of(problem_));
   head["n_surface"] = n_surface;
   head["n_nodes"] = X.cols();
   record.update(head);

@@ -12,6 +12,7 @@
 #include "meshing/run/progress.h"
 #include "meshing/run/record.h"
 #include "meshing/scene/scene.h"
+#include "meshing/scene/surface_problem.h"
 
 namespace testbed::meshing {
 
@@ -82,6 +83,7 @@ class Session {
   bool is_forced_, is_quiet_, finds_frequencies_, is_first_;
   Eigen::Matrix3Xd X_;
   SurfaceMesh solved_;
+  SurfaceProblem problem_;  ///< on the surface as it was read: what two programs must have in common
   std::optional<Recorder> recorder_;  ///< of the first process
 };
 

@@ -7,7 +7,6 @@
 #include <stdexcept>
 
 #include "meshing/scene/scene_keys.h"
-#include "meshing/scene/surface_problem.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/shells.h"
 #include "meshing/surface/surface_check.h"
@@ -94,10 +93,8 @@ std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
 
 }  // namespace
 
-void check_on_surface(const Scene& scene, const SurfaceMesh& surface, const std::string& file) {
-  Scene scaled = scene;
-  scaled.load_scale = {};
-  const SurfaceProblem problem = discretise(scaled, surface);
+void check_supports(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
+                    const std::string& file) {
   if (problem.held.empty() || scene.time.mode == TimeMode::Dynamic || scene.reference.inertia_relief) return;
   std::vector<bool> is_held(surface.X.cols(), false);
   for (const auto& [vertices, support] : problem.held)

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "meshing/scene/scene.h"
+#include "meshing/scene/surface_problem.h"
 
 namespace testbed::meshing {
 
@@ -13,11 +14,12 @@ namespace testbed::meshing {
 /// @throws std::runtime_error naming file, line of a key that is given, keys, values found and what is expected.
 void check_scene(const Scene& scene, const std::string& file);
 
-/// What the scene asks of its surface: no region is empty and, in statics, no part lacks a support that others
-/// have.
+/// That no part of the surface lacks a support that others have, in statics.
+/// @param problem  what the scene prescribes on the surface
 /// @param file  of the scene, for the message
-/// @throws std::runtime_error naming file and line or part, and the box of the body or part.
-void check_on_surface(const Scene& scene, const SurfaceMesh& surface, const std::string& file);
+/// @throws std::runtime_error naming file, line and the box of the part.
+void check_supports(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
+                    const std::string& file);
 
 /// That the body moves in time or under load: something drives it, and supports do not hold the whole surface, as
 /// it is cut by surface.across. Vibrations need no such drive.

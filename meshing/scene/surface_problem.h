@@ -1,4 +1,4 @@
-// What a scene prescribes on its surface, in numbers: made once, for both solvers.
+// What a scene prescribes on a surface, in numbers: made once for each that a program reads or solves on.
 #pragma once
 
 #include "meshing/scene/scene.h"

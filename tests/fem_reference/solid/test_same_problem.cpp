@@ -44,7 +44,8 @@ struct Boxed {
 
   massspring::Forces springs() const {
     const SpringNetwork network{mesh.X, mesh.F, {}, mesh.T, static_cast<int>(mesh.X.cols())};
-    return forces_of(scene, calibrate(network, scene.material, massspring::find_calibration("edge_coupled")));
+    return forces_of(scene, discretise(scene, surface),
+                     calibrate(network, scene.material, massspring::find_calibration("edge_coupled")));
   }
   fem::ElasticSolid elements() const { return fem::assemble_scene(scene, surface, mesh); }
 };

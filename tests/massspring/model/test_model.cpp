@@ -41,7 +41,7 @@ TEST(ForcesOf, TheLastSupportThatHoldsAComponentPrescribesItsDisplacement) {
   Scene scene;
   scene.supports = {support_of({{0, 0, 0}, {1, 2, 0}}, {true, true, false}, {1, 2, 3}),  // the underside
                     support_of({{0, 0, 0}, {1, 0, 3}}, {true, false, true}, {4, 5, 6})};
-  const Forces forces = forces_of(scene, model);
+  const Forces forces = forces_of(scene, discretise(scene, surface_of(model)), model);
   int n_under = 0, n_front = 0, n_both = 0;
   for (const Constraint& c : forces.constraints) {
     const Vector3d X = model.network.X.col(c.node);
@@ -72,7 +72,7 @@ TEST(ForcesOf, LoadsAreWeightAndPressureAndTractionTimesAreas) {
   load.pressure = 7;
   load.traction = traction;
   scene.loads = {load};
-  const Forces forces = forces_of(scene, model);
+  const Forces forces = forces_of(scene, discretise(scene, surface_of(model)), model);
   const Matrix3Xd on_top = forces.load - gravity * model.mass.transpose();
   const Vector3d per_area = traction - Vector3d(0, 0, 7);
   EXPECT_LT((on_top.rowwise().sum() - 2 * per_area).norm(), kRounding);

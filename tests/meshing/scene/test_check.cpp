@@ -99,7 +99,7 @@ SurfaceMesh two_balls() {
 
 std::string refusal_on(const Scene& scene, const SurfaceMesh& surface) {
   try {
-    check_on_surface(scene, surface, "a.toml");
+    check_supports(scene, surface, discretise(scene, surface), "a.toml");
   } catch (const std::runtime_error& error) {
     return error.what();
   }
@@ -111,7 +111,7 @@ void expect_parts(const std::string& text, const std::vector<std::string>& parts
     EXPECT_NE(text.find(part), std::string::npos) << part << " in " << text;
 }
 
-TEST(CheckOnSurface, RefusesARegionThatHoldsNothingWithItsPlaceAndTheBodysBox) {
+TEST(Discretise, RefusesARegionThatHoldsNothingWithItsPlaceAndTheBodysBox) {
   const SurfaceMesh surface = make_shape("bar", 100, {3, 2, 1});
   Scene scene = ball();
   scene.supports.emplace_back().region.shape = Box{{90, 0, 0}, {99, 1, 1}};
@@ -122,7 +122,7 @@ TEST(CheckOnSurface, RefusesARegionThatHoldsNothingWithItsPlaceAndTheBodysBox) {
   expect_parts(refusal_on(scene, surface), {"loads.0.region: no triangle"});
 }
 
-TEST(CheckOnSurface, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
+TEST(CheckSupports, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
   const SurfaceMesh surface = two_balls();
   Scene scene = ball();
   EXPECT_EQ(refusal_on(scene, surface), "") << "free bodies";
@@ -136,7 +136,7 @@ TEST(CheckOnSurface, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) 
   for (const Scene& other : {relieved, moving, held}) EXPECT_EQ(refusal_on(other, surface), "");
 }
 
-TEST(CheckOnSurface, TakesTheWallOfACavityForAPartOfItsBody) {
+TEST(CheckSupports, TakesTheWallOfACavityForAPartOfItsBody) {
   const SurfaceMesh surface = make_shape("hollow_ball", 642);
   Scene scene = ball();
   const double low = surface.X.row(1).minCoeff();
