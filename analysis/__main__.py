@@ -23,8 +23,8 @@ DEFAULT = "torus_inflates.toml"  #: the scene of a run that names none
 _RUN_EXAMPLES = """examples:
   ./testbed run                                                 the default scene: a torus is blown up
   ./testbed run analysis/scenes/bar_sag.toml                    another one
-  ./testbed run analysis/scenes/sag.toml --surface my_body.stl  a body of yours, clamped and bent
-  ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh   the same of CAD or of a broken scan
+  ./testbed run analysis/scenes/own_body.toml --surface my_body.stl --units mm   a body of yours, clamped and pushed
+  ./testbed run analysis/scenes/own_body.toml --surface plate.stl --remesh       the same of CAD or of a broken scan
   ./testbed run --set material.nu=0.45 --set network.k=2000     with other values
 
 exit status:
@@ -36,7 +36,7 @@ exit status:
 _REMESH_EXAMPLES = """examples:
   ./testbed remesh plate.stl plate.off
   ./testbed remesh scan.obj scan.off --edge 0.02 --tolerance 0.001
-  ./testbed run analysis/scenes/sag.toml --surface plate.stl --remesh    the same on the way
+  ./testbed run analysis/scenes/own_body.toml --surface plate.stl --remesh    the same on the way
 """
 
 _SWEEP_EXAMPLES = """examples:

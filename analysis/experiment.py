@@ -21,6 +21,7 @@ from .methods import REFERENCE, label_of
 from .paths import PROGRAMS, ROOT
 from .points import read_toml, say
 from .runs import NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
+from .wording import significant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -158,6 +159,16 @@ def _sentence(warning: str) -> str:
     return warning.removeprefix(_WARNING) + "."
 
 
+def _scaling(factor: float | None) -> tuple[str, ...]:
+    """A sentence on a body that is not of its own size."""
+    if factor is None:
+        return ()
+    return (
+        f"surface.normalise has scaled the body's coordinates by {significant(factor)}, so that its smallest side measures 1 m: "
+        "lengths here are not its own. own_body.toml keeps them.",
+    )
+
+
 def default_folder(scene: Path, surface: Path | None) -> Path:
     """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
     name = scene.stem
@@ -261,7 +272,7 @@ def run_solvers(
             )
         overrides = [*overrides, load_scale.factor_override(wanted, trial)]
     say(label_of(REFERENCE), is_quiet)
-    status, errors = run("fem_reference", folder / "fem_reference")
+    status, errors = run("fem_reference", folder / "fem_reference", options=["--checked"])
     if status not in (SOLVED, NOT_OK, NOT_MODELLED):
         is_told = status == REFUSED and not errors
         raise RunError(errors or f"fem_reference gave no result (exit status {status})", is_told)
@@ -277,7 +288,8 @@ def run_solvers(
         )
     unsolved = record["reason"] if status == NOT_MODELLED else ""
 
-    experiment = Experiment(folder, scene, {}, unsolved, tuple(map(_sentence, checked.warnings)), command)
+    notes = (*map(_sentence, checked.warnings), *_scaling(json.loads(checked.output).get("normalised_unit")))
+    experiment = Experiment(folder, scene, {}, unsolved, notes, command)
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
         say(label_of(calibration), is_quiet)
@@ -291,7 +303,7 @@ def run_solvers(
         return experiment
 
     def solve_refined(out: Path, more: list[str], limit: float) -> tuple[int, str]:
-        return _run(command_of("fem_reference", out, *more), is_quiet, limit)[:2]
+        return _run(command_of("fem_reference", out, *more, options=["--checked"]), is_quiet, limit)[:2]
 
     from .references import refine
 

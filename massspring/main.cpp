@@ -22,7 +22,7 @@ namespace testbed::massspring {
 namespace {
 
 struct Arguments : SessionOptions {
-  bool is_undiagnosed = false, is_check = false, is_checked = false;
+  bool is_undiagnosed = false, is_check = false;
 };
 
 /// What exerts force, behind the scene's surface.
@@ -114,6 +114,15 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
   if (!report.reason.empty()) record["reason"] = report.reason;
 }
 
+/// What a unit of the coordinates of the file, or of the shape, measures in the body that is normalised (m).
+double normalised_unit(SurfaceSource source) {
+  source.normalise = false;
+  source.scale = 1;
+  source.unit = LengthUnit::Metre;
+  const Eigen::Matrix3Xd X = load_surface(source).X;
+  return 1 / (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).minCoeff();
+}
+
 /// What decides how long a scene takes, for who plans its runs.
 nlohmann::ordered_json extent_of(const Scene& scene, const SurfaceMesh& surface) {
   const TimeOptions& time = scene.time;
@@ -125,6 +134,7 @@ nlohmann::ordered_json extent_of(const Scene& scene, const SurfaceMesh& surface)
       {"refine", scene.reference.refine},
       {"law", name_of(law_of(scene))},
       {"mode", name_of(time.mode)}};
+  if (scene.surface.normalise) extent["normalised_unit"] = normalised_unit(scene.surface);
   if (time.mode == TimeMode::Dynamic && time.step > 0) extent["n_steps"] = std::lround(time.end / time.step);
   return extent;
 }
@@ -140,11 +150,6 @@ void check_keys(const Scene& scene, const Arguments& arguments) {
     std::cerr << "unused: " << joined(unused) << '\n';
 }
 
-void warn(const Scene& scene, const SurfaceMesh& surface, const std::string& file) {
-  for (const std::string& warning : warnings_about(scene, surface, file))
-    std::cerr << "warning: " << warning << '\n';
-}
-
 /// Checks what the scene asks of its surface and tells what was probably not meant, and the scene's extent.
 void check_surface(const Scene& scene, const Arguments& arguments) {
   const SurfaceMesh surface = load_surface(scene.surface);
@@ -152,7 +157,8 @@ void check_surface(const Scene& scene, const Arguments& arguments) {
   unscaled.load_scale = {};
   check_supports(scene, surface, discretise(unscaled, surface), arguments.scene);
   if (arguments.n_frequencies == 0) check_motion(scene, surface, arguments.scene);
-  warn(scene, surface, arguments.scene);
+  for (const std::string& warning : warnings_about(scene, surface, arguments.scene))
+    std::cerr << "warning: " << warning << '\n';
   std::cout << extent_of(scene, surface) << '\n';
 }
 
@@ -169,7 +175,6 @@ ExitStatus run(const Arguments& arguments) {
   const std::string options =
       (arguments.is_undiagnosed ? "undiagnosed " : "") + std::to_string(arguments.n_frequencies);
   const auto stored = session.stored_status({"reference"}, options);
-  if (!arguments.is_checked) warn(scene, session.surface, arguments.scene);
   if (stored) return *stored;
 
   session.start("mesh");
@@ -230,7 +235,6 @@ int main(int argc, char** argv) {
       "--check", arguments.is_check,
       "check the scene and every model that comparison.calibrations names, print its extent as JSON, "
       "then end");
-  app.add_flag("--checked", arguments.is_checked, "the scene has been checked: do not name its unused keys");
   app.add_flag_callback(
       "--list",
       [] {

@@ -31,6 +31,7 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
       ->check(CLI::Range(1, 1000));
   app.add_flag("--quiet", options.is_quiet, "no progress on stderr");
   app.add_flag("--force", options.is_forced, "run even when nothing has changed");
+  app.add_flag("--checked", options.is_checked, "the scene has been checked: do not warn of it again");
   app.footer(
       "The output folder gets frames.pvd with frames/*.vtu (ParaView), curves.csv, scene.toml (every key "
       "with\n"
@@ -53,6 +54,7 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       out_(options.out),
       is_forced_(options.is_forced),
       is_quiet_(options.is_quiet),
+      is_checked_(options.is_checked),
       finds_frequencies_(options.n_frequencies > 0),
       is_first_(is_first) {
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
@@ -83,6 +85,9 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
   if (!finds_frequencies_) check_motion(scene, surface, file_);
   load_factor_of(scene);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
+  if (is_first_ && !is_checked_)
+    for (const std::string& warning : warnings_about(scene, surface, file_))
+      std::cerr << "warning: " << warning << '\n';
   hash_ = hash_of(input_hash(scene, surface, ignored) + ' ' + options);
   const auto stored = stored_record(out_, hash_);
   if (!stored || is_forced_) return {};

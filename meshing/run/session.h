@@ -20,7 +20,7 @@ struct SessionOptions {
   std::string scene, out;
   std::vector<std::string> overrides;
   int n_frequencies = 0;
-  bool is_quiet = false, is_forced = false;
+  bool is_quiet = false, is_forced = false, is_checked = false;
 };
 
 /// Reads both programs' common options, and further ones that are in `app`, and calls `run`.
@@ -38,7 +38,8 @@ class Session {
   /// Writes a record that says why the program does not model the scene.
   ExitStatus refuse(const std::string& reason);
 
-  /// The status of a finished run of the same inputs, if there is one that may stand.
+  /// The status of a finished run of the same inputs, if there is one that may stand. Warns of what was probably
+  /// not meant, but for a scene that has been checked.
   /// @param ignored  keys of the scene that the program does not read
   /// @param options  of the command line that its results depend on
   std::optional<ExitStatus> stored_status(const std::vector<std::string>& ignored,
@@ -80,7 +81,7 @@ class Session {
 
   std::string program_, file_, hash_;
   std::filesystem::path out_;
-  bool is_forced_, is_quiet_, finds_frequencies_, is_first_;
+  bool is_forced_, is_quiet_, is_checked_, finds_frequencies_, is_first_;
   Eigen::Matrix3Xd X_;
   SurfaceMesh solved_;
   SurfaceProblem problem_;  ///< on the surface as it was read: what two programs must have in common

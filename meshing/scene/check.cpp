@@ -142,6 +142,12 @@ std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& s
   if (scene.material.E < kSoftest)
     warn(place_of(scene, "material.E", file), "material.E = ", scene.material.E,
          " Pa is softer than any solid: is it in other units?");
+  const bool has_unit = scene.surface.unit != LengthUnit::Metre;
+  if (scene.surface.normalise && (has_unit || scene.surface.scale != 1)) {
+    const std::string key = has_unit ? "surface.unit" : "surface.scale";
+    warn(place_of(scene, key, file), key, " has no effect with surface.normalise, which makes the smallest ",
+         "side 1 m: analysis/scenes/own_body.toml keeps a body's size");
+  }
   const Eigen::Vector3d box = surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff();
   if (box.maxCoeff() > kLongest || box.maxCoeff() < kShortest)
     warn(place_of(scene, "surface", file), "the body measures ", box(0), " x ", box(1), " x ", box(2),

@@ -27,8 +27,8 @@ void check_supports(const Scene& scene, const SurfaceMesh& surface, const Surfac
 /// @throws std::runtime_error naming file, line and what is expected.
 void check_motion(const Scene& scene, const SurfaceMesh& surface, const std::string& file);
 
-/// What a user did probably not mean, though programs can solve it: units that make no sense, a
-/// surface of needles or one that crosses itself. A sentence each, with file and line or the command that
+/// What a user did probably not mean, though programs can solve it: units that make no sense or have no effect,
+/// a surface of needles or one that crosses itself. A sentence each, with file and line or the command that
 /// helps.
 /// @param file  of the scene
 std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& surface,

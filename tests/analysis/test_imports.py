@@ -35,6 +35,7 @@ ALLOWED = {
         "runs",
         "tables",
         "verdict",
+        "wording",
     },
     "references": {"comparison", "experiment", "methods", "points", "runs", "verdict", "wording"},
     "remesh": {"paths", "runs", "wording"},

@@ -259,6 +259,20 @@ TEST(WarningsAbout, NameUnitsThatMakeNoSenseWithTheirPlace) {
   for (const double scale : {24.0, 1e-3}) EXPECT_EQ(warnings(scene, {scale * surface.X, surface.F}), "");
 }
 
+TEST(WarningsAbout, NameAUnitThatNormalisingMakesVoid) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  Scene scene = loaded_ball();
+  scene.surface.unit = LengthUnit::Millimetre;
+  EXPECT_EQ(warnings(scene, surface), "");
+  scene.surface.normalise = true;
+  scene.places["surface.unit"] = "--set surface.unit=\"mm\"";
+  expect_parts(warnings(scene, surface), {"--set surface.unit=\"mm\": surface.unit has no effect with"});
+  scene.surface.unit = LengthUnit::Metre;
+  EXPECT_EQ(warnings(scene, surface), "") << "a filled-in scene names it";
+  scene.surface.scale = 2;
+  expect_parts(warnings(scene, surface), {"surface.scale has no effect with"});
+}
+
 TEST(WarningsAbout, NameNeedlesWithTheirShareAndTheCommandThatHelps) {
   SurfaceMesh surface = make_shape("ball", 162);
   surface.X.row(2) *= 1e-3;
