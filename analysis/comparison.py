@@ -66,6 +66,7 @@ class Comparison:
             "command": experiment.command,
             "target_error": experiment.target_error,
             "is_static": experiment.is_static,
+            "across": experiment.scene["surface"].get("across", 1),
         }
         if self.of_reference:
             reference = asdict(self.of_reference)
@@ -73,6 +74,7 @@ class Comparison:
                 "rigid_motion_removed": experiment.is_free,
                 **{key: main.get(key) for key in _MAIN},
                 "n_dofs_reference": reference["n_dofs"],
+                "smaller_steps": self._smaller_steps(),
                 "seconds": {"massspring": main.get("seconds"), REFERENCE: reference["seconds"]},
                 "reference": reference
                 | {"next_seconds": experiment.next_reference_seconds, "unrefined": experiment.unrefined},
@@ -80,6 +82,13 @@ class Comparison:
         else:
             comparison["no_reference"] = experiment.unsolved
         return comparison | {"models": models}
+
+    def _smaller_steps(self) -> str:
+        """KEY=VALUE that halves the steps of load or time."""
+        assert self.reference
+        if self.experiment.is_static:
+            return f"time.load_steps={2 * self.experiment.scene['time'].get('load_steps', 10)}"
+        return f"time.step={self.reference.record['step'] / 2:g}"
 
 
 def compare(experiment: Experiment, is_as_in_scene: bool = False) -> Comparison:

@@ -20,7 +20,7 @@ from .extent import available_memory, extent_of
 from .methods import REFERENCE, label_of
 from .paths import PROGRAMS, ROOT
 from .points import read_toml, say
-from .runs import NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
+from .runs import LATE, NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
 from .wording import significant
 
 if TYPE_CHECKING:
@@ -216,7 +216,7 @@ def _run(command: list[str], is_quiet: bool, limit: float | None = None) -> _Sai
             timeout=limit,
         )
     except subprocess.TimeoutExpired:
-        return _Said(REFUSED, f"stopped after {limit:g} s")
+        return _Said(LATE)
     lines = done.stderr.splitlines(keepends=True)
     sys.stderr.writelines(line for line in lines if not line.startswith("error: "))
     errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]

@@ -13,7 +13,7 @@ from .comparison import compare
 from .experiment import Experiment
 from .methods import REFERENCE, label_of
 from .points import say
-from .runs import NOT_OK, SOLVED, outcome_of
+from .runs import LATE, NOT_OK, SOLVED, outcome_of
 from .verdict import needs_finer_reference
 from .wording import duration
 
@@ -45,6 +45,9 @@ def refine(
             break
         say(f"{label_of(REFERENCE)}, refined for their error: some {duration(seconds)}", is_quiet)
         status, message = solve(folder, _overrides(experiment, record, n), _LATE * time_limit)
+        if status == LATE:
+            experiment = replace(experiment, next_reference_seconds=2 * _LATE * time_limit)
+            break
         if status not in (SOLVED, NOT_OK):
             experiment = replace(experiment, unrefined=message or f"exit status {status}")
             break

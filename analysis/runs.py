@@ -19,6 +19,7 @@ from .methods import REFERENCE
 Array = np.ndarray
 _KEPT = 1_000_000  # points, of the frames of a run that are kept in memory: some 100 MB
 SOLVED, REFUSED, NOT_OK, NOT_MODELLED = range(4)  # exit statuses of both programs: meshing/exit_status.h
+LATE = 124  #: of one that was stopped for its time, as timeout(1) has it
 
 
 class RunError(Exception):

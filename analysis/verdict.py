@@ -21,6 +21,7 @@ _OTHER_LAW = 'material.law = "neo_hookean"'
 _AS_NEAR = 1.1  # times the finite elements' error, at most: errors are equal
 _BEST = "node_averaged"
 _TARGET = 0.02  # of adaptive springs
+_ACROSS = 3  # edges that fit across a body
 # Seconds of a run over those of this one, roughly: springs adapted, triangles cut three times as fine, another law.
 _ADAPTED, _FINER, _LARGE_STRAIN = 30, 4, 5
 
@@ -171,37 +172,42 @@ def needs_finer_reference(comparison: dict[str, Any]) -> bool:
 
 
 def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
-    """What would settle or mend the verdict: what for, the command, and what it costs. None where nothing is left to do."""
+    """What would settle or mend the verdict: what for, the command, and what it costs. None where a model serves."""
     if "no_reference" in comparison:
         return None
     reference, command = comparison["reference"], comparison["command"]
     models = {name: model for name, model in comparison["models"].items() if has_figures(model)}
     groups = {name: verdict_on(model, reference) for name, model in models.items()}
     spent = sum(total(of["seconds"]) for of in (reference, *models.values()))
+
+    def step(purpose: str, setting: str, times: float) -> tuple[str, str, str]:
+        return purpose, f"{command} --set {setting}", duration(times * spent)
+
     undecided = [name for name, group in groups.items() if group == "undecided"]
     if any(is_out_of_range(models[name], reference) for name in undecided):
-        law = f"{command} --set material.law=neo_hookean"
-        return "To leave the limits of small strain", law, duration(_LARGE_STRAIN * spent)
+        return step("To leave the limits of small strain", "material.law=neo_hookean", _LARGE_STRAIN)
     if undecided and reference["next_seconds"] and not reference["unrefined"]:
         limit = math.ceil(reference["next_seconds"])
         return "To decide", f"{command} --time-limit {limit}", f"{duration(limit)} more"
-    if "use" in groups.values() or undecided:
+    if undecided:
+        return step("To refine the finite elements in smaller steps", comparison["smaller_steps"], 2)
+    if "use" in groups.values():
         return None
-    if _BEST not in models:
-        return (
-            "To try a model that may serve",
-            f"{command} --set network.calibration={_BEST}",
-            duration(spent),
-        )
-    if reference["n_cut"] or not comparison["is_static"]:
-        finer = f"{command} --set surface.across=3"
-        return "To make springs and elements finer", finer, duration(_FINER * spent)
-    adapted = f"{command} --set network.calibration={_BEST} --set network.target_error={_TARGET}"
-    return (
-        "To add nodes where springs need them",
-        adapted,
-        duration(_ADAPTED * total(models[_BEST]["seconds"])),
-    )
+    if _BEST not in comparison["models"]:
+        return step("To try a model that may serve", f"network.calibration={_BEST}", 1)
+    if _BEST not in models or models[_BEST]["status"] != "ok":
+        return step(f"To bring {_BEST} to the end in smaller steps", comparison["smaller_steps"], 2)
+    if any("--remesh" in note for note in comparison["notes"]):
+        return "To have even triangles", f"{command} --remesh", duration(spent)
+    is_cut = reference["n_cut"] > 0 or not comparison["is_static"]
+    if is_cut and comparison["across"] < _ACROSS:
+        return step("To make springs and elements finer", f"surface.across={_ACROSS}", _FINER)
+    if comparison["is_static"] and not comparison["target_error"]:
+        adapted = f"{command} --set network.calibration={_BEST} --set network.target_error={_TARGET}"
+        cost = duration(_ADAPTED * total(models[_BEST]["seconds"]))
+        return "To add nodes where springs need them", adapted, cost
+    finer = f"surface.across={significant(2 * max(comparison['across'], 1))}"
+    return step("To make springs and elements finer", finer, _FINER)
 
 
 def verdict_on(model: dict[str, Any], reference: dict[str, Any]) -> str:

@@ -385,6 +385,22 @@ def test_refinement_of_an_earlier_run_does_not_outlive_it(home, tmp_path):
     assert not refined.exists()
 
 
+def test_refinement_that_is_stopped_for_its_time_says_what_it_would_take(home, tmp_path):
+    record = home / "fem_reference" / "run.json"
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"seconds": {"solve": 0.02}}))
+    program = home / "bin" / "fem_reference"
+    program.write_text(
+        program.read_text().replace(
+            "source = ", 'time.sleep(60 * ("reference.refine" in settings))\nsource = ', 1
+        )
+    )
+    experiment = run_solvers(
+        tmp_path / "scene.toml", tmp_path / "out", None, [], is_quiet=True, time_limit=0.2
+    )
+    assert (experiment.n_refinements, experiment.unrefined) == (0, "")
+    assert experiment.next_reference_seconds == pytest.approx(1.2)  # twice what it was given
+
+
 @pytest.mark.parametrize("is_once, n", [(False, 2), (True, 1)])
 def test_reference_is_refined_until_it_decides_or_once(is_once, n, home, ball, tmp_path):
     for level, size in (("1", 0.0107), ("2", 0.01071)):

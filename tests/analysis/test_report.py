@@ -1,11 +1,13 @@
 """What a report says and shows of a comparison whose figures are given."""
 
+import html
 import math
 
 import pytest
 
 from analysis.report import render, tables, text_of, text_table
 from analysis.verdict import (
+    RULES,
     conclusion,
     finding,
     is_out_of_range,
@@ -71,6 +73,9 @@ def comparison_of(models=None, name="affine", **of_reference):
         "command": "./testbed run bend.toml",
         "target_error": 0.0,
         "is_static": True,
+        "across": 1.0,
+        "smaller_steps": "time.load_steps=20",
+        "notes": [],
         "models": models or {name: model_of()},
         "reference": reference | of_reference,
     }
@@ -216,7 +221,11 @@ def test_without_an_estimate_of_the_references_error_nothing_is_recommended():
     assert next_command(comparison) == ("To decide", "./testbed run bend.toml --time-limit 250", "4 min more")
     failed = comparison_of(models, "a", estimated_error_l2=None, **(why | {"unrefined": "not_converged"}))
     assert "not estimated: refined, they gave nothing (not_converged)." in " ".join(conclusion(failed))
-    assert next_command(failed) is None
+    assert next_command(failed) == (
+        "To refine the finite elements in smaller steps",
+        "./testbed run bend.toml --set time.load_steps=20",
+        "20 s",
+    )
 
 
 @pytest.mark.parametrize(
@@ -246,17 +255,43 @@ def test_no_refinement_helps_where_the_law_limits():
 
 
 def test_a_verdict_that_helps_nobody_names_a_command_that_may():
-    def step(name, **more):
-        return next_command(comparison_of({name: model_of(0.1)}, name, **more))
+    def step(name, of_model=None, of_comparison=None, **of_reference):
+        comparison = comparison_of({name: of_model or model_of(0.1)}, name, **of_reference)
+        return next_command(comparison | (of_comparison or {}))
 
-    assert step("uniform")[1].endswith("--set network.calibration=node_averaged")
+    assert step("uniform")[1:] == ("./testbed run bend.toml --set network.calibration=node_averaged", "8 s")
     assert step("node_averaged")[1].endswith("node_averaged --set network.target_error=0.02")
     assert step("node_averaged")[2] == "60 s"  # thirty times the springs' two
+    # Each is named until it has been tried.
     assert step("node_averaged", n_cut=5)[1].endswith("--set surface.across=3")
+    assert step("node_averaged", None, {"across": 3}, n_cut=5)[1].endswith("network.target_error=0.02")
+    adapted = {"across": 3, "target_error": 0.02}
+    assert step("node_averaged", None, adapted, n_cut=5)[1].endswith("--set surface.across=6")
+    assert step("node_averaged", None, {"is_static": False})[1].endswith("--set surface.across=3")
+    assert step("node_averaged", None, {"notes": ["run --remesh makes it even."]})[1].endswith(" --remesh")
+    stopped = model_of(0.1, status="not_converged, step 3 of 5", reached=0.4)
+    for model in (stopped, {"status": "diverged"}):
+        assert step("node_averaged", model)[1].endswith("--set time.load_steps=20")
     assert next_command(comparison_of({"a": model_of(0.01)}, "a")) is None
-    for text in (render(comparison_of(), None, {}, {}, {}), text_of(comparison_of())):
-        assert "./testbed run bend.toml --set network.calibration=node_averaged" in text
-        assert text.index("serves where it is off by at most 5 %") < text.index("network.calibration=node")
+
+
+@pytest.mark.parametrize(
+    "error, own, ending",
+    [
+        (0.04, 0.02, "cannot decide on"),
+        (0.1, 0.001, "lies in between"),
+        (0.4, 0.001, "No model is shown to serve"),
+    ],
+)
+def test_each_verdict_but_use_ends_with_its_rule_one_command_and_its_cost(error, own, ending):
+    models = {"node_averaged": model_of(error)}
+    comparison = comparison_of(models, "node_averaged", estimated_error_l2=own, next_seconds=90.0)
+    purpose, command, cost = next_command(comparison)
+    for text in (render(comparison, None, {}, {}, {}), text_of(comparison)):
+        text = html.unescape(text)
+        verdict, rule, step = (text.index(words) for words in (ending, RULES, f"{purpose} (some {cost}):"))
+        assert verdict < rule < step < text.index(command) < text.index("exact fields")
+        assert text.count("./testbed run") == 1
 
 
 def test_models_that_differ_by_rounding_are_named_in_the_scenes_order():
