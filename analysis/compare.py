@@ -223,6 +223,7 @@ class Figures:
     least_jacobian: float | None  #: smallest det F of any tetrahedron on the way
     estimated_error: float | None  #: by the springs themselves, relative in the L2 norm
     seconds: dict[str, float]
+    has_waited: bool  #: for a core or a disk, so that its seconds tell nothing
     displacement_error_finest: float | None = (
         None  #: likewise, by the finest reference; None: there is one alone
     )
@@ -240,6 +241,7 @@ class FiguresAlone:
     largest_displacement: float  #: m
     kinetic_energy_left: float  #: at the end, of its largest
     seconds: dict[str, float]
+    has_waited: bool
 
 
 @dataclass(frozen=True)
@@ -263,9 +265,11 @@ class ReferenceFigures:
     least_jacobian: float | None  #: smallest det F at any node of an element on the way
     law_error: float | None  #: estimated, of the displacement, for being of small strain; None: it is not
     seconds: dict[str, float]
+    has_waited: bool
     estimated_error_l2: float | None = None  #: of the displacement, by its mesh; None: not estimated
     n_refinements: int = 0  #: of the reference as the scene has it
     unrefined_seconds: dict[str, float] | None = None  #: of that
+    unrefined_has_waited: bool = False
     unrefined_error: float | None = None  #: of that, by the finest
 
 
@@ -310,6 +314,7 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
         least_jacobian=record.get("min_J_nodes"),
         estimated_error=record.get("estimated_error"),
         seconds=record["seconds"],
+        has_waited=run.has_waited,
     )
 
 
@@ -331,6 +336,7 @@ def describe_alone(run: Run) -> FiguresAlone:
         largest_displacement=float(np.linalg.norm(run.last.u, axis=1).max()),
         kinetic_energy_left=float(kinetic[-1] / kinetic.max()) if kinetic.max() > 0 else 0.0,
         seconds=run.record["seconds"],
+        has_waited=run.has_waited,
     )
 
 
@@ -360,6 +366,7 @@ def describe_reference(
         least_jacobian=reference.record.get("min_J_nodes"),
         law_error=bent.error("collapse" in scene) if reference.record.get("law") == "small_strain" else None,
         seconds=reference.record["seconds"],
+        has_waited=reference.has_waited,
         estimated_error_l2=estimated_error,
     )
 

@@ -131,6 +131,7 @@ def _judged_by(
         describe_reference(reference, is_free, errors[n]),
         n_refinements=n,
         unrefined_seconds=levels[0].record["seconds"],
+        unrefined_has_waited=levels[0].has_waited,
         unrefined_error=compare_runs(levels[0], finest, is_free).displacement_error_l2
         if len(levels) > 1
         else None,

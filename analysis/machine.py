@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 THREADS = ("OMP_NUM_THREADS", "DEAL_II_NUM_THREADS")
+_WAITED = 0.1  # of its time: a run that waits longer tells nothing on seconds
 _PROGRAMS = {"massspring", "fem_reference", "gmsh_worker", "tetgen_worker", "stability", "bench_step"}
 # Debian packages that the programs are linked with.
 _LIBRARIES = (
@@ -43,6 +44,11 @@ def describe(programs: Path) -> dict[str, Any]:
             file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in files
         },
     }
+
+
+def has_waited(cpu: float, wall: float) -> bool:
+    """Whether a run of so many seconds waited for a core or a disk for more than a tenth of them; cpu: s of the cores it had."""
+    return cpu < (1 - _WAITED) * wall
 
 
 def _output(*command: str) -> str:

@@ -69,7 +69,9 @@ def _record_of(folder: Path) -> dict[str, Any]:
 
 
 def _solution(record: dict[str, Any]) -> float:
-    return sum(record["seconds"].get(stage, 0.0) for stage in ("setup", "assemble", "solve"))
+    """Seconds that it had a core for, as far as that is known: a busy machine does not make a solve larger."""
+    seconds = sum(record["seconds"].get(stage, 0.0) for stage in ("setup", "assemble", "solve"))
+    return seconds * min(1.0, record["cpu"] / record["wall"]) if "cpu" in record else seconds
 
 
 def _overrides(experiment: Experiment, last: dict[str, Any], n: int) -> list[str]:

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pyvista as pv
 
+from .machine import has_waited
 from .methods import REFERENCE
 
 Array = np.ndarray
@@ -79,6 +80,11 @@ class Run:
     @cached_property
     def last(self) -> Frame:
         return self.frame(-1)
+
+    @property
+    def has_waited(self) -> bool:
+        """For a core or a disk, as machine.has_waited; of results of other programs that is not known."""
+        return "cpu" in self.record and has_waited(self.record["cpu"], self.record["wall"])
 
     @cached_property
     def widest(self) -> int:

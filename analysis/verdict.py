@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 from .wording import about, duration, listed, seconds, share, significant
@@ -116,7 +117,10 @@ def conclusion(comparison: dict[str, Any]) -> list[str]:
     if "no_reference" in comparison:
         calm = [name for name, model in models.items() if model["kinetic_energy_left"] < _AT_REST]
         came = f"{listed(calm)} came to rest" if calm else "none came to rest"
-        return [f"No model can be recommended here, as there is no reference to judge it by; {came}."]
+        return [
+            f"No model can be recommended here, as there is no reference to judge it by; {came}.",
+            *_on_busy_machine(models.values()),
+        ]
     reference = comparison["reference"]
     groups: dict[str, list[str]] = {"use": [], "not": [], "between": [], "undecided": []}
     # Models that differ by rounding stay in the scene's order.
@@ -151,6 +155,8 @@ def _time_saved(name: str, model: dict[str, Any], reference: dict[str, Any]) -> 
     error, of_elements = model["displacement_error_finest"], reference["unrefined_error"]
     if error is None or of_elements is None:
         return "Nothing is said on time, as the finite elements' own error is not known."
+    if model["has_waited"] or reference["unrefined_has_waited"]:
+        return "Nothing is said on time, as the machine was busy."
     springs, elements = total(model["seconds"]), total(reference["unrefined_seconds"])
     took = f"{name} took {seconds(springs)} and the finite elements {seconds(elements)}"
     off = f"off by {percent(error, 2)} and {percent(of_elements, 2)} by refined ones"
@@ -250,8 +256,20 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
         limits.append(
             f"{listed(networks)} {_verb(networks, 'stands', 'stand')} on one random network, and another gives another error."
         )
-    limits.append("Seconds are of single runs, whose errors differ.")
-    return limits
+    return [
+        *limits,
+        *(
+            _on_busy_machine([reference, *models.values()])
+            or ["Seconds are of single runs, whose errors differ."]
+        ),
+    ]
+
+
+def _on_busy_machine(runs: Iterable[dict[str, Any]]) -> list[str]:
+    """What its seconds are worth, of a run that waited."""
+    if not any(run.get("has_waited") for run in runs):
+        return []
+    return ["The machine was busy with other things: seconds are longer than they would be alone."]
 
 
 def _why_not_estimated(reference: dict[str, Any]) -> str:

@@ -37,6 +37,7 @@ from typing import Any
 import numpy as np
 
 from ..compare import compare_runs, keeps_volume, trajectory_error, volume_change
+from ..machine import has_waited
 from ..methods import FEM_P1, FEM_P1_EXPLICIT, FEM_P2, FEM_P2_EXPLICIT
 from ..paths import SCENES
 from ..points import Outcome, Point, Store, say
@@ -60,7 +61,6 @@ _SLOWEST, _FASTEST = 1.3, 8  # ratio of changes by refining, as in fem_reference
 _MOST_AT_LARGE_STRAIN = 100_000  # tetrahedra of a reference
 _STAGES = ("mesh", "adapt", "setup", "assemble", "solve")  # of a method's own seconds
 _ATTEMPTS = 3
-_WAITED = 0.1  # of its time a run may wait for a core or a disk
 _TWO_THREADS = ("env", "OMP_NUM_THREADS=2", "DEAL_II_NUM_THREADS=2")
 
 #: Regime -> its scenes.
@@ -177,11 +177,6 @@ class Measurement:
 def seconds_of(run: Outcome, *stages: str) -> float:
     spent = run.record["seconds"]
     return sum(spent.get(stage, 0) for stage in stages or _STAGES)
-
-
-def has_waited(run: Outcome) -> bool:
-    """For a core or a disk, more than a tenth of its time."""
-    return run.cpu < (1 - _WAITED) * run.wall
 
 
 def is_dynamic(scene: dict[str, Any]) -> bool:
@@ -336,10 +331,10 @@ class SceneStudy:
             return
         m.outcomes.append(outcome)
         for attempt in range(1, _ATTEMPTS):
-            if not has_waited(outcome):
+            if not has_waited(outcome.cpu, outcome.wall):
                 break
             outcome = self.timed.run(self.point(m, draw, attempt))
-        if outcome.status == "ok" and not has_waited(outcome):
+        if outcome.status == "ok" and not has_waited(outcome.cpu, outcome.wall):
             m.timed.append(outcome)
 
     def _compare(self, m: Measurement) -> None:

@@ -1,5 +1,7 @@
 #include "meshing/run/session.h"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <ctime>
 #include <iostream>
@@ -14,6 +16,18 @@ namespace testbed::meshing {
 namespace {
 
 constexpr const char* kLeastJacobian = "min_J_nodes";  ///< of snapshots; a record has the least of them
+
+/// Of this process and of those that it has waited for (s).
+double cpu_time() {
+  double sum = 0;
+  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage spent{};
+    getrusage(who, &spent);
+    for (const timeval& t : {spent.ru_utime, spent.ru_stime})
+      sum += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  }
+  return sum;
+}
 
 }  // namespace
 
@@ -56,7 +70,8 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       is_quiet_(options.is_quiet),
       is_checked_(options.is_checked),
       finds_frequencies_(options.n_frequencies > 0),
-      is_first_(is_first) {
+      is_first_(is_first),
+      cpu_begin_(cpu_time()) {
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
   if (!is_first) return;
   std::error_code error;
@@ -160,6 +175,8 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
 
 ExitStatus Session::finish() {
   for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
+  record["wall"] = std::chrono::duration<double>(Clock::now() - begin_).count();
+  record["cpu"] = cpu_time() - cpu_begin_;
   if (const double least = record.value(kLeastJacobian, 1.); least <= 0 && is_first_ && !is_quiet_)
     std::cerr << "warning: tetrahedra were turned inside out: det F down to " << least << " at their nodes\n";
   if (recorder_) recorder_->finish(record);

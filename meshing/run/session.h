@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <functional>
 #include <optional>
 #include <string>
@@ -66,7 +67,7 @@ class Session {
   /// Adds a row of curves.csv and a frame, each where it is due after n steps.
   void add(const Snapshot& snapshot, int n, bool is_last);
 
-  /// Writes curves and record.
+  /// Writes curves and record, which says what of its time this process had a core: less than all where it waited.
   ExitStatus finish();
 
   const Scene scene;
@@ -79,6 +80,8 @@ class Session {
  private:
   ExitStatus tell(const nlohmann::ordered_json& result) const;
 
+  using Clock = std::chrono::steady_clock;
+
   std::string program_, file_, hash_;
   std::filesystem::path out_;
   bool is_forced_, is_quiet_, is_checked_, finds_frequencies_, is_first_;
@@ -86,6 +89,8 @@ class Session {
   SurfaceMesh solved_;
   SurfaceProblem problem_;  ///< on the surface as it was read: what two programs must have in common
   std::optional<Recorder> recorder_;  ///< of the first process
+  Clock::time_point begin_ = Clock::now();
+  double cpu_begin_;  ///< s
 };
 
 /// Takes all steps of a simulation, each of which leaves a snapshot where advance() says that there is a new

@@ -383,6 +383,9 @@ def test_refinement_of_an_earlier_run_does_not_outlive_it(home, tmp_path):
     record.write_text(json.dumps(json.loads(record.read_text()) | slow))
     assert run()[3:] == ["fem_reference", "massspring"]
     assert not refined.exists()
+    # But not where it waited for a core in a tenth of that.
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"cpu": 9, "wall": 10}))
+    assert run()[5:] == ["fem_reference", "massspring", "fem_reference"]
 
 
 def test_refinement_that_is_stopped_for_its_time_says_what_it_would_take(home, tmp_path):

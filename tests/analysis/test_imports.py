@@ -15,7 +15,7 @@ ALLOWED = {
     "front": set(),
     "machine": set(),
     "wording": set(),
-    "runs": {"methods"},
+    "runs": {"machine", "methods"},
     "extent": set(),
     "small_strain": {"runs"},
     "surface_points": {"runs"},

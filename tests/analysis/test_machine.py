@@ -4,7 +4,9 @@ import re
 import subprocess
 from pathlib import Path
 
-from analysis.machine import describe
+import pytest
+
+from analysis.machine import describe, has_waited
 
 CACHE = """// a comment
 CMAKE_BUILD_TYPE:STRING=Release
@@ -43,3 +45,8 @@ def test_flags_are_those_of_the_build(tmp_path):
     described = describe(tmp_path / "bin")
     assert described["flags"] == "Release -Wall -O3 -DNDEBUG"
     assert described["compiler"].startswith("echo")
+
+
+@pytest.mark.parametrize("share, waited", [(0.91, False), (0.89, True)])
+def test_a_run_has_waited_if_a_tenth_of_its_time_is_missing(share, waited):
+    assert has_waited(share * 20, 20) == waited

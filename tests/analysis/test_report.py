@@ -34,6 +34,7 @@ def model_of(error=0.2, **more):
         "n_floppy_motions": 0,
         "seconds": {"mesh": 0.5, "solve": 1.5},
         "displacement_error_finest": error,
+        "has_waited": False,
     } | more
 
 
@@ -60,6 +61,8 @@ def comparison_of(models=None, name="affine", **of_reference):
         "n_refinements": 0,
         "unrefined_seconds": seconds,
         "unrefined_error": 0.5,
+        "has_waited": False,
+        "unrefined_has_waited": False,
         "next_seconds": None,
         "unrefined": "",
         "seconds": seconds,
@@ -205,6 +208,20 @@ def test_time_is_only_compared_at_equal_error(of_elements, is_compared):
     assert ("at unequal errors (off by 1 % and 0.9 % by refined ones)" in conclusion(comparison)[1]) == (
         of_elements == 0.009
     )
+
+
+@pytest.mark.parametrize(
+    "of_model, of_reference",
+    [({}, {"unrefined_has_waited": True, "has_waited": True}), ({"has_waited": True}, {})],
+)
+def test_nothing_is_said_on_time_of_a_busy_machine(of_model, of_reference):
+    calm, busy = (
+        " ".join(conclusion(comparison_of({"a": model_of(0.01, **model)}, "a", **reference)))
+        for model, reference in (({}, {}), (of_model, of_reference))
+    )
+    assert "it saves 4 s" in calm and "busy" not in calm
+    assert "saves" not in busy and "Nothing is said on time, as the machine was busy." in busy
+    assert "The machine was busy with other things: seconds are longer than" in busy
 
 
 def test_without_an_estimate_of_the_references_error_nothing_is_recommended():

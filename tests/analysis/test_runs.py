@@ -26,6 +26,14 @@ def test_surface_is_read_as_written(record, ball, tmp_path):
     assert run.last.u == pytest.approx(0.1 * ball[0], abs=1e-15)
 
 
+@pytest.mark.parametrize(
+    "record, waited", [({"cpu": 8.0, "wall": 10.0}, True), ({"cpu": 9.5, "wall": 10.0}, False), ({}, False)]
+)
+def test_run_that_waited_for_a_core_says_so(record, waited, ball, tmp_path):
+    run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0.1 * X, **record))
+    assert run.has_waited == waited
+
+
 def test_half_written_run_is_refused(folder):
     (folder / "run.json").unlink()
     with pytest.raises(RunError, match=r"no run.json, the run is not finished"):

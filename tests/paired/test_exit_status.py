@@ -1,7 +1,9 @@
 """What both programs return to the shell, and that a stored result returns it again."""
 
 import json
+import signal
 import subprocess
+import time
 
 import pytest
 
@@ -168,3 +170,17 @@ def test_default_step_of_a_tiny_body_is_refused_when_it_makes_too_many(run, tmp_
     assert done.returncode == 1
     assert "expected at most 2147483647" in done.stderr
     assert not (tmp_path / "massspring" / "run.json").exists()
+
+
+@pytest.mark.parametrize("program", BOTH)
+def test_of_a_run_that_waited_the_record_says_how_long(program, tmp_path):
+    """A second in which it is stopped is one without a core."""
+    command = [PROGRAMS / program, SCENES / "bar_sag.toml", "--quiet", "--out", tmp_path]
+    with subprocess.Popen(command) as process:
+        while not (tmp_path / "scene.toml").exists():  # written as the run begins
+            time.sleep(0.001)
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(1)
+        process.send_signal(signal.SIGCONT)
+    record = record_of(tmp_path)
+    assert 0 < record["cpu"] < record["wall"] - 0.9

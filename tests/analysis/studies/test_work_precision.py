@@ -29,7 +29,6 @@ from analysis.studies.work_precision import (
     Effort,
     Rung,
     SceneStudy,
-    has_waited,
     is_linear,
     methods_of,
 )
@@ -372,11 +371,6 @@ def test_a_run_that_waited_is_repeated_three_times_and_then_left_out(tmp_path):
     ]
     assert attempts[:3] == [0, 1, 2]
     assert {row[0]: row[-1] for row in fronts.table(study)[1]}["springs, edge_coupled"] == "shared a core"
-
-
-@pytest.mark.parametrize("share, waited", [(0.91, False), (0.89, True)])
-def test_a_run_has_waited_if_a_tenth_of_its_time_is_missing(share, waited):
-    assert has_waited(timed(cpu=share)) == waited
 
 
 def test_networks_are_drawn_more_often_than_coupled_springs_and_their_median_counts(tmp_path):
