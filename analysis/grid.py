@@ -17,7 +17,7 @@ from .compare import compare_runs
 from .drawing.style import style_of, svg_of
 from .experiment import default_folder, surface_overrides
 from .paths import ROOT, write_text
-from .points import Outcome, Point, Store, read_toml, say
+from .points import Outcome, Point, Store, read_toml, reminders, say
 from .report import html_table, page, svg_figure, text_table
 from .runs import RunError, load_run
 from .verdict import SERVES
@@ -263,7 +263,8 @@ def main(arguments: Any) -> int:
         key, _, value = override.partition("=")
         grid[key] = [value]
     folder = arguments.out or ROOT / "out" / "sweep" / default_folder(arguments.scene, arguments.surface).name
-    rows = sweep(arguments.scene.resolve(), grid, folder, arguments.part, arguments.quiet)
+    with reminders("sweep", arguments.quiet):
+        rows = sweep(arguments.scene.resolve(), grid, folder, arguments.part, arguments.quiet)
     if arguments.part == (1, 1):
         keys = varied(grid)
         table = text_table(*table_of(keys, rows))

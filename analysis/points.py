@@ -13,6 +13,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -230,7 +231,43 @@ def _hash_of_version(file: Path, _time: int, _size: int) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
+_PAUSE = 10.0  # s, without a word at most
+_last: dict[str, Any] = {
+    "text": "",
+    "said": 0.0,
+    "shown": 0.0,
+}  # what was said last, and when it was said and repeated
+
+
 def say(text: str, is_quiet: bool) -> None:
     """Progress, on stderr."""
     if not is_quiet:
+        now = time.monotonic()
+        _last.update(text=text, said=now, shown=now)
         print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def reminders(text: str, is_quiet: bool, pause: float = _PAUSE) -> Iterator[None]:
+    """Within it, what was said last is repeated whenever nothing has been said for so long (s), with the seconds since.
+
+    text: what is repeated until something is said.
+    """
+    has_ended = threading.Event()
+    now = time.monotonic()
+    _last.update(text=text, said=now, shown=now)
+
+    def remind() -> None:
+        while not has_ended.wait(max(0.0, _last["shown"] + pause - time.monotonic())):
+            now = time.monotonic()
+            if now >= _last["shown"] + pause:
+                _last["shown"] = now
+                print(f"{_last['text']}: {now - _last['said']:.0f} s", file=sys.stderr, flush=True)
+
+    thread = threading.Thread(target=remind, daemon=True)
+    if not is_quiet:
+        thread.start()
+    try:
+        yield
+    finally:
+        has_ended.set()

@@ -24,7 +24,7 @@ from .comparison import compare, without_nan
 from .experiment import run_solvers
 from .machine import describe
 from .paths import MESHES, OUT, PACKAGE, PROGRAMS, ROOT, SCENES, write_text
-from .points import say
+from .points import reminders, say
 from .runs import RunError
 from .wording import percent
 
@@ -208,7 +208,10 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.write and not re.fullmatch("[0-9a-f]+", commit):
         raise RunError(f"--write: the tree is {commit}, expected a commit without further changes")
     minutes = sum(entry.minutes for entry in chosen)
-    say(f"{len(chosen)} tables and figures, about {minutes:.0f} min on two cores", arguments.quiet)
+    say(
+        f"{len(chosen)} tables and figures, {minutes:.0f} min at most on two cores: what is kept takes none",
+        arguments.quiet,
+    )
     missing = missing_meshes(chosen)
     if missing:
         print(f"Rows of {len(missing)} bodies are left out until these files lie in {MESHES}:")
@@ -218,7 +221,8 @@ def main(arguments: argparse.Namespace) -> int:
     n_different = 0
     for entry in chosen:
         try:
-            said = reproduce(entry, arguments.write, arguments.quiet)
+            with reminders(entry.name, arguments.quiet):
+                said = reproduce(entry, arguments.write, arguments.quiet)
         except RunError as error:
             said = [str(error)]
         of = stored.get(entry.name, {}).get("commit", "an unknown commit")

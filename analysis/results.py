@@ -12,7 +12,7 @@ from .experiment import Experiment
 from .machine import describe
 from .methods import label_of
 from .paths import PACKAGE, PROGRAMS, write_text
-from .points import say
+from .points import reminders, say
 from .remesh import sentence_of
 from .report import render
 from .verdict import finding
@@ -36,7 +36,8 @@ def results_of(experiment: Experiment, is_quiet: bool = True) -> dict[str, Any]:
     if comparison.get("fingerprint") == fingerprint(experiment):
         return comparison
     say("comparing and drawing", is_quiet)
-    return write_results(experiment)
+    with reminders("comparing and drawing", is_quiet):
+        return write_results(experiment)
 
 
 def write_results(experiment: Experiment) -> dict[str, Any]:

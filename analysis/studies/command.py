@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..paths import ROOT
+from ..points import reminders
 from ..runs import RunError
 from . import (
     accuracy,
@@ -144,7 +145,8 @@ def main(arguments: argparse.Namespace) -> int:
     arguments.time_limit = arguments.time_limit or _TIME_LIMIT
     folder = arguments.out or ROOT / "out" / "study" / arguments.name
     measure = STUDIES[arguments.name].measure
-    result = measure(arguments, folder)
-    write(folder, result, protocol_of(sys.argv[1:], sys.modules[measure.__module__].__doc__))
+    with reminders(arguments.name, arguments.quiet):
+        result = measure(arguments, folder)
+        write(folder, result, protocol_of(sys.argv[1:], sys.modules[measure.__module__].__doc__))
     print(f"{text_of(result)}\n\nreport: {folder / 'report.html'}")
     return 0

@@ -1,11 +1,14 @@
 """Sweeps over programs that stand in for the solvers: points run once, failures are rows, a kill loses nothing."""
 
 import csv
+import io
 import os
 import platform
 import random
 import signal
 import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -15,7 +18,7 @@ from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from analysis import grid as sweeps
 from analysis.__main__ import parse_arguments
 from analysis.grid import finding, parse_grid, points_of, sweep
-from analysis.points import Point, Store, say
+from analysis.points import Point, Store, reminders, say
 from analysis.runs import RunError
 
 GRID = {"material.nu": list(ERRORS), "network.multiplicity": ["3", "5"]}
@@ -310,6 +313,26 @@ def test_progress_stands_on_stderr(capsys):
     say("half way", is_quiet=False)
     say("nothing", is_quiet=True)
     assert capsys.readouterr() == ("", "half way\n")
+
+
+def wait_for(stream, text):
+    deadline = time.monotonic() + 60
+    while text not in stream.getvalue() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert text in stream.getvalue()
+
+
+def test_who_waits_is_told_again_what_is_at_work(monkeypatch):
+    monkeypatch.setattr("sys.stderr", io.StringIO())
+    with reminders("study", is_quiet=False, pause=0.02):
+        wait_for(sys.stderr, "study: 0 s\nstudy: 0 s\n")
+        say("half way", is_quiet=False)
+        wait_for(sys.stderr, "half way\nhalf way: 0 s\n")
+    monkeypatch.setattr("sys.stderr", io.StringIO())
+    time.sleep(0.1)
+    with reminders("study", is_quiet=True, pause=0.02):
+        time.sleep(0.1)
+    assert sys.stderr.getvalue() == ""
 
 
 def test_shares_of_two_machines_make_the_whole_table(scene, programs, tmp_path):

@@ -1,18 +1,22 @@
 """Scaling, cost and the paper's table, on numbers whose answer is known."""
 
+import functools
+import inspect
 import json
 import re
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 from solvers import calls, make_solvers
 
+from analysis.__main__ import parse_arguments
 from analysis.paths import ROOT, SCENES
 from analysis.points import Outcome, Store
-from analysis.studies import cost, paper, scaling
-from analysis.studies.result import alone
+from analysis.studies import command, cost, paper, scaling
+from analysis.studies.result import Result, alone
 
 
 def test_slope_is_the_exponent():
@@ -279,3 +283,19 @@ def test_timed_studies_wait_for_each_other(tmp_path):
         with pytest.raises(subprocess.TimeoutExpired):
             other.wait(0.5)
     assert other.wait(30) == 0
+
+
+@pytest.mark.parametrize("name", command.STUDIES)
+def test_every_study_speaks_within_ten_seconds_and_every_ten_after(name, tmp_path, monkeypatch, capsys):
+    """One that says nothing, while a tenth of a second stands for ten."""
+    assert inspect.signature(command.reminders).parameters["pause"].default <= 10
+    monkeypatch.setattr(command, "reminders", functools.partial(command.reminders, pause=0.1))
+
+    def measure(*_):
+        time.sleep(0.35)
+        return Result("Name", "Found.", [])
+
+    monkeypatch.setitem(command.STUDIES, name, command.STUDIES[name]._replace(measure=measure))
+    monkeypatch.setattr(command, "protocol_of", lambda *_: {})
+    assert command.main(parse_arguments(["study", name, "--out", str(tmp_path)])) == 0
+    assert capsys.readouterr().err.count(f"{name}: ") >= 2
