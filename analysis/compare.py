@@ -148,6 +148,21 @@ def trajectory_error(run: Run, reference: Run, is_free: bool = False) -> Displac
     return _error_of(reference.times, pairs, vertex_areas(X, F))
 
 
+def root_mean_square(reference: Run, is_free: bool, time: float) -> float:
+    """Length (m) that errors are relative to: of the reference's displacement over its surface at a time, of a motion over it
+    all."""
+    X, F = reference.last.X, reference.last.F
+    is_moving = is_dynamic(reference)
+    fields = (
+        [reference.frame(k).u for k in range(len(reference.times))]
+        if is_moving
+        else [displacement_at(reference, time)]
+    )
+    squares = np.array([(deformation(Frame(X, u, F), is_free) ** 2).sum(axis=1) for u in fields])
+    means = np.average(squares, axis=1, weights=vertex_areas(X, F))
+    return float(np.sqrt(_mean_over(reference.times if is_moving else np.zeros(1), means)))
+
+
 @dataclass(frozen=True)
 class Tip:
     """The vertex that the reference moves farthest, and the direction in which it does."""

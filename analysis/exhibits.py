@@ -6,11 +6,12 @@ from pathlib import Path
 
 from .compare import Figures, area_change, is_dynamic, tip_of, vertex_areas, volume_change
 from .comparison import Comparison
-from .drawing.bodies import Body, bodies_of, draw_bodies, draw_thumbnail, has_cavity, scale_of
+from .drawing.bodies import Body, bodies_of, draw_bodies, draw_thumbnail, has_cavity
+from .drawing.error_scale import LEAST, scale_svg
 from .drawing.film import draw_film, draw_strip
 from .drawing.pictures import magnification
 from .drawing.plots import SMALLEST, Panel, plot_curves, plot_errors, plot_errors_over_surface, plot_times
-from .drawing.view import write_view
+from .drawing.view import Shown, write_view
 from .drawing.warp import draw_playback
 from .methods import REFERENCE, label_of
 from .paths import THUMBNAIL, VIEW
@@ -39,43 +40,42 @@ def draw_row(comparison: Comparison) -> Row | None:
         return None
     bodies = {REFERENCE: bodies.pop(REFERENCE), **bodies}
     errors = {name: body.error for name, body in bodies.items() if body.error is not None}
-    scale = scale_of(list(errors.values()))
     factor = magnification(X, bodies[REFERENCE].u)
     files = [experiment.folder / f"body_{name}.png" for name in bodies]
-    draw_bodies(files, list(bodies.values()), scale, factor)
+    draw_bodies(files, list(bodies.values()), factor)
     draw_thumbnail(experiment.folder / THUMBNAIL, files)
-    names = {label_of(name): body for name, body in bodies.items()}
-    write_view(experiment.folder / VIEW, f"{experiment.name}, {experiment.surface}", names, scale, factor)
-    panels = []
-    for name, file in zip(bodies, files, strict=True):
-        model = comparison.models.get(name)
-        error = (
-            f"error {percent(model.displacement_error_l2)}" if isinstance(model, Figures) else "the reference"
-        )
-        panels.append((label_of(name), error + moments.get(name, ""), file))
     drawn = "as large as they are" if factor == 1 else f"{factor:g} times as large"
     moment = f" at {significant(end)} s" if is_dynamic(reference) else ""
     if reference.stopped:
         moment = f" at load factor {significant(end)}"
-    cut = " They are cut open." if is_cut else ""
-    caption = f"The bodies{moment}, displacements drawn {drawn}, coloured by error, with the outline of the body at rest.{cut}"
+    words = f"The bodies{moment}, displacements drawn {drawn}, coloured by error."
+    found = {
+        name: f"error {percent(model.displacement_error_l2)}" + moments.get(name, "")
+        for name, model in comparison.models.items()
+        if isinstance(model, Figures)
+    } | {REFERENCE: "the reference"}
+    shown = [Shown(label_of(name), found[name], body) for name, body in bodies.items()]
+    write_view(experiment.folder / VIEW, f"{experiment.name}, {experiment.surface}", words, shown, factor)
+    panels = [(name, result, file) for (name, result, _), file in zip(shown, files, strict=True)]
+    caption = f"{words} Dashes: the outline of the body at rest."
+    if is_cut:
+        caption += " They are cut open."
     areas = vertex_areas(X, F)
-    return Row(panels, scale.svg(), plot_errors_over_surface(errors, areas, scale.low), caption, VIEW)
+    return Row(panels, scale_svg(), plot_errors_over_surface(errors, areas, LEAST), caption, VIEW)
 
 
 def draw_films(comparison: Comparison) -> dict[str, Path]:
     """Draws what moves into the experiment's folder; caption -> file."""
     experiment, folder = comparison.experiment, comparison.experiment.folder
     pictures = {}
-    methods = comparison.methods
-    shown = {name: methods[name] for name in (experiment.calibration, REFERENCE) if name in methods}
+    shown = comparison.methods
     if shown and not experiment.is_static and min(len(run.times) for run in shown.values()) > 1:
         draw_strip(folder / "strip.png", shown)
         draw_film(folder / "film.gif", shown)
         if not comparison.reference:
             draw_thumbnail(folder / THUMBNAIL, [folder / "strip.png"])
         pictures["Frames in time."] = folder / "strip.png"
-        pictures["The motion, and the volume."] = folder / "film.gif"
+        pictures["The motion, in the order and the colours of the bodies above."] = folder / "film.gif"
     playback = experiment.scene.get("playback", {})
     if experiment.calibration in shown and playback.get("warp"):
         draw_playback(folder / "playback", shown[experiment.calibration], playback)

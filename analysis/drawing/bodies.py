@@ -1,4 +1,4 @@
-"""Bodies of a comparison side by side: all from one place, in one light, on one logarithmic scale of error."""
+"""Bodies of a comparison side by side: all from one place, in one light, on the one scale of error."""
 
 from __future__ import annotations
 
@@ -8,21 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 from PIL import Image
 
-from ..compare import deformation, displacement_at, vertex_areas, volume
+from ..compare import deformation, displacement_at, root_mean_square, volume
 from ..runs import Array, Frame, Run
-from ..wording import significant
-from .pictures import PANEL, add_outline, aim, floor_of, skin_of, stage, surface_of, view_axes
-from .style import svg_of
-
-CLAY = "#c9ccd1"  # of what bears no error
-ERRORS = "YlOrRd"  # pale is good
-_DECADES = 4  # of errors, at most, below the largest
-_LEAST_ERROR = 1e-3  # %: all below is as good
+from .error_scale import CLAY, COLOURS, LEAST, MOST
+from .pictures import LOOK, PANEL, add_outline, aim, floor_of, skin_of, stage, surface_of, view_axes
 
 
 @dataclass(frozen=True)
@@ -43,14 +34,12 @@ class Body:
 def bodies_of(run: Run, reference: Run, time: float, is_free: bool, is_cut: bool) -> tuple[Body, Body]:
     """The reference's body and the run's at a time, without rigid motion where they are free.
 
-    The error is given in % of the root mean square of the reference's displacement, as displacement_error.
+    The error is given in % of the root mean square of the reference's displacement, of a motion over all of it.
     """
     X, F = reference.last.X, reference.last.F
     frames = [Frame(r.last.X, displacement_at(r, time), F) for r in (reference, run)]
     u_reference, u = (deformation(frame, is_free) for frame in frames)
-    weights = vertex_areas(X, F)
-    root_mean_square = np.sqrt(np.average((u_reference**2).sum(axis=1), weights=weights))
-    error = 100 * np.linalg.norm(u - u_reference, axis=1) / root_mean_square
+    error = 100 * np.linalg.norm(u - u_reference, axis=1) / root_mean_square(reference, is_free, time)
     cuts = [
         _cut(r, time, X, frame.u - moved) if is_cut else None
         for r, frame, moved in zip((reference, run), frames, (u_reference, u), strict=True)
@@ -77,34 +66,6 @@ def _cut(run: Run, time: float, X: Array, rigid: Array) -> pv.PolyData | None:
     return solid.slice(normal=normal, origin=origin)
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Logarithmic, of errors in %, shared by all bodies of a row."""
-
-    low: float
-    high: float
-
-    def svg(self) -> str:
-        """As a bar."""
-        figure = Figure(figsize=(7, 0.75))
-        bar = figure.colorbar(
-            ScalarMappable(LogNorm(self.low, self.high), ERRORS), cax=figure.add_axes((0.02, 0.6, 0.96, 0.3)),
-            orientation="horizontal",
-        )  # fmt: skip
-        bar.ax.xaxis.set_major_formatter(lambda value, _: significant(value))
-        bar.ax.minorticks_off()
-        bar.set_label("displacement error (% of the finite elements' root mean square)")
-        return svg_of(figure)
-
-
-def scale_of(errors: Sequence[Array]) -> Scale:
-    """Whole decades that hold the errors (%), the smallest left out."""
-    values = np.concatenate(errors)
-    high = 10 ** np.ceil(np.log10(max(values.max(), 10 * _LEAST_ERROR)) - 1e-9)
-    low = 10 ** np.floor(np.log10(max(np.quantile(values, 0.02), high / 10**_DECADES)) + 1e-9)
-    return Scale(float(min(low, high / 10)), float(high))
-
-
 def has_cavity(X: Array, F: Array) -> bool:
     """Whether a shell of the surface lies inside another, so that much is seen only where the body is cut open."""
     parts = surface_of(X, F).connectivity("all")
@@ -118,7 +79,7 @@ def cut_plane(X: Array) -> tuple[Array, Array]:
     return (X.min(axis=0) + X.max(axis=0)) / 2, towards / np.linalg.norm(towards)
 
 
-def _shown(bodies: Sequence[Body], factor: float) -> Array:
+def shown(bodies: Sequence[Body], factor: float) -> Array:
     """Points that a picture holds: all of the first body, and of others what stays within its size of it."""
     first = bodies[0]
     points = np.vstack([first.X, first.X + factor * first.u])
@@ -128,34 +89,35 @@ def _shown(bodies: Sequence[Body], factor: float) -> Array:
     return np.vstack([points, *others])
 
 
-def draw_bodies(files: Sequence[Path], bodies: Sequence[Body], scale: Scale | None, factor: float) -> None:
+def draw_bodies(files: Sequence[Path], bodies: Sequence[Body], factor: float) -> None:
     """Draws each body into its file (PNG), all seen from the same place.
 
     Displacements are drawn factor times as large. The body at rest is an outline.
     """
-    shown = _shown(bodies, factor)
-    floor = floor_of(bodies[0].X, bodies[0].u, shown)
+    visible = shown(bodies, factor)
+    floor = floor_of(bodies[0].X, bodies[0].u, visible)
     if floor:
         shadows = [floor.shadow_of(body.X + factor * body.u) for body in bodies]
-        shown = np.vstack([shown, *shadows])
+        visible = np.vstack([visible, *shadows])
     for number, (file, body) in enumerate(zip(files, bodies, strict=True)):
         plotter = stage(PANEL)
         if floor:
             floor.add_to(plotter)
             plotter.add_mesh(surface_of(shadows[number], body.F), color="#b9bcc2", lighting=False)
-        _add_body(plotter, body, scale, factor)
+        add_body(plotter, body, factor)
         add_outline(plotter, body.X, body.F)
-        aim(plotter.camera, shown)
+        aim(plotter.camera, visible)
         plotter.screenshot(file)
         plotter.close()
 
 
-def _add_body(plotter: pv.Plotter, body: Body, scale: Scale | None, factor: float) -> None:
+def add_body(plotter: pv.Plotter, body: Body, factor: float) -> None:
+    """The body in the colours of its errors, its displacement drawn factor times as large."""
     skin = skin_of(body.X, body.F)
     mesh = skin.mesh
     mesh["u"] = body.u[skin.ids]
     if body.error is not None:
-        mesh["error"] = body.error[skin.ids]
+        mesh["error"] = np.maximum(body.error[skin.ids], LEAST)
     skin.move(body.X + factor * body.u)
     if body.inside is not None:
         origin, normal = cut_plane(body.X)
@@ -164,14 +126,18 @@ def _add_body(plotter: pv.Plotter, body: Body, scale: Scale | None, factor: floa
         cut = body.inside.copy()
         cut.points = cut.points + factor * cut["u"]
         plotter.add_mesh(cut, color=CLAY, show_edges=True, edge_color="#8d939c", line_width=0.5, ambient=0.5)
-    look = {"ambient": 0.42, "diffuse": 0.66, "specular": 0.1, "specular_power": 12, "smooth_shading": True}
-    if body.error is None or scale is None:
-        plotter.add_mesh(mesh, color=CLAY, **look)
+    if body.error is None:
+        plotter.add_mesh(mesh, color=CLAY, **LOOK)
     else:
-        mesh["error"] = np.maximum(mesh["error"], scale.low)
         plotter.add_mesh(
-            mesh, scalars="error", cmap=ERRORS, clim=(scale.low, scale.high), log_scale=True, show_scalar_bar=False, **look
-        )  # fmt: skip
+            mesh,
+            scalars="error",
+            cmap=COLOURS,
+            clim=(LEAST, MOST),
+            log_scale=True,
+            show_scalar_bar=False,
+            **LOOK,
+        )
 
 
 def draw_thumbnail(file: Path, pictures: Sequence[Path], height: int = 200) -> None:

@@ -1,4 +1,6 @@
-"""Films and strips of frames: runs side by side, painted with displacement, above their volume curves.
+"""Films and strips of frames: runs side by side, in the order of a report, above a curve of each.
+
+Beside a reference, runs have the colours of their errors; without one, those of their displacement.
 
     python -m analysis.drawing.film RUN_FOLDER [RUN_FOLDER ...] [--out FOLDER]
 
@@ -18,15 +20,26 @@ import pyvista as pv
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize, to_rgba_array
+from matplotlib.colors import LogNorm, Normalize, to_rgba_array
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
-from ..compare import displacement_at, volume_change
+from ..compare import (
+    deformation,
+    displacement_at,
+    keeps_volume,
+    root_mean_square,
+    tip_of,
+    trajectory_error,
+    volume_change,
+)
 from ..methods import REFERENCE, label_of
-from ..runs import Array, Run, RunError, load_run, method_of, scene_of
-from ..wording import significant
+from ..runs import Array, Frame, Run, RunError, load_run, method_of, scene_of
+from ..surface_points import on_points_of
+from ..wording import percent, significant, unit_of_length
+from .error_scale import CLAY, COLOURS, LEAST, MOST, TICKS
 from .pictures import (
+    LOOK,
     add_outline,
     aim,
     magnification,
@@ -39,30 +52,62 @@ from .pictures import (
 )
 from .style import style_of
 
-_HEIGHT = 480  # pixels of a panel of a film; half as many of a strip
+_HEIGHT = 480  # pixels of a panel of a film, at most; half as many of a strip
+_WIDTH = 1600  # pixels of a film, at most
 _ASPECT = (1.0, 1.6)  # least and largest width of a panel over its height
 _TITLE, _FOOTER = 22, 150  # pixels above the panels and below them
+_DASH = 18  # pixels: of the line in a panel's title, which has the colour of its curve
 _COLOURS = 256  # of a film: few keep it small
-_MAP = "viridis"
 _SWATCH = 60  # pixels: height of the colours that a film's palette must hold
 
 
 @dataclass(frozen=True)
 class _Body:
-    """A run's displacements at the shown times, and how they are drawn."""
+    """A run's displacements at the shown times, and the values that colour it; None: it is drawn in clay."""
 
     X: Array
     F: Array
     u: list[Array]
+    values: list[Array] | None
 
     def points(self, number: int, factor: float) -> Array:
         return self.X + factor * self.u[number]
 
 
-def _bodies(runs: dict[str, Run], times: Array) -> dict[str, _Body]:
+@dataclass(frozen=True)
+class _Paint:
+    """What colours mean in a film."""
+
+    label: str
+    colours: Any  #: matplotlib's map
+    norm: Normalize
+    ticks: list[float]  #: from end to end
+
+    @property
+    def low(self) -> float:
+        return self.ticks[0]
+
+    @property
+    def high(self) -> float:
+        return self.ticks[-1]
+
+
+def _errors(runs: dict[str, Run], reference: Run, times: Array, is_free: bool) -> dict[str, list[Array]]:
+    """At each vertex (%), at the times, of all runs but the reference, relative to what the report's are."""
+    X, F = reference.last.X, reference.last.F
+
+    def deformed(run: Run, time: float) -> Array:
+        return deformation(Frame(X, displacement_at(run, time), F), is_free)
+
+    length = root_mean_square(reference, is_free, times[-1])
+    expected = [deformed(reference, time) for time in times]
     return {
-        name: _Body(run.last.X, run.last.F, [displacement_at(run, time) for time in times])
+        name: [
+            100 / length * np.linalg.norm(deformed(run, time) - u, axis=1)
+            for time, u in zip(times, expected, strict=True)
+        ]
         for name, run in runs.items()
+        if run is not reference
     }
 
 
@@ -120,48 +165,79 @@ class _Camera:
     """Draws bodies from one fixed view, on one colour scale, so that frames and runs can be compared."""
 
     def __init__(self, runs: dict[str, Run], times: Array, panel_height: int) -> None:
-        self.bodies = _bodies(runs, times)
+        self.times = times
         scene = scene_of(next(iter(runs.values())))
         self.is_static = scene.get("time", {}).get("mode") == "static"
-        fields = [np.linalg.norm(u, axis=1).max() for body in self.bodies.values() for u in body.u]
-        self.largest = max(fields)
-        if not self.largest > 0:
+        self.is_free = bool(scene) and not scene.get("supports")
+        reference = runs.get(REFERENCE) if len(runs) > 1 else None
+        if reference:
+            runs = {name: on_points_of(run, reference) for name, run in runs.items()}
+        self.runs, self.reference = runs, reference
+        fields = {name: [displacement_at(run, time) for time in times] for name, run in runs.items()}
+        lengths = {name: [np.linalg.norm(u, axis=1) for u in of] for name, of in fields.items()}
+        largest = max(float(length.max()) for of in lengths.values() for length in of)
+        if not largest > 0:
             raise RunError("nothing moves in these runs, so there is no film of them")
+        values = _errors(runs, reference, times, self.is_free) if reference else lengths
+        self.bodies = {
+            name: _Body(run.last.X, run.last.F, fields[name], values.get(name)) for name, run in runs.items()
+        }
+        unit, size = unit_of_length(largest)
+        self.paint = (
+            _Paint("error (%)", COLOURS, LogNorm(LEAST, MOST), TICKS)
+            if reference
+            else _Paint(
+                f"displacement ({unit})",
+                colormaps["viridis"],
+                Normalize(0, largest / size),
+                [0, largest / size],
+            )
+        )
+        self.unit = 1.0 if reference else size
         first = next(iter(self.bodies.values()))
-        self.factor = magnification(first.X, np.array([[self.largest, 0, 0]]))
+        self.factor = magnification(first.X, np.array([[largest, 0, 0]]))
         if scene.get("obstacles"):
             self.factor = 1.0  # enlarged, a body would cross what it only touches
         self.shown = np.vstack(
-            [
-                points
-                for body in self.bodies.values()
-                for points in (body.points(k, self.factor) for k in range(len(times)))
-            ]
+            [body.points(k, self.factor) for body in self.bodies.values() for k in range(len(times))]
         )
         width, height = seen_size(self.shown)
-        self.panel = (int(panel_height * np.clip(width / height, *_ASPECT)), panel_height)
+        aspect = float(np.clip(width / height, *_ASPECT))
+        high = min(panel_height, int(_WIDTH / len(runs) / aspect))
+        self.panel = (int(high * aspect), high)
         middle = (self.shown.min(axis=0) + self.shown.max(axis=0)) / 2
         size = float(np.linalg.norm(np.ptp(self.shown, axis=0)))
-        self.times = times
         self.obstacles = [(o, _obstacle_mesh(o, middle, size)) for o in scene.get("obstacles", [])]
+
+    def title(self, name: str) -> str:
+        """Of a run's panels: its name and, of a motion beside a reference, the error that the report's table holds."""
+        if not self.reference or name == REFERENCE or self.is_static:
+            return label_of(name)
+        error = trajectory_error(self.runs[name], self.reference, self.is_free)
+        return f"{label_of(name)} ({percent(error.l2)})"
 
     def shots(self, name: str) -> list[Image.Image]:
         """One picture of a run's body for each time."""
         body = self.bodies[name]
         plotter = stage(self.panel, is_smooth=False)
         skin = skin_of(body.X, body.F)
-        skin.mesh["displacement"] = np.zeros(skin.mesh.n_points)
-        plotter.add_mesh(
-            skin.mesh, scalars="displacement", cmap=_MAP, clim=(0, self.largest), ambient=0.5, diffuse=0.6, show_scalar_bar=False,
-            smooth_shading=True,
-        )  # fmt: skip
+        if body.values is None:
+            plotter.add_mesh(skin.mesh, color=CLAY, **LOOK)
+        else:
+            skin.mesh["value"] = np.full(skin.mesh.n_points, self.paint.high)
+            plotter.add_mesh(
+                skin.mesh, scalars="value", cmap=self.paint.colours, clim=(self.paint.low, self.paint.high),
+                log_scale=isinstance(self.paint.norm, LogNorm), show_scalar_bar=False, **LOOK,
+            )  # fmt: skip
         add_outline(plotter, body.X, body.F)
         actors = [(o, _add_obstacle(plotter, m)) for o, m in self.obstacles]
         aim(plotter.camera, self.shown, self.panel)
         pictures = []
-        for number, u in enumerate(body.u):
+        for number in range(len(self.times)):
             skin.move(body.points(number, self.factor))
-            skin.mesh["displacement"] = np.linalg.norm(u, axis=1)[skin.ids]
+            if body.values is not None:
+                values = body.values[number][skin.ids] / self.unit
+                skin.mesh["value"] = np.maximum(values, self.paint.low)
             for obstacle, actor in actors:
                 actor.position = _translation(obstacle, self.times[number])
             plotter.render()
@@ -171,32 +247,42 @@ class _Camera:
         plotter.close()
         return pictures
 
-    def footer(self, runs: dict[str, Run], width: int, marks: Array) -> tuple[Image.Image, Array]:
-        """Volume curves and the colour scale, and where on it (pixels from the left) the marks lie."""
+    def curves(self) -> tuple[str, dict[str, tuple[Array, Array]]]:
+        """What is drawn below the bodies, with its unit: the volume or, where the reference keeps it, the tip."""
+        if self.reference and keeps_volume(self.reference):
+            tip = tip_of(self.reference, self.is_free)
+            curves = {name: tip.curve(run, self.is_free) for name, run in self.runs.items()}
+            unit, size = unit_of_length(max(float(np.abs(moved).max()) for _, moved in curves.values()))
+            return f"tip ({unit})", {name: (times, moved / size) for name, (times, moved) in curves.items()}
+        changes = {name: volume_change(run) for name, run in self.runs.items()}
+        return "volume (%)", {name: (times, 100 * change) for name, (times, change) in changes.items()}
+
+    def footer(self, width: int) -> tuple[Image.Image, Array]:
+        """A curve of each run and the colour scale, and where on it (pixels from the left) the shown times lie."""
         figure = Figure(figsize=(width / 100, _FOOTER / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
-        axes = figure.add_axes((min(0.3, 70 / width), 0.33, 1 - min(0.45, 220 / width), 0.6))
-        for number, (name, run) in enumerate(runs.items()):
-            times, change = volume_change(run)
-            axes.plot(
-                times,
-                100 * change,
-                color=style_of(name, number).colour,
-                linewidth=2 if name == REFERENCE else 1.2,
-            )
+        axes = figure.add_axes((min(0.3, 70 / width), 0.33, 1 - min(0.55, 240 / width), 0.6))
+        label, curves = self.curves()
+        for name, (times, values) in curves.items():
+            axes.plot(times, values, color=self.colour(name), linewidth=2 if name == REFERENCE else 1.2)
         enlarged = "" if self.factor == 1 else f"; motion drawn {self.factor:g} x"
         axes.set_xlabel(("load factor (1)" if self.is_static else "time (s)") + enlarged, fontsize=8)
-        axes.set_ylabel("volume (%)", fontsize=8)
+        axes.set_ylabel(label, fontsize=8)
         axes.tick_params(labelsize=7)
-        bar = figure.add_axes((1 - min(0.1, 60 / width), 0.1, 12 / width, 0.8))
-        figure.colorbar(
-            ScalarMappable(Normalize(0, self.largest), _MAP), cax=bar, ticks=[0, self.largest], format="%.2g"
+        bar = figure.add_axes((1 - min(0.25, 100 / width), 0.12, 12 / width, 0.78))
+        scale = figure.colorbar(
+            ScalarMappable(self.paint.norm, self.paint.colours), cax=bar, ticks=self.paint.ticks
         )
-        bar.tick_params(labelsize=7)
-        bar.set_ylabel("displ. (m)", fontsize=7, labelpad=-8)
+        scale.ax.minorticks_off()
+        scale.ax.set_yticks(self.paint.ticks, [significant(tick, 2) for tick in self.paint.ticks], fontsize=7)
+        bar.set_ylabel(self.paint.label, fontsize=7)
         canvas.draw()
-        at = axes.transData.transform(np.column_stack([marks, np.zeros_like(marks)]))[:, 0]
+        at = axes.transData.transform(np.column_stack([self.times, np.zeros_like(self.times)]))[:, 0]
         return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"), at
+
+    def colour(self, name: str) -> str:
+        """Of a run's curve."""
+        return style_of(name, list(self.runs).index(name)).colour
 
     def moment(self, time: float) -> str:
         return f"load {time:.3g}" if self.is_static else f"{time:.3g} s"
@@ -214,7 +300,14 @@ def _write_scale(picture: Image.Image, pixel: float) -> None:
     _write(picture, (left, bottom - 19), f"{significant(length)} m")
 
 
-def _mosaic(pages: list[Image.Image], lines: list[str]) -> Image.Image:
+def _entitle(page: Image.Image, at: tuple[int, int], colour: str, text: str) -> None:
+    """Above a panel: a line as its curve, and text."""
+    left, top = at
+    ImageDraw.Draw(page).line([(left + 6, top + 12), (left + 6 + _DASH, top + 12)], fill=colour, width=3)
+    _write(page, (left + 12 + _DASH, top + 4), text)
+
+
+def _mosaic(pages: list[Image.Image], camera: _Camera) -> Image.Image:
     """Some of the pages in one, so that a palette serves them all, above the colours of the scale and the lines, which are
     too few of the pixels to be kept by themselves."""
     some = pages[:: max(1, len(pages) // 8)]
@@ -222,7 +315,8 @@ def _mosaic(pages: list[Image.Image], lines: list[str]) -> Image.Image:
     whole = Image.new("RGB", (width, len(some) * height + 2 * _SWATCH), "white")
     for number, page in enumerate(some):
         whole.paste(page, (0, number * height))
-    for row, colours in enumerate((colormaps[_MAP](np.linspace(0, 1, 32)), to_rgba_array(lines))):
+    lines = to_rgba_array([camera.colour(name) for name in camera.runs])
+    for row, colours in enumerate((camera.paint.colours(np.linspace(0, 1, 32)), lines)):
         swatches = np.repeat(np.uint8(255 * colours[None, :, :3]), _SWATCH, axis=0)
         at = (0, len(some) * height + row * _SWATCH)
         whole.paste(Image.fromarray(swatches).resize((width, _SWATCH), Image.Resampling.NEAREST), at)
@@ -232,30 +326,30 @@ def _mosaic(pages: list[Image.Image], lines: list[str]) -> Image.Image:
 def draw_film(
     file: Path, runs: dict[str, Run], n_frames: int = 30, seconds: float = 4, times: Array | None = None
 ) -> None:
-    """Writes a GIF of the runs side by side above their volume curves.
+    """Writes a GIF of the runs side by side above a curve of each.
 
     runs: method (fem_reference or a spring model) -> run; times: of the frames, where not n_frames evenly. All are seen from
-    the same place and coloured by displacement on one scale; small motion is enlarged, and the film says by how much. Raises
-    RunError where nothing moves.
+    the same place; small motion is enlarged, and the film says by how much. Raises RunError where nothing moves.
     """
     times = _shared_times(runs, n_frames) if times is None else times
     camera = _Camera(runs, times, _HEIGHT)
     width, height = camera.panel
     shots = {name: camera.shots(name) for name in runs}
-    footer, at = camera.footer(runs, len(runs) * width, times)
+    titles = {name: camera.title(name) for name in runs}
+    footer, at = camera.footer(len(runs) * width)
     pages = []
     for number, time in enumerate(times):
         page = Image.new("RGB", (len(runs) * width, _TITLE + height + _FOOTER), "white")
         for column, name in enumerate(runs):
             page.paste(shots[name][number], (column * width, _TITLE))
-            _write(page, (column * width + 6, 4), f"{label_of(name)}, {camera.moment(time)}")
+            text = f"{titles[name]}, {camera.moment(time)}"
+            _entitle(page, (column * width, 0), camera.colour(name), text)
         page.paste(footer, (0, _TITLE + height))
         ImageDraw.Draw(page).line(
             [(at[number], _TITLE + height + 10), (at[number], _TITLE + height + 100)], fill="grey"
         )
         pages.append(page)
-    lines = [style_of(name, number).colour for number, name in enumerate(runs)]
-    palette = _mosaic(pages, lines).quantize(_COLOURS, Image.Quantize.MEDIANCUT)
+    palette = _mosaic(pages, camera).quantize(_COLOURS, Image.Quantize.MEDIANCUT)
     frames = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in pages]
     duration = int(1000 * seconds / len(frames))
     durations = [duration] * (len(frames) - 1) + [1000]  # rest at the end
@@ -263,7 +357,7 @@ def draw_film(
 
 
 def draw_strip(file: Path, runs: dict[str, Run], n_frames: int = 5) -> None:
-    """Writes a PNG with a row of frames for each run, evenly in time, above their volume curves."""
+    """Writes a PNG with a row of frames for each run, evenly in time, above a curve of each."""
     times = _shared_times(runs, n_frames)
     camera = _Camera(runs, times, _HEIGHT // 2)
     width, height = camera.panel
@@ -273,12 +367,11 @@ def draw_strip(file: Path, runs: dict[str, Run], n_frames: int = 5) -> None:
         for column, shot in enumerate(camera.shots(name)):
             page.paste(shot, (column * width, line * row + _TITLE))
             moment = camera.moment(times[column])
-            _write(
-                page,
-                (column * width + 6, line * row + 4),
-                moment if column else f"{label_of(name)}, {moment}",
-            )
-    footer, at = camera.footer(runs, page.width, times)
+            if column:
+                _write(page, (column * width + 6, line * row + 4), moment)
+            else:
+                _entitle(page, (0, line * row), camera.colour(name), f"{camera.title(name)}, {moment}")
+    footer, at = camera.footer(page.width)
     page.paste(footer, (0, page.height - _FOOTER))
     for x in at:
         ImageDraw.Draw(page).line([(x, page.height - _FOOTER + 10), (x, page.height - 50)], fill="lightgrey")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import pyvista as pv
+import shapely
+from shapely.ops import substring
 
 from ..runs import Array
+from ..silhouette import silhouette
 
 _VISIBLE = 0.08  # of the bounding box's diagonal: smaller displacements are drawn larger
 _VIEW = (0.7, 0.45, 1.0)  # from where the camera looks, y up
@@ -16,7 +20,10 @@ _ROOM = (0.94, 0.94)  # of a panel's width and height, left to the body
 _CREASE = 40.0  # degrees: sharper edges are not smoothed over
 # Where lamps stand as the camera sees it, and how bright they are: key, fill and rim.
 _LAMPS = (((2, 4, 4), 0.75), ((-4, -1, 3), 0.4), ((0, 3, -4), 0.3))
+# Flat enough for colours to be read.
+LOOK = {"ambient": 0.62, "diffuse": 0.45, "specular": 0.05, "specular_power": 12, "smooth_shading": True}
 _SUN = np.array([-0.35, -1.0, -0.25])  # direction in which shadows fall
+_DASH = 0.025  # of the bounding box's diagonal: a dash of an outline and the gap behind it
 _STANDS = 0.25  # of the height: what is held below stands on a floor
 _SINKS = 0.1  # of the height: what sinks deeper does not
 
@@ -107,28 +114,27 @@ def skin_of(X: Array, F: Array) -> Skin:
 
 
 def outline_of(X: Array, F: Array) -> pv.PolyData:
-    """Edges of a body as the camera sees them: its contours, hidden ones included, and creases; before all else.
+    """The border of what a body covers as the camera sees it, in dashes before all else.
 
-    The view is parallel, so that lines moved towards the camera look the same, and nothing covers them.
+    The view is parallel, so that lines moved towards the camera look the same, and nothing covers them. Dashes without
+    creases and hidden edges are not taken for cracks of the body on which they lie.
     """
-    normals = np.cross(X[F[:, 1]] - X[F[:, 0]], X[F[:, 2]] - X[F[:, 0]])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    towards = view_axes()[2]
-    ends = np.sort(np.concatenate([F[:, [0, 1]], F[:, [1, 2]], F[:, [2, 0]]]), axis=1)
-    triangle = np.tile(np.arange(len(F)), 3)
-    order = np.lexsort(ends.T)
-    ends, triangle = ends[order], triangle[order]
-    # Of a closed surface every edge stands here twice.
-    first, second = normals[triangle[::2]], normals[triangle[1::2]]
-    is_contour = (first @ towards > 0) != (second @ towards > 0)
-    is_crease = (first * second).sum(axis=1) < np.cos(np.radians(_CREASE))
-    lines = np.insert(ends[::2][is_contour | is_crease], 0, 2, axis=1)
-    moved = X + 2 * np.linalg.norm(np.ptp(X, axis=0)) * towards
-    return pv.PolyData(moved, lines=lines.ravel())
+    axes = view_axes()
+    size = float(np.linalg.norm(np.ptp(X, axis=0)))
+    nearest = (X @ axes[2]).max() + 2 * size
+    lines = []
+    for ring in shapely.get_parts(shapely.boundary(silhouette(X, F, axes))):
+        n = max(3, round(ring.length / (_DASH * size)))
+        for start in np.arange(n) / n:
+            flat = shapely.get_coordinates(substring(ring, start, start + 0.5 / n, normalized=True))
+            lines.append(np.column_stack([flat, np.full(len(flat), nearest)]) @ axes)
+    cells = np.cumsum([0, *map(len, lines)])
+    joined = [np.r_[end - start, start:end] for start, end in itertools.pairwise(cells)]
+    return pv.PolyData(np.vstack(lines), lines=np.concatenate(joined))
 
 
 def add_outline(plotter: pv.Plotter, X: Array, F: Array) -> None:
-    plotter.add_mesh(outline_of(X, F), color="#30343a", line_width=3, opacity=0.7, lighting=False)
+    plotter.add_mesh(outline_of(X, F), color="#30343a", line_width=2, lighting=False)
 
 
 def tiles(middle: Array, normal: Array, size: float) -> pv.PolyData:

@@ -2,67 +2,119 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import io
 import json
+import re
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
 from trame_vtk.modules.vtk.protocols.local_rendering import vtkWebLocalRendering
-from trame_vtk.tools.vtksz2html import write_html
+from trame_vtk.tools.vtksz2html import HTML_VIEWER_PATH
 from vtkmodules.vtkWebCore import vtkWebApplication
 
 from ..paths import write_text
 from ..runs import Array
-from .bodies import CLAY, ERRORS, Body, Scale
-from .pictures import seen_size, skin_of, view_axes
+from .bodies import Body, shown
+from .error_scale import CLAY, COLOURS, LEAST, MOST, scale_svg
+from .pictures import LOOK, aim, light, seen_size, skin_of, surface_of
 
-_GAP = 1.25  # from body to body, over the width of the first as it is seen
 _TITLE = "<title>VTK.js | Example - OfflineLocalView</title>"
 _ICON = "https://kitware.github.io/vtk-js/icon/favicon-"  # which the viewer would fetch
+_ROOM = 0.9  # of a body's part of the window, filled by it
+_NARROWEST = 200  # pixels of such a part: its name fits
+
+_STYLE = """<style>
+body { font: 16px/1.4 system-ui, sans-serif; color: #222; display: flex; flex-direction: column; }
+header, footer { padding: .5rem 1rem; } h1 { font-size: 1.1rem; margin: 0; } p { margin: 0; color: #555; font-size: .9rem; }
+main { flex: 1; min-height: 0; display: grid; grid-auto-rows: minmax(0, 1fr); }
+section { min-width: 0; display: flex; flex-direction: column; }
+.body { position: relative; flex: 1; min-height: 0; overflow: hidden; }
+.name { height: 2.6rem; text-align: center; font-size: .85rem; line-height: 1.3; overflow: hidden; white-space: nowrap; }
+footer svg { display: block; max-width: 100%; height: auto; max-height: 20vh; margin: auto; }
+</style>"""
+
+# A window for each body: they share a camera, and stand in the number of columns that leaves them largest.
+_SCRIPT = """<script>
+let windows = [];
+function loadDataSet() {
+  SCENES.forEach((base64Str, k) => {
+    OfflineLocalView.load(document.querySelectorAll(".body")[k], { base64Str });
+    windows.push(global.renderWindow);
+  });
+  setUp();
+}
+const rendererOf = view => view.getRenderers().find(renderer => renderer.getActors().length);
+function setUp() {
+  if (!windows.every(rendererOf)) return requestAnimationFrame(setUp);
+  const camera = rendererOf(windows[0]).getActiveCamera();
+  camera.setParallelProjection(true);
+  for (const view of windows) rendererOf(view).setActiveCamera(camera);
+  const render = () => windows.forEach(view => { rendererOf(view).resetCameraClippingRange(); view.render(); });
+  for (const view of windows) view.getInteractor().onAnimation(render);
+  new ResizeObserver(() => {
+    arrange(camera);
+    dispatchEvent(new Event("resize")); // to which every window fits itself
+    render();
+  }).observe(document.querySelector("main"));
+}
+function arrange(camera) {
+  const main = document.querySelector("main"), n = windows.length, name = document.querySelector(".name").offsetHeight;
+  const pixels = columns => Math.min(
+    main.clientWidth / columns / WIDTH, (main.clientHeight / Math.ceil(n / columns) - name) / HEIGHT);
+  const most = Math.max(1, Math.min(n, Math.floor(main.clientWidth / NARROWEST)));
+  const columns = [...Array(most).keys()].map(k => k + 1).reduce((a, b) => pixels(b) > pixels(a) ? b : a);
+  main.style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
+  camera.setParallelScale(document.querySelector(".body").clientHeight / pixels(columns) / 2 / ROOM);
+}
+</script>"""
 
 
-def write_view(file: Path, title: str, bodies: dict[str, Body], scale: Scale, factor: float) -> None:
-    """Puts the deformed bodies side by side above their names, coloured by error on the scale.
+class Shown(NamedTuple):
+    """A body of a view, its name, and what was found of it."""
 
-    bodies: name -> body, of which the first sets the size; displacements are drawn factor times as large.
+    name: str
+    found: str
+    body: Body
+
+
+def write_view(file: Path, title: str, words: str, panels: Sequence[Shown], factor: float) -> None:
+    """Puts the deformed bodies side by side above their names, in the colours of their errors, each within a pale shell, which
+    is the body at rest.
+
+    words: what is drawn, as a sentence; panels: the first body sets the size; displacements are drawn factor times as large.
     """
-    first = next(iter(bodies.values()))
-    points = np.vstack([first.X, first.X + factor * first.u])
-    low, high = points.min(axis=0), points.max(axis=0)
-    axes = view_axes()
-    right, step = axes[0], _GAP * max(seen_size(points))
-    plotter = pv.Plotter(off_screen=True, window_size=[1200, 500])
-    plotter.set_background("white")
-    for number, (name, body) in enumerate(bodies.items()):
-        skin = skin_of(body.X, body.F)
-        skin.move(body.X + factor * body.u + number * step * right)
-        mesh = skin.mesh.copy()
-        mesh.clear_point_data()
-        mesh.points = mesh.points.astype(np.float32)
-        if body.error is None:
-            plotter.add_mesh(mesh, color=CLAY, smooth_shading=True)
-        else:
-            mesh["error (%), power of ten"] = np.log10(np.maximum(body.error[skin.ids], scale.low)).astype(
-                np.float32
-            )
-            plotter.add_mesh(
-                mesh, scalars="error (%), power of ten", cmap=ERRORS, clim=np.log10((scale.low, scale.high)),
-                smooth_shading=True, show_scalar_bar=number == len(bodies) - 1,
-                scalar_bar_args={"color": "black", "n_labels": 2, "fmt": "{:.0f}"},
-            )  # fmt: skip
-        plotter.add_mesh(
-            _label(name, (low + high) / 2 + number * step * right, step), color="black", lighting=False
-        )
-    middle = (low + high) / 2 + (len(bodies) - 1) / 2 * step * right
-    plotter.camera_position = [middle + 3 * len(bodies) * step * axes[2], middle, (0, 1, 0)]
-    plotter.reset_camera()
-    plotter.camera.zoom(2.0)
-    text = _html_of(plotter)
-    plotter.close()
-    write_text(file, text.replace(_TITLE, f"<title>{html.escape(title)}</title>").replace(_ICON, "data:,"))
+    points = shown([panel.body for panel in panels], factor)
+    # All at once: the viewer tells objects by their addresses.
+    plotters = [_plotter_of(panel.body, factor, points) for panel in panels]
+    scenes = [_scene_of(plotter) for plotter in plotters]
+    for plotter in plotters:
+        plotter.close()
+    sections = [
+        f'<section><div class="body"></div><div class="name"><b>{html.escape(name)}</b><br>{html.escape(found)}</div></section>'
+        for name, found, _ in panels
+    ]
+    hint = "The pale shell is the body at rest. Drag to turn, use the wheel or two fingers to come nearer."
+    body = (
+        f"{_STYLE}<header><h1>{html.escape(title)}</h1><p>{html.escape(words)} {hint}</p></header>"
+        f"<main>{''.join(sections)}</main><footer>{_inline(scale_svg())}</footer>"
+    )
+    width, height = seen_size(points)
+    values = {"SCENES": scenes, "WIDTH": width, "HEIGHT": height, "ROOM": _ROOM, "NARROWEST": _NARROWEST}
+    script = re.sub("|".join(values), lambda found: json.dumps(values[found[0]]), _SCRIPT)
+    text = HTML_VIEWER_PATH.read_text(encoding="utf-8")
+    text = text.replace(_TITLE, f"<title>{html.escape(title)}</title>").replace(_ICON, "data:,")
+    write_text(file, text.replace("<body>", f"<body>{body}{script}", 1))
+
+
+def _inline(svg: str) -> str:
+    """An SVG file's text as a part of a page."""
+    return svg[svg.index("<svg") :]
 
 
 class _Protocol(vtkWebLocalRendering):  # type: ignore[misc]
@@ -72,26 +124,42 @@ class _Protocol(vtkWebLocalRendering):  # type: ignore[misc]
     app = vtkWebApplication()
 
 
-def _html_of(plotter: pv.Plotter) -> str:
+def _plotter_of(body: Body, factor: float, points: Array) -> pv.Plotter:
+    """A window of a body and its shell, seen so that it holds the points."""
+    plotter = pv.Plotter(off_screen=True, lighting="none")
+    plotter.set_background("white")
+    light(plotter)
+    skin = skin_of(body.X, body.F)
+    skin.move(body.X + factor * body.u)
+    mesh = skin.mesh.copy()
+    mesh.clear_point_data()
+    mesh.points = mesh.points.astype(np.float32)
+    if body.error is None:
+        plotter.add_mesh(mesh, color=CLAY, **LOOK)
+    else:
+        mesh["power of ten"] = np.log10(np.clip(body.error[skin.ids], LEAST, MOST)).astype(np.float32)
+        plotter.add_mesh(
+            mesh,
+            scalars="power of ten",
+            cmap=COLOURS,
+            clim=np.log10((LEAST, MOST)),
+            show_scalar_bar=False,
+            **LOOK,
+        )
+    shell = surface_of(body.X.astype(np.float32), body.F)
+    plotter.add_mesh(shell, color="#8a93a0", opacity=0.25, lighting=False, culling="front")
+    aim(plotter.camera, points)
+    return plotter
+
+
+def _scene_of(plotter: pv.Plotter) -> str:
+    """What the viewer loads, in base 64."""
     window = plotter.render_window
     window.Render()
     number = _Protocol.app.GetObjectIdMap().GetGlobalId(window)
     state = _Protocol().get_standalone_state(str(number))
+    _Protocol.app.GetObjectIdMap().FreeObject(window)
     scene = io.BytesIO()
     with zipfile.ZipFile(scene, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("index.json", json.dumps(state))
-    page = io.StringIO()
-    write_html(scene.getvalue(), page)
-    _Protocol.app.GetObjectIdMap().FreeObject(window)
-    return page.getvalue()
-
-
-def _label(name: str, at: Array, width: float) -> pv.PolyData:
-    """The name as flat letters that face the first view, below a body of that place and width (m)."""
-    text = pv.Text3D(name, depth=0.0)
-    letters = np.asarray(text.points)[:, :2]
-    letters = letters - (letters.min(axis=0) + letters.max(axis=0)) / 2
-    letters *= min(0.9 * width / np.ptp(letters[:, 0]), 0.1 * width / np.ptp(letters[:, 1]))
-    right, up, _ = view_axes()
-    text.points = (at + letters @ np.array([right, up]) - 0.6 * width * up).astype(np.float32)
-    return text
+    return base64.b64encode(scene.getvalue()).decode()

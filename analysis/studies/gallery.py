@@ -21,8 +21,9 @@ PAGE = PACKAGE / "GALLERY.md"
 _PICTURES = "figures/gallery"
 _HEAD = """# Gallery
 
-The bodies of every scene, and the command that repeats them. The first body is the finite elements'; colours are errors,
-pale to dark. Springs alone are shown in time. `./testbed study gallery` draws this page again.
+The bodies of every scene, and the command that repeats them. The first body is the finite elements'. Colours are errors:
+blue up to 5 %, yellow to orange up to 20 %, red beyond. Springs alone are shown in time. `./testbed study gallery` draws this
+page again.
 """
 
 

@@ -19,6 +19,7 @@ ALLOWED = {
     "extent": set(),
     "small_strain": {"runs"},
     "surface_points": {"runs"},
+    "silhouette": {"runs"},
     "compare": {"runs", "small_strain", "surface_points"},
     "load_scale": {"runs", "small_strain"},
     "points": {"load_scale", "machine", "paths", "runs"},
@@ -43,7 +44,7 @@ ALLOWED = {
     "verdict": {"wording"},
     "report": {"methods", "verdict", "wording"},
     "index": {"paths", "report"},
-    "drawing": {"compare", "methods", "paths", "runs", "wording"},
+    "drawing": {"compare", "methods", "paths", "runs", "silhouette", "surface_points", "verdict", "wording"},
     "exhibits": {"compare", "comparison", "drawing", "methods", "paths", "report", "wording"},
     "results": {
         "comparison",

@@ -7,8 +7,17 @@ from PIL import Image
 from synthetic import write_run
 
 from analysis.compare import vertex_areas
-from analysis.drawing.bodies import Body, bodies_of, cut_plane, draw_bodies, has_cavity, scale_of
-from analysis.drawing.pictures import PANEL, floor_of, outline_of, round_length, seen_size, skin_of
+from analysis.drawing.bodies import Body, bodies_of, cut_plane, draw_bodies, has_cavity
+from analysis.drawing.error_scale import colour_of
+from analysis.drawing.pictures import (
+    PANEL,
+    floor_of,
+    outline_of,
+    round_length,
+    seen_size,
+    skin_of,
+    view_axes,
+)
 from analysis.runs import load_run
 
 
@@ -26,7 +35,7 @@ def extent(picture):
 def test_bodies_are_whole_and_in_their_proportions(stretch, ball, tmp_path):
     X, F = ball[0] * stretch, ball[1]
     files = [tmp_path / "a.png", tmp_path / "b.png"]
-    draw_bodies(files, [Body(X, F, 0.33 * X), Body(X, F, 0.3 * X)], None, 1)
+    draw_bodies(files, [Body(X, F, 0.33 * X), Body(X, F, 0.3 * X)], 1)
     width, height = seen_size(1.33 * X)
     per_metre = min(0.94 * PANEL[0] / width, 0.94 * PANEL[1] / height)
     for file, size in zip(files, (1.33, 1.3), strict=True):
@@ -38,14 +47,14 @@ def test_bodies_are_whole_and_in_their_proportions(stretch, ball, tmp_path):
 def test_a_body_that_bursts_does_not_make_the_others_small(ball, tmp_path):
     X, F = ball
     files = [tmp_path / "a.png", tmp_path / "b.png"]
-    draw_bodies(files, [Body(X, F, 0.1 * X), Body(X, F, 90 * X)], None, 1)
+    draw_bodies(files, [Body(X, F, 0.1 * X), Body(X, F, 90 * X)], 1)
     assert min(extent(pixels_of(files[0]))) > 0.3 * PANEL[0]
 
 
 def test_outline_at_rest_is_seen_before_a_body_that_grows(ball, tmp_path):
     X, F = ball
     for name, rest in (("with", X), ("without", 1.5 * X)):
-        draw_bodies([tmp_path / f"{name}.png"], [Body(rest, F, 1.5 * X - rest)], None, 1)
+        draw_bodies([tmp_path / f"{name}.png"], [Body(rest, F, 1.5 * X - rest)], 1)
     within = np.abs(pixels_of(tmp_path / "with.png") - pixels_of(tmp_path / "without.png")).max(axis=2) > 30
     rows, columns = within.nonzero()
     middle = (PANEL[1] / 2, PANEL[0] / 2)
@@ -53,22 +62,36 @@ def test_outline_at_rest_is_seen_before_a_body_that_grows(ball, tmp_path):
     # Of the circle of radius 1 within that of 1.5, which fills the picture's width.
     share = radii / (0.94 * PANEL[0] / 2)
     is_inner = np.abs(share - 1 / 1.5) < 0.03
-    assert is_inner.sum() > 500
-    assert set(np.round(np.arctan2(rows - middle[0], columns - middle[1])[is_inner])) == {
-        -3,
-        -2,
-        -1,
-        0,
-        1,
-        2,
-        3,
-    }
+    assert is_inner.sum() > 300 and is_inner.sum() > 0.95 * (share < 0.8).sum()
+    degrees = np.degrees(np.arctan2(rows - middle[0], columns - middle[1])[is_inner])
+    lined, _ = np.histogram(degrees, np.arange(-180, 181, 1))
+    # All the way around, but no line that could be taken for a crack: gaps as long as the dashes.
+    assert all(np.split(lined > 0, 36)[k].any() for k in range(36))
+    assert 0.4 < (lined > 0).mean() < 0.8 and (lined[::3] == 0).sum() > 20
 
 
-def test_outline_of_a_cube_is_its_edges():
+def length_of(outline):
+    lines = outline.lines.reshape(-1)
+    ends, total, at = np.asarray(outline.points), 0.0, 0
+    while at < len(lines):
+        points = ends[lines[at + 1 : at + 1 + lines[at]]]
+        total += np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+        at += 1 + lines[at]
+    return total
+
+
+def test_outline_is_half_of_the_border_of_what_the_camera_sees():
+    """Of a cube seen along the camera's direction: a hexagon, whose edges are the cube's as they are seen; no edge within."""
     cube = pv.Cube().triangulate().clean()
-    outline = outline_of(np.array(cube.points, dtype=float), cube.regular_faces)
-    assert outline.n_lines == 12
+    X = np.array(cube.points, dtype=float)
+    towards = view_axes()[2]
+    border = 2 * np.sqrt(1 - towards**2).sum()
+    assert length_of(outline_of(X, cube.regular_faces)) == pytest.approx(border / 2, rel=1e-6)
+    # A hole is a border, too: the box of the torus is 3 by 3 by 1.
+    torus = pv.ParametricTorus(ringradius=1, crosssectionradius=0.5).triangulate().clean()
+    seen = outline_of(np.array(torus.points, dtype=float), torus.regular_faces)
+    from_above = np.asarray(seen.points) @ view_axes()[:2].T
+    assert np.linalg.norm(from_above, axis=1).min() < 0.5
 
 
 def test_creases_stay_sharp_and_all_else_is_smooth(ball):
@@ -117,14 +140,18 @@ def test_a_cavity_is_told_from_a_second_body(ball):
     assert not has_cavity(*two) and not has_cavity(X, F)
 
 
-@pytest.mark.parametrize(
-    "errors, low, high",
-    [([30.0, 2.0], 1, 100), ([100.0, 1e-9] * 5, 0.01, 100), ([1e-12], 1e-6, 0.01), ([50.0, 50.0], 10, 100)],
-)
-def test_scale_is_of_whole_decades_four_at_most(errors, low, high):
-    scale = scale_of([np.array(errors)])
-    assert (scale.low, scale.high) == pytest.approx((low, high))
-    assert "displacement error" in scale.svg()
+@pytest.mark.parametrize("error", [0.3, 4, 12, 60])
+def test_a_body_has_the_colour_of_its_error(error, ball, tmp_path):
+    """In whatever company: light alone darkens it, by a quarter at most where it falls."""
+    X, F = ball
+    bodies = [
+        Body(X, F, 0.1 * X, np.full(len(X), error)),
+        Body(X, F, 0.1 * X, np.linspace(1e-9, 900, len(X))),
+    ]
+    draw_bodies([tmp_path / "a.png", tmp_path / "b.png"], bodies, 1)
+    seen = pixels_of(tmp_path / "a.png")[PANEL[1] // 2 - 60, PANEL[0] // 2 + 40]
+    expected = 255 * np.array(colour_of(error))
+    assert (0.75 * expected < seen + 4).all() and (seen < expected + 26).all()
 
 
 def test_a_floor_is_where_a_body_is_held_at_its_bottom(ball):

@@ -5,7 +5,9 @@ import pytest
 from PIL import Image
 from synthetic import write_run
 
+from analysis.compare import trajectory_error
 from analysis.drawing import film as film_module
+from analysis.drawing.error_scale import CLAY, colour_of
 from analysis.drawing.film import draw_film, draw_strip, main
 from analysis.runs import RunError, load_run
 
@@ -20,24 +22,74 @@ def runs(ball, tmp_path):
     return {"affine": load_run(springs), "fem_reference": load_run(reference)}
 
 
-def coloured(picture: Image.Image) -> float:
-    return float((np.ptp(np.asarray(picture.convert("RGB")), axis=2) > 40).mean())
+def painted(picture: Image.Image) -> float:
+    return float((np.asarray(picture.convert("RGB")) < 245).any(axis=2).mean())
 
 
 def test_film_has_a_moving_body_for_each_run(runs, tmp_path):
     draw_film(tmp_path / "film.gif", runs, n_frames=N_FRAMES)
     film = Image.open(tmp_path / "film.gif")
     assert film.n_frames == N_FRAMES
-    width = film.width // 2
+    width, bottom = film.width // 2, film.height - 150 - 30
     film.seek(0)
-    first = film.convert("RGB").crop((0, 24, width, 500))
+    first = film.convert("RGB").crop((0, 24, width, bottom))
     film.seek(N_FRAMES - 1)
     last = film.convert("RGB")
-    left, right = last.crop((0, 24, width, 500)), last.crop((width, 24, film.width, 500))
+    left, right = last.crop((0, 24, width, bottom)), last.crop((width, 24, film.width, bottom))
     assert np.abs(np.asarray(left, dtype=int) - np.asarray(first, dtype=int)).max() > 100
     # The springs' ball grows in all directions, to 1.3; the other's in one of them, so that it covers less.
-    assert coloured(first) == pytest.approx(coloured(left) / 1.3**2, rel=0.05)
-    assert 0.2 < coloured(right) < coloured(left) < 0.9
+    assert painted(first) == pytest.approx(painted(left) / 1.3**2, rel=0.05)
+    assert 0.2 < painted(right) < painted(left) < 0.9
+
+
+MOTION = '[time]\nmode = "dynamic"\n[[supports]]\n'
+
+
+@pytest.fixture
+def motion(ball, tmp_path):
+    """Two balls that grow evenly, the springs' by half more: an error of 86.6 % in the end, and of half of that before."""
+    times = np.linspace(0, 1, 101)
+    runs = {
+        "fem_reference": write_run(tmp_path / "fem_reference", *ball, lambda X: 0.2 * X, times),
+        "affine": write_run(tmp_path / "affine", *ball, lambda X: 0.3 * X, times, calibration="affine"),
+    }
+    for folder in runs.values():
+        (folder / "scene.toml").write_text(MOTION)
+    return {name: load_run(folder) for name, folder in runs.items()}
+
+
+def test_film_beside_a_reference_has_the_colours_and_errors_of_the_report(motion, tmp_path):
+    draw_film(tmp_path / "film.gif", motion, n_frames=3)
+    film = Image.open(tmp_path / "film.gif")
+    middle = (film.height - 150) // 2
+    for number, error in ((1, 43.3), (2, 86.6)):
+        film.seek(number)
+        page = np.asarray(film.convert("RGB"), dtype=int)
+        clay = page[middle, film.width // 4]
+        assert np.ptp(clay) < 20 and clay.mean() == pytest.approx(int(CLAY[1:3], 16), abs=40)
+        # Light and the palette of the film change it a little.
+        assert page[middle, 3 * film.width // 4] == pytest.approx(255 * np.array(colour_of(error)), abs=40)
+    camera = film_module._Camera(motion, np.linspace(0, 1, 101), 100)
+    painted_square = np.trapezoid([np.mean(values**2) for values in camera.bodies["affine"].values], dx=0.01)
+    of_table = trajectory_error(motion["affine"], motion["fem_reference"]).l2
+    assert 100 * of_table == pytest.approx(50) == pytest.approx(np.sqrt(painted_square))
+    assert camera.title("affine") == "springs, affine (50 %)"
+    assert camera.title("fem_reference") == "finite elements"
+
+
+def test_film_draws_the_tip_where_the_reference_keeps_its_volume(motion, ball, tmp_path):
+    times = np.linspace(0, 1, 5)
+    bent = lambda X: 0.01 * np.column_stack([0 * X[:, 0], X[:, 0] ** 2, 0 * X[:, 0]])  # noqa: E731
+    runs = {}
+    for name, more in (("fem_reference", {}), ("affine", {"calibration": "affine"})):
+        folder = write_run(tmp_path / f"bent_{name}", *ball, bent, times, **more)
+        (folder / "scene.toml").write_text(MOTION)
+        runs[name] = load_run(folder)
+    label, curves = film_module._Camera(runs, times, 100).curves()
+    assert label == "tip (mm)" and list(curves) == ["fem_reference", "affine"]
+    assert curves["affine"][1] == pytest.approx(10 * times, rel=0.02)
+    label, curves = film_module._Camera(motion, times, 100).curves()
+    assert label == "volume (%)" and curves["affine"][1][-1] == pytest.approx(100 * (1.3**3 - 1))
 
 
 def test_a_body_of_a_film_has_480_pixels_and_a_bar_tells_its_size(ball, tmp_path):
@@ -61,7 +113,7 @@ def test_strip_has_a_row_for_each_run(runs, tmp_path):
     assert two.height - one.height > 240
     assert one.width == two.width
     panels = [one.crop((k * one.width // 4, 24, (k + 1) * one.width // 4, 260)) for k in range(4)]
-    shares = [coloured(panel) for panel in panels]
+    shares = [painted(panel) for panel in panels]
     assert shares == sorted(shares) and shares[0] > 0.05
 
 
