@@ -7,7 +7,7 @@ from pathlib import Path
 from .compare import Figures, area_change, is_dynamic, tip_of, vertex_areas, volume_change
 from .comparison import Comparison
 from .drawing.bodies import Body, bodies_of, draw_bodies, draw_thumbnail, has_cavity
-from .drawing.error_scale import LEAST, scale_svg
+from .drawing.error_scale import scale_svg
 from .drawing.film import draw_film, draw_strip
 from .drawing.pictures import magnification
 from .drawing.plots import SMALLEST, Panel, plot_curves, plot_errors, plot_errors_over_surface, plot_times
@@ -39,29 +39,41 @@ def draw_row(comparison: Comparison) -> Row | None:
     if not bodies:
         return None
     bodies = {REFERENCE: bodies.pop(REFERENCE), **bodies}
-    errors = {name: body.error for name, body in bodies.items() if body.error is not None}
-    factor = magnification(X, bodies[REFERENCE].u)
-    files = [experiment.folder / f"body_{name}.png" for name in bodies]
-    draw_bodies(files, list(bodies.values()), factor)
-    draw_thumbnail(experiment.folder / THUMBNAIL, files)
-    drawn = "as large as they are" if factor == 1 else f"{factor:g} times as large"
     moment = f" at {significant(end)} s" if is_dynamic(reference) else ""
     if reference.stopped:
         moment = f" at load factor {significant(end)}"
-    words = f"The bodies{moment}, displacements drawn {drawn}, coloured by error."
     found = {
         name: f"error {percent(model.displacement_error_l2)}" + moments.get(name, "")
         for name, model in comparison.models.items()
         if isinstance(model, Figures)
     } | {REFERENCE: "the reference"}
-    shown = [Shown(label_of(name), found[name], body) for name, body in bodies.items()]
-    write_view(experiment.folder / VIEW, f"{experiment.name}, {experiment.surface}", words, shown, factor)
-    panels = [(name, result, file) for (name, result, _), file in zip(shown, files, strict=True)]
+    shown = {name: Shown(label_of(name), found[name], body) for name, body in bodies.items()}
+    return row_of(experiment.folder, f"{experiment.name}, {experiment.surface}", moment, shown)
+
+
+def row_of(folder: Path, title: str, moment: str, shown: dict[str, Shown]) -> Row:
+    """Draws bodies side by side into a folder.
+
+    title: of the view; moment: where the bodies are, as " at 2 s"; shown: method, or another key that names a picture, -> body,
+    the reference's first.
+    """
+    bodies = [panel.body for panel in shown.values()]
+    X, F = bodies[0].X, bodies[0].F
+    factor = magnification(X, bodies[0].u)
+    files = [folder / f"body_{name}.png" for name in shown]
+    draw_bodies(files, bodies, factor)
+    draw_thumbnail(folder / THUMBNAIL, files)
+    drawn = "as large as they are" if factor == 1 else f"{factor:g} times as large"
+    words = f"The bodies{moment}, displacements drawn {drawn}, coloured by error."
+    write_view(folder / VIEW, title, words, list(shown.values()), factor)
     caption = f"{words} Dashes: the outline of the body at rest."
-    if is_cut:
+    if bodies[0].inside:
         caption += " They are cut open."
-    areas = vertex_areas(X, F)
-    return Row(panels, scale_svg(), plot_errors_over_surface(errors, areas, LEAST), caption, VIEW)
+    errors = {name: panel.body.error for name, panel in shown.items() if panel.body.error is not None}
+    labels = {name: panel.name for name, panel in shown.items()}
+    spread = plot_errors_over_surface(errors, vertex_areas(X, F), labels)
+    panels = [(panel.name, panel.found, file) for panel, file in zip(shown.values(), files, strict=True)]
+    return Row(panels, scale_svg(), spread, caption, VIEW)
 
 
 def draw_films(comparison: Comparison) -> dict[str, Path]:

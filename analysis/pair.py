@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,16 @@ from .compare import (
     volume,
     volume_change,
 )
-from .drawing.bodies_aside import bodies_aside
+from .drawing.bodies import Body
 from .drawing.plots import Panel, plot_curves
+from .drawing.view import Shown
+from .exhibits import row_of
 from .foreign import Result, read_result
 from .methods import REFERENCE
 from .paths import ROOT, write_text
-from .report import html_table, image_figure, page, svg_figure, text_table
+from .report import Row, html_table, page, row_figure, svg_figure, text_table
 from .runs import Array, Frame, RunError, method_of, scene_of
-from .wording import listed, percent, percent_signed, significant
+from .wording import listed, percent, percent_signed, significant, unit_of_length
 
 # Parts of a scene that do not state the problem: how it is solved and shown, and the surface, which is matched by itself.
 _NOT_OF_PROBLEM = {"name", "paper", "surface", "network", "reference", "comparison", "playback", "output"}
@@ -173,14 +176,36 @@ def finding(values: dict[str, Any]) -> str:
 
 def table_of(values: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     """Head and rows: the model, then the reference."""
-    head = ["", "displacement error", "at worst", "volume change", "area change", "tip (m)"]
+    unit, size = unit_of_length(values["of_reference"]["tip_displacement"])
+    head = ["", "displacement error", "at worst", "volume change", "area change", f"tip ({unit})"]
     errors = [percent(values[f"displacement_error_{norm}"]) for norm in ("l2", "max")]
     rows = []
     for name, cells in (("model", errors), ("reference", ["-", "-"])):
         state = values[f"of_{name}"]
         changes = [percent_signed(state[key]) for key in ("volume_change", "area_change")]
-        rows.append([values[name], *cells, *changes, significant(state["tip_displacement"])])
+        rows.append([values[name], *cells, *changes, significant(state["tip_displacement"] / size)])
     return head, rows
+
+
+def row_of_pair(pair: Pair, folder: Path) -> Row:
+    """Draws both bodies at the end into a folder."""
+    u, u_reference = (deformation(Frame(pair.X, v, pair.F), pair.is_free) for v in (pair.u, pair.u_reference))
+    error = displacement_error(pair.X, pair.F, pair.u, pair.u_reference, pair.is_free)
+    difference = np.linalg.norm(u - u_reference, axis=1)
+    painted = 100 * error.max * difference / max(difference.max(), 1e-300)
+    shown = {
+        REFERENCE: Shown(pair.reference.name, "the reference", Body(pair.X, pair.F, u_reference)),
+        _key_of(pair.model): Shown(
+            pair.model.name, f"error {percent(error.l2)}", Body(pair.X, pair.F, u, painted)
+        ),
+    }
+    return row_of(folder, f"{pair.model.name} against {pair.reference.name}", " at the end", shown)
+
+
+def _key_of(model: Result) -> str:
+    """The method that gives a model its colour, where it has one that is not the reference's."""
+    method = method_of(model.run) if model.run else "model"
+    return method if method != REFERENCE else "model"
 
 
 def curves_of(pair: Pair) -> str:
@@ -188,14 +213,21 @@ def curves_of(pair: Pair) -> str:
     model, reference = pair.model.run, pair.reference.run
     if not (model and reference):
         return ""
-    name = method_of(model)
-    runs = {REFERENCE: reference, name if name != REFERENCE else "the model": model}
+    runs = {REFERENCE: reference, _key_of(pair.model): model}
     panels = [
         Panel(f"{part} change (%)", 100, {key: change(run) for key, run in runs.items()})
         for part, change in (("volume", volume_change), ("area", area_change))
     ]
     is_dynamic = scene_of(model).get("time", {}).get("mode") == "dynamic"
-    return plot_curves(panels, "time (s)" if is_dynamic else "load factor (1)")
+    labels = {REFERENCE: pair.reference.name, _key_of(pair.model): pair.model.name}
+    return plot_curves(panels, "time (s)" if is_dynamic else "load factor (1)", labels)
+
+
+_EXPLAINED = """<h2>How to read this</h2>
+<p><b>Displacement error</b>: root mean square of the difference at the vertices, over the root mean square of the reference's
+displacement, both weighted by area and at the end. <b>At worst</b>: the largest difference at a vertex over the same.
+<b>Volume and area change</b>: at the end, of what they are at rest. <b>Tip</b>: how far the vertex moves that the reference moves
+farthest.</p>"""
 
 
 def main(arguments: Any) -> int:
@@ -207,35 +239,16 @@ def main(arguments: Any) -> int:
         path.resolve().name for path in (arguments.model, arguments.reference)
     )
     folder.mkdir(parents=True, exist_ok=True)
-    picture = folder / "bodies.png"
-    plotter = bodies_aside(
-        pair.X,
-        pair.F,
-        {"reference": pair.u_reference, "model": pair.u},
-        np.linalg.norm(pair.u - pair.u_reference, axis=1),
-        off_screen=True,
-    )
-    plotter.screenshot(picture, window_size=(1000, 500))
-    plotter.close()
     table = table_of(values)
-    parts = [
-        html_table(*table),
-        image_figure(picture, "Reference, and the model painted with the length of the difference."),
-    ]
+    parts = [row_figure(row_of_pair(pair, folder)), html_table(*table)]
     if curves := curves_of(pair):
         parts.append(
             svg_figure(curves, "Volume and area, and below the model's difference from the reference.")
         )
+    parts.append(_EXPLAINED)
     text = json.dumps(values, indent=2)
-    write_text(
-        folder / "report.html",
-        page(
-            f"{arguments.model.name} against {arguments.reference.name}",
-            finding(values),
-            parts,
-            {"figures": text},
-        ),
-    )
+    title = f"{arguments.model.name} against {arguments.reference.name}"
+    write_text(folder / "report.html", page(title, finding(values), parts, {"figures": text}))
     write_text(folder / "comparison.json", text + "\n")
     print(f"{finding(values)}\n\n{text_table(*table)}\n\nreport: {folder / 'report.html'}")
     return 0

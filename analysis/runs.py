@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import tomllib
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -111,7 +112,9 @@ class Run:
     def _read(file: Path) -> Frame:
         if not file.exists():
             raise RunError(f"{file}: frame is missing, run the solver again")
-        grid = pv.read(file)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a damaged file, of which more is said below
+            grid = pv.read(file)
         if (
             not {"displacement", "rest_position"} <= set(grid.point_data)
             or "n_surface" not in grid.field_data

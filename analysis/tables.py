@@ -10,6 +10,7 @@ import pyvista as pv
 
 from .compare import deformation, displacement_at, vertex_areas
 from .comparison import Comparison
+from .drawing.bodies import Body
 from .drawing.bodies_aside import bodies_aside
 from .exhibits import plot
 from .methods import REFERENCE, label_of
@@ -81,12 +82,13 @@ def plots_of(comparison: Comparison) -> Plots:
 
 
 def scene_of_bodies(comparison: Comparison, name: str | None = None) -> pv.Plotter:
-    """The deformed bodies side by side, the reference first and the model painted with the difference, cameras linked."""
+    """The deformed bodies side by side, the reference first and the model painted with its error, cameras linked."""
     name = name or comparison.experiment.calibration
     nodes = nodes_of(comparison, name)
     X, F = nodes[["x", "y", "z"]].to_numpy(), comparison.runs[name].last.F
     u = nodes[["ux", "uy", "uz"]].to_numpy()
     if not comparison.reference:
-        return bodies_aside(X, F, {label_of(name): u}, None)
+        return bodies_aside({label_of(name): Body(X, F, u)})
     v = nodes[["ux_reference", "uy_reference", "uz_reference"]].to_numpy()
-    return bodies_aside(X, F, {label_of(REFERENCE): v, label_of(name): u}, np.linalg.norm(u - v, axis=1))
+    error = 100 * nodes["error"].to_numpy()
+    return bodies_aside({label_of(REFERENCE): Body(X, F, v), label_of(name): Body(X, F, u, error)})

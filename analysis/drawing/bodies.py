@@ -12,8 +12,8 @@ from PIL import Image
 
 from ..compare import deformation, displacement_at, root_mean_square, volume
 from ..runs import Array, Frame, Run
-from .error_scale import CLAY, COLOURS, LEAST, MOST
-from .pictures import LOOK, PANEL, add_outline, aim, floor_of, skin_of, stage, surface_of, view_axes
+from .error_scale import CLAY, COLOURS, POWERS, powers_of
+from .pictures import LOOK, add_outline, aim, floor_of, panel_of, skin_of, stage, surface_of, view_axes
 
 
 @dataclass(frozen=True)
@@ -99,14 +99,15 @@ def draw_bodies(files: Sequence[Path], bodies: Sequence[Body], factor: float) ->
     if floor:
         shadows = [floor.shadow_of(body.X + factor * body.u) for body in bodies]
         visible = np.vstack([visible, *shadows])
+    panel = panel_of(visible)
     for number, (file, body) in enumerate(zip(files, bodies, strict=True)):
-        plotter = stage(PANEL)
+        plotter = stage(panel)
         if floor:
             floor.add_to(plotter)
             plotter.add_mesh(surface_of(shadows[number], body.F), color="#b9bcc2", lighting=False)
         add_body(plotter, body, factor)
         add_outline(plotter, body.X, body.F)
-        aim(plotter.camera, visible)
+        aim(plotter.camera, visible, panel)
         plotter.screenshot(file)
         plotter.close()
 
@@ -117,7 +118,7 @@ def add_body(plotter: pv.Plotter, body: Body, factor: float) -> None:
     mesh = skin.mesh
     mesh["u"] = body.u[skin.ids]
     if body.error is not None:
-        mesh["error"] = np.maximum(body.error[skin.ids], LEAST)
+        mesh["error"] = powers_of(body.error[skin.ids])
     skin.move(body.X + factor * body.u)
     if body.inside is not None:
         origin, normal = cut_plane(body.X)
@@ -126,18 +127,15 @@ def add_body(plotter: pv.Plotter, body: Body, factor: float) -> None:
         cut = body.inside.copy()
         cut.points = cut.points + factor * cut["u"]
         plotter.add_mesh(cut, color=CLAY, show_edges=True, edge_color="#8d939c", line_width=0.5, ambient=0.5)
-    if body.error is None:
+    add_painted(plotter, mesh)
+
+
+def add_painted(plotter: pv.Plotter, mesh: pv.PolyData) -> None:
+    """A mesh in the colours of its "error", powers of ten of %, or else in clay."""
+    if "error" not in mesh.point_data:
         plotter.add_mesh(mesh, color=CLAY, **LOOK)
     else:
-        plotter.add_mesh(
-            mesh,
-            scalars="error",
-            cmap=COLOURS,
-            clim=(LEAST, MOST),
-            log_scale=True,
-            show_scalar_bar=False,
-            **LOOK,
-        )
+        plotter.add_mesh(mesh, scalars="error", cmap=COLOURS, clim=POWERS, show_scalar_bar=False, **LOOK)
 
 
 def draw_thumbnail(file: Path, pictures: Sequence[Path], height: int = 200) -> None:

@@ -4,32 +4,39 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pyvista as pv
 
-from ..runs import Array
-from ..wording import unit_of_length
-from .pictures import magnification, surface_of
+from ..wording import significant
+from .bodies import Body, add_body, shown
+from .error_scale import TICKS, powers_of
+from .pictures import aim, light, magnification
 
 
-def bodies_aside(
-    X: Array, F: Array, displacements: dict[str, Array], error: Array | None, **options: Any
-) -> pv.Plotter:
-    """A panel for every displacement (title -> (n, 3) in m) of the surface X, F, the last painted with the error (n,), in m.
+def bodies_aside(bodies: dict[str, Body], **options: Any) -> pv.Plotter:
+    """A panel for every body (title -> body), in the light and the colours of a report's pictures, turned together.
 
-    Displacements are enlarged alike, as the first needs it. options: of pyvista's Plotter.
+    Displacements are enlarged alike, as the first body needs it. options: of pyvista's Plotter.
     """
-    factor = magnification(X, next(iter(displacements.values())))
-    plotter = pv.Plotter(shape=(1, len(displacements)), **options)
-    for place, (name, u) in enumerate(displacements.items()):
+    first = next(iter(bodies.values()))
+    factor = magnification(first.X, first.u)
+    plotter = pv.Plotter(shape=(1, len(bodies)), lighting="none", **options)
+    plotter.set_background("white", all_renderers=True)
+    points = shown(list(bodies.values()), factor)
+    light(plotter)
+    for place, (name, body) in enumerate(bodies.items()):
         plotter.subplot(0, place)
-        body = surface_of(X + factor * u, F)
-        plotter.add_text(name if factor == 1 else f"{name}, {factor:g} times enlarged", font_size=10)
-        if error is not None and place == len(displacements) - 1:
-            unit, size = unit_of_length(float(error.max()))
-            bar = {"title": f"difference ({unit})", "n_labels": 3, "fmt": "%.3g"}
-            plotter.add_mesh(body, scalars=error / size, scalar_bar_args=bar)
-        else:
-            plotter.add_mesh(body, color="lightgrey")
+        title = name if factor == 1 else f"{name}, {factor:g} times enlarged"
+        plotter.add_text(title, font_size=10, color="black")
+        add_body(plotter, body, factor)
+        if body.error is not None:
+            plotter.mapper.lookup_table.annotations = {
+                float(power): significant(tick)
+                for power, tick in zip(powers_of(np.array(TICKS)), TICKS, strict=True)
+            }
+            plotter.add_scalar_bar(
+                "error (%)", n_labels=0, color="black", vertical=True, height=0.5, position_y=0.25
+            )
+        aim(plotter.camera, points)
     plotter.link_views()
-    plotter.view_vector((0.7, 0.45, 1), viewup=(0, 1, 0))
     return plotter

@@ -37,7 +37,7 @@ from ..methods import REFERENCE, label_of
 from ..runs import Array, Frame, Run, RunError, load_run, method_of, scene_of
 from ..surface_points import on_points_of
 from ..wording import percent, significant, unit_of_length
-from .error_scale import CLAY, COLOURS, LEAST, MOST, TICKS
+from .error_scale import CLAY, COLOURS, LEAST, MOST, POWERS, TICKS, powers_of
 from .pictures import (
     LOOK,
     add_outline,
@@ -81,19 +81,12 @@ class _Paint:
     label: str
     colours: Any  #: matplotlib's map
     norm: Normalize
-    ticks: list[float]  #: from end to end
-
-    @property
-    def low(self) -> float:
-        return self.ticks[0]
-
-    @property
-    def high(self) -> float:
-        return self.ticks[-1]
+    ticks: list[float]
+    limits: tuple[float, float]  #: of the values at vertices
 
 
 def _errors(runs: dict[str, Run], reference: Run, times: Array, is_free: bool) -> dict[str, list[Array]]:
-    """At each vertex (%), at the times, of all runs but the reference, relative to what the report's are."""
+    """At each vertex, at the times, of all runs but the reference, relative to what the report's are: powers of ten of %."""
     X, F = reference.last.X, reference.last.F
 
     def deformed(run: Run, time: float) -> Array:
@@ -103,7 +96,7 @@ def _errors(runs: dict[str, Run], reference: Run, times: Array, is_free: bool) -
     expected = [deformed(reference, time) for time in times]
     return {
         name: [
-            100 / length * np.linalg.norm(deformed(run, time) - u, axis=1)
+            powers_of(100 / length * np.linalg.norm(deformed(run, time) - u, axis=1))
             for time, u in zip(times, expected, strict=True)
         ]
         for name, run in runs.items()
@@ -178,22 +171,26 @@ class _Camera:
         largest = max(float(length.max()) for of in lengths.values() for length in of)
         if not largest > 0:
             raise RunError("nothing moves in these runs, so there is no film of them")
-        values = _errors(runs, reference, times, self.is_free) if reference else lengths
+        unit, size = unit_of_length(largest)
+        values = (
+            _errors(runs, reference, times, self.is_free)
+            if reference
+            else {name: [length / size for length in of] for name, of in lengths.items()}
+        )
         self.bodies = {
             name: _Body(run.last.X, run.last.F, fields[name], values.get(name)) for name, run in runs.items()
         }
-        unit, size = unit_of_length(largest)
         self.paint = (
-            _Paint("error (%)", COLOURS, LogNorm(LEAST, MOST), TICKS)
+            _Paint("error (%)", COLOURS, LogNorm(LEAST, MOST), TICKS, POWERS)
             if reference
             else _Paint(
                 f"displacement ({unit})",
                 colormaps["viridis"],
                 Normalize(0, largest / size),
                 [0, largest / size],
+                (0, largest / size),
             )
         )
-        self.unit = 1.0 if reference else size
         first = next(iter(self.bodies.values()))
         self.factor = magnification(first.X, np.array([[largest, 0, 0]]))
         if scene.get("obstacles"):
@@ -224,10 +221,10 @@ class _Camera:
         if body.values is None:
             plotter.add_mesh(skin.mesh, color=CLAY, **LOOK)
         else:
-            skin.mesh["value"] = np.full(skin.mesh.n_points, self.paint.high)
+            skin.mesh["value"] = np.zeros(skin.mesh.n_points)
             plotter.add_mesh(
-                skin.mesh, scalars="value", cmap=self.paint.colours, clim=(self.paint.low, self.paint.high),
-                log_scale=isinstance(self.paint.norm, LogNorm), show_scalar_bar=False, **LOOK,
+                skin.mesh, scalars="value", cmap=self.paint.colours, clim=self.paint.limits,
+                show_scalar_bar=False, **LOOK,
             )  # fmt: skip
         add_outline(plotter, body.X, body.F)
         actors = [(o, _add_obstacle(plotter, m)) for o, m in self.obstacles]
@@ -236,8 +233,7 @@ class _Camera:
         for number in range(len(self.times)):
             skin.move(body.points(number, self.factor))
             if body.values is not None:
-                values = body.values[number][skin.ids] / self.unit
-                skin.mesh["value"] = np.maximum(values, self.paint.low)
+                skin.mesh["value"] = body.values[number][skin.ids]
             for obstacle, actor in actors:
                 actor.position = _translation(obstacle, self.times[number])
             plotter.render()

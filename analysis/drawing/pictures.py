@@ -15,7 +15,8 @@ from ..silhouette import silhouette
 
 _VISIBLE = 0.08  # of the bounding box's diagonal: smaller displacements are drawn larger
 _VIEW = (0.7, 0.45, 1.0)  # from where the camera looks, y up
-PANEL = (480, 520)  # pixels of a picture
+PANEL = (480, 520)  # pixels of a picture, at most
+_LOWEST = 300  # pixels
 _ROOM = (0.94, 0.94)  # of a panel's width and height, left to the body
 _CREASE = 40.0  # degrees: sharper edges are not smoothed over
 # Where lamps stand as the camera sees it, and how bright they are: key, fill and rim.
@@ -54,6 +55,12 @@ def seen_size(points: Array) -> tuple[float, float]:
     """Width and height (m) of the points as the camera sees them."""
     width, height, _ = np.ptp(points @ view_axes().T, axis=0)
     return float(width), float(height)
+
+
+def panel_of(points: Array) -> tuple[int, int]:
+    """Pixels of a picture that the points fill, of the full width."""
+    width, height = seen_size(points)
+    return PANEL[0], int(np.clip(PANEL[0] * height / width, _LOWEST, PANEL[1]))
 
 
 def aim(

@@ -11,6 +11,7 @@ from ..methods import REFERENCE, label_of
 from ..runs import Array
 from ..wording import percent, significant
 from ..wording import seconds as wording_of
+from .error_scale import LEAST, MARKS, MOST
 from .style import style_of, svg_of
 
 Curve = tuple[Array, Array]
@@ -32,8 +33,11 @@ class Panel(NamedTuple):
     curves: dict[str, Curve]  #: method -> times and values
 
 
-def plot_curves(panels: list[Panel], time_label: str) -> str:
-    """Panels side by side, below each the difference from the reference, where there is one."""
+def plot_curves(panels: list[Panel], time_label: str, labels: dict[str, str] | None = None) -> str:
+    """Panels side by side, below each the difference from the reference, where there is one.
+
+    labels: of methods, where they are not those that every report uses.
+    """
     has_reference = REFERENCE in panels[0].curves
     figure = Figure(
         figsize=(7 if len(panels) == 1 else 10, 5.2 if has_reference else 3.5), layout="constrained"
@@ -49,7 +53,11 @@ def plot_curves(panels: list[Panel], time_label: str) -> str:
             if method == REFERENCE:  # below the others, and seen behind a curve that meets it
                 shape |= {"markersize": 8, "linewidth": 3, "zorder": 1}
             column[0].plot(
-                times, panel.factor * values, label=label_of(method), markevery=_every(times), **shape
+                times,
+                panel.factor * values,
+                label=(labels or {}).get(method, label_of(method)),
+                markevery=_every(times),
+                **shape,
             )
             if method != REFERENCE and has_reference:
                 times_ref, values_ref = panel.curves[REFERENCE]
@@ -108,34 +116,38 @@ def plot_errors(errors: dict[str, tuple[float, float]], of_reference: float | No
     return svg_of(figure)
 
 
-def plot_errors_over_surface(errors: dict[str, Array], areas: Array, least: float) -> str:
-    """A curve for every method: the share of the surface on which it errs by more than what stands below.
+def plot_errors_over_surface(errors: dict[str, Array], areas: Array, labels: dict[str, str]) -> str:
+    """A curve for every method: the share of the surface on which it errs by more than what stands below, over the scale of
+    errors.
 
-    errors: method -> error (%) at each vertex; areas: of the vertices (m2); least: error from which curves start.
+    errors: method -> error (%) at each vertex; areas: of the vertices (m2); labels: of the methods.
     """
     figure = Figure(figsize=(7, 2.6))
     axes = figure.subplots()
     for name, values in errors.items():
-        if values.max() <= least:
+        if values.max() <= LEAST:
             continue  # its curve would lie on the axis
         order = np.argsort(values)
         worse = 100 * (1 - np.cumsum(areas[order]) / areas.sum())
         colour, marker = style_of(name)
         axes.plot(
-            np.maximum(values[order], least),
+            np.maximum(values[order], LEAST),
             worse,
             color=colour,
             marker=marker,
             markevery=0.25,
-            label=label_of(name),
+            label=labels[name],
         )
     axes.set_xscale("log")
-    axes.set_xlim(left=least)
+    axes.set_xlim(LEAST, max(MOST, *(values.max() for values in errors.values())))
     axes.set_ylim(0, 100)
+    for mark in MARKS:
+        axes.axvline(mark, color="black", linewidth=1)
     axes.xaxis.set_major_formatter(lambda value, _: significant(value))
     axes.set_xlabel("displacement error (%)")
     axes.set_ylabel("surface that errs\nby more (%)")
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
     return svg_of(figure)
 
 

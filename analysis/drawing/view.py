@@ -20,9 +20,9 @@ from vtkmodules.vtkWebCore import vtkWebApplication
 
 from ..paths import write_text
 from ..runs import Array
-from .bodies import Body, shown
-from .error_scale import CLAY, COLOURS, LEAST, MOST, scale_svg
-from .pictures import LOOK, aim, light, seen_size, skin_of, surface_of
+from .bodies import Body, add_painted, shown
+from .error_scale import powers_of, scale_svg
+from .pictures import aim, light, seen_size, skin_of, surface_of
 
 _TITLE = "<title>VTK.js | Example - OfflineLocalView</title>"
 _ICON = "https://kitware.github.io/vtk-js/icon/favicon-"  # which the viewer would fetch
@@ -134,18 +134,9 @@ def _plotter_of(body: Body, factor: float, points: Array) -> pv.Plotter:
     mesh = skin.mesh.copy()
     mesh.clear_point_data()
     mesh.points = mesh.points.astype(np.float32)
-    if body.error is None:
-        plotter.add_mesh(mesh, color=CLAY, **LOOK)
-    else:
-        mesh["power of ten"] = np.log10(np.clip(body.error[skin.ids], LEAST, MOST)).astype(np.float32)
-        plotter.add_mesh(
-            mesh,
-            scalars="power of ten",
-            cmap=COLOURS,
-            clim=np.log10((LEAST, MOST)),
-            show_scalar_bar=False,
-            **LOOK,
-        )
+    if body.error is not None:
+        mesh["error"] = powers_of(body.error[skin.ids]).astype(np.float32)
+    add_painted(plotter, mesh)
     shell = surface_of(body.X.astype(np.float32), body.F)
     plotter.add_mesh(shell, color="#8a93a0", opacity=0.25, lighting=False, culling="front")
     aim(plotter.camera, points)

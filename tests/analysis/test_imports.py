@@ -61,7 +61,7 @@ ALLOWED = {
     "scene": {"paths", "runs"},
     "tables": {"compare", "comparison", "drawing", "exhibits", "methods", "report", "runs"},
     "foreign": {"runs"},
-    "pair": {"compare", "drawing", "foreign", "methods", "paths", "report", "runs", "wording"},
+    "pair": {"compare", "drawing", "exhibits", "foreign", "methods", "paths", "report", "runs", "wording"},
     "session": {"experiment", "grid", "paths", "runs", "scene"},
     "grid": {
         "compare",

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 from pages import fetched
+from PIL import Image
 from synthetic import write_run
 
 from analysis.__main__ import parse_arguments
@@ -135,9 +136,17 @@ def test_two_runs_are_compared_over_all_that_they_hold(ball, tmp_path, capsys):
     values = json.loads((tmp_path / "out" / "comparison.json").read_text())
     assert values["runs"]["volume_change_error"] == pytest.approx(0.2, rel=0.01)
     report = (tmp_path / "out" / "report.html").read_text()
-    assert "by 20 % (at worst 20 %" in report and report.count("data:image/png") == 1
-    assert not fetched(report)
-    assert report.count("data:image/svg+xml") == 1
+    assert "by 20 % (at worst 20 %" in report and not fetched(report)
+    # Both bodies, the reference first; the scale, the spread of the error, and the curves.
+    assert report.count("data:image/png") == 2 and report.count("data:image/svg+xml") == 3
+    reference, model = (f"<b>{folder}</b>" for folder in reversed(folders))
+    assert report.index(reference) < report.index(model) and "error 20 %" in report
+    assert (tmp_path / "out" / "view.html").exists() and 'href="view.html"' in report
+    pictures = [
+        np.asarray(Image.open(file).convert("RGB"), dtype=int)[260, 240]
+        for file in (tmp_path / "out" / "body_fem_reference.png", tmp_path / "out" / "body_model.png")
+    ]
+    assert np.ptp(pictures[0]) < 20 and np.ptp(pictures[1]) > 100  # clay, and the colour of 20 %
 
 
 def test_curves_of_two_runs_are_drawn_as_they_were_written(drawn, ball, tmp_path):
@@ -150,8 +159,8 @@ def test_curves_of_two_runs_are_drawn_as_they_were_written(drawn, ball, tmp_path
     runs = [read_result(tmp_path / name) for name in ("model", "reference")]
     volumes, *_ = curves_of(match(*runs)).axes
     drawn_lines = {line.get_label(): line.get_ydata()[-1] for line in volumes.lines}
-    assert drawn_lines["springs, affine"] == pytest.approx(100 * (1.02**3 - 1))
-    assert drawn_lines["finite elements"] == pytest.approx(100 * (1.01**3 - 1))
+    assert drawn_lines[runs[0].name] == pytest.approx(100 * (1.02**3 - 1))
+    assert drawn_lines[runs[1].name] == pytest.approx(100 * (1.01**3 - 1))
     foreign = read_result(write_vtk(tmp_path / "end.vtp", *ball, 0.01 * ball[0]))
     assert curves_of(match(foreign, runs[1])) == ""
 

@@ -37,7 +37,10 @@ def test_bodies_are_whole_and_in_their_proportions(stretch, ball, tmp_path):
     files = [tmp_path / "a.png", tmp_path / "b.png"]
     draw_bodies(files, [Body(X, F, 0.33 * X), Body(X, F, 0.3 * X)], 1)
     width, height = seen_size(1.33 * X)
-    per_metre = min(0.94 * PANEL[0] / width, 0.94 * PANEL[1] / height)
+    panel = Image.open(files[0]).size
+    assert panel[0] == PANEL[0] and PANEL[1] / 2 < panel[1] <= PANEL[1]
+    per_metre = min(0.94 * panel[0] / width, 0.94 * panel[1] / height)
+    assert per_metre * width > 0.9 * panel[0] or panel[1] == PANEL[1]  # no wider margin than is needed
     for file, size in zip(files, (1.33, 1.3), strict=True):
         rows, columns = extent(pixels_of(file))
         assert rows == pytest.approx(size / 1.33 * height * per_metre, abs=5)
@@ -57,7 +60,7 @@ def test_outline_at_rest_is_seen_before_a_body_that_grows(ball, tmp_path):
         draw_bodies([tmp_path / f"{name}.png"], [Body(rest, F, 1.5 * X - rest)], 1)
     within = np.abs(pixels_of(tmp_path / "with.png") - pixels_of(tmp_path / "without.png")).max(axis=2) > 30
     rows, columns = within.nonzero()
-    middle = (PANEL[1] / 2, PANEL[0] / 2)
+    middle = np.array(within.shape) / 2
     radii = np.hypot(rows - middle[0], columns - middle[1])
     # Of the circle of radius 1 within that of 1.5, which fills the picture's width.
     share = radii / (0.94 * PANEL[0] / 2)
@@ -149,7 +152,7 @@ def test_a_body_has_the_colour_of_its_error(error, ball, tmp_path):
         Body(X, F, 0.1 * X, np.linspace(1e-9, 900, len(X))),
     ]
     draw_bodies([tmp_path / "a.png", tmp_path / "b.png"], bodies, 1)
-    seen = pixels_of(tmp_path / "a.png")[PANEL[1] // 2 - 60, PANEL[0] // 2 + 40]
+    seen = pixels_of(tmp_path / "a.png")[PANEL[0] // 2 - 60, PANEL[0] // 2 + 40]
     expected = 255 * np.array(colour_of(error))
     assert (0.75 * expected < seen + 4).all() and (seen < expected + 26).all()
 

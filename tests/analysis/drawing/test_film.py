@@ -70,7 +70,9 @@ def test_film_beside_a_reference_has_the_colours_and_errors_of_the_report(motion
         # Light and the palette of the film change it a little.
         assert page[middle, 3 * film.width // 4] == pytest.approx(255 * np.array(colour_of(error)), abs=40)
     camera = film_module._Camera(motion, np.linspace(0, 1, 101), 100)
-    painted_square = np.trapezoid([np.mean(values**2) for values in camera.bodies["affine"].values], dx=0.01)
+    painted_square = np.trapezoid(
+        [np.mean(10 ** (2 * values)) for values in camera.bodies["affine"].values], dx=0.01
+    )
     of_table = trajectory_error(motion["affine"], motion["fem_reference"]).l2
     assert 100 * of_table == pytest.approx(50) == pytest.approx(np.sqrt(painted_square))
     assert camera.title("affine") == "springs, affine (50 %)"

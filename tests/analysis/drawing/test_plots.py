@@ -74,7 +74,11 @@ def test_seconds_are_one_bar_a_method_of_its_stages(drawn):
 def test_errors_over_the_surface_are_shares_of_its_area(drawn):
     areas = np.array([1.0, 1, 6, 2])
     errors = {"affine": np.array([5.0, 40, 20, 0.001]), "lloyd": np.full(4, 1e-9)}
-    (axes,) = drawn(plots).plot_errors_over_surface(errors, areas, 0.1).axes
-    (line,) = axes.lines  # what lies below the least is on the axis
+    labels = {"affine": "a", "lloyd": "b"}
+    (axes,) = drawn(plots).plot_errors_over_surface(errors, areas, labels).axes
+    line, *marks = axes.lines  # what lies below the least is on the axis
+    assert [mark.get_xdata()[0] for mark in marks] == [5, 20]
     assert points_of(line) == ([0.1, 5, 20, 40], pytest.approx([80, 70, 10, 0]))
-    assert line.get_label() == "springs, affine"
+    assert line.get_label() == "a" and axes.get_xlim() == (0.1, 100)
+    (axes,) = plots.plot_errors_over_surface({"lloyd": errors["lloyd"]}, areas, labels).axes
+    assert axes.get_legend() is None
