@@ -174,8 +174,7 @@ ExitStatus run(const Arguments& arguments) {
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const std::string options =
       (arguments.is_undiagnosed ? "undiagnosed " : "") + std::to_string(arguments.n_frequencies);
-  const auto stored = session.stored_status({"reference"}, options);
-  if (stored) return *stored;
+  if (const auto stored = session.stored_status({"reference"}, options)) return *stored;
 
   session.start("mesh");
   const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
