@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "Experiment": "experiment",
+    "Experiment": "session",
     "Figures": "compare",
     "Frame": "runs",
     "Run": "runs",

@@ -16,7 +16,7 @@ from .compare import (
     describe_reference,
     on_same_problem,
 )
-from .experiment import Experiment
+from .experiment_folder import Experiment
 from .methods import REFERENCE
 from .runs import Run, RunError, load_run
 from .verdict import needs_finer_reference

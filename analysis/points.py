@@ -7,7 +7,6 @@ import json
 import os
 import platform
 import shutil
-import subprocess
 import sys
 import threading
 import time
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from . import load_scale
+from .execute import execute, solver
 from .machine import THREADS
 from .paths import PROGRAMS, write_text
 from .runs import NOT_OK, SOLVED, RunError, built
@@ -148,47 +148,15 @@ class Store:
         return replace(point, overrides=(*point.overrides, load_scale.factor_override(wanted, trial.folder)))
 
     def _execute(self, point: Point, folder: Path) -> Outcome:
-        # The solver dies with this process, so that a killed study leaves nobody working.
-        command = [
-            "setpriv",
-            "--pdeathsig",
-            "KILL",
-            *point.prefix,
-            str(self.programs / point.program),
-            str(point.scene),
-        ]
-        command += ["--out", str(folder), "--quiet", *point.options]
-        for override in point.overrides:
-            command += ["--set", override]
-        load = os.getloadavg()[0]
-        has_ended_late = threading.Event()
-        with (folder / "messages.txt").open("wb") as messages:
-            start = time.perf_counter()
-            process = subprocess.Popen(command, stdout=messages, stderr=messages)
-
-            def stop() -> None:
-                has_ended_late.set()
-                process.kill()
-
-            timer = threading.Timer(self.time_limit, stop)
-            timer.daemon = True
-            timer.start()
-            _, wait_status, usage = os.wait4(process.pid, 0)
-            timer.cancel()
-            wall = time.perf_counter() - start
-        process.returncode = os.waitstatus_to_exitcode(wait_status)
-        spent: dict[str, Any] = {
-            "wall": wall,
-            "cpu": usage.ru_utime + usage.ru_stime,
-            "load": load,
-        }
-        if has_ended_late.is_set():
+        command = solver(self.programs / point.program, point.scene, folder, point.overrides, point.options)
+        ended = execute([*point.prefix, *command], limit=self.time_limit)
+        (folder / "messages.txt").write_text(ended.output + ended.said)
+        spent: dict[str, Any] = {"wall": ended.wall, "cpu": ended.cpu, "load": ended.load}
+        if ended.is_late:
             return Outcome("time limit", f"stopped after {self.time_limit:g} s", **spent)
-        text = (folder / "messages.txt").read_text(errors="replace").strip()
-        if process.returncode not in (SOLVED, NOT_OK):
-            lines = text.splitlines() or [f"exit status {process.returncode}"]
-            errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-            return Outcome("failed", (errors or lines)[-1], **spent)
+        if ended.status not in (SOLVED, NOT_OK):
+            said = ended.errors or (ended.output + ended.said).strip() or f"exit status {ended.status}"
+            return Outcome("failed", said.splitlines()[-1], **spent)
         record = json.loads((folder / "run.json").read_text())
         return Outcome(record["status"], record.get("reason", ""), **spent)
 

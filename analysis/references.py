@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .comparison import compare
-from .experiment import Experiment
+from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
 from .points import say
 from .runs import LATE, NOT_OK, SOLVED, outcome_of

@@ -8,7 +8,7 @@ from typing import Any
 
 from .comparison import Comparison, compare, without_nan
 from .exhibits import draw_films, draw_row, plot
-from .experiment import Experiment
+from .experiment_folder import Experiment
 from .machine import describe
 from .methods import label_of
 from .paths import PACKAGE, PROGRAMS, write_text

@@ -4,18 +4,60 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from . import grid
-from .experiment import Experiment, default_folder, run_solvers
+from . import experiment_folder, grid, tables
+from .comparison import Comparison, compare
+from .experiment import default_folder, run_solvers
 from .paths import ROOT
+from .results import results_of
 from .runs import RunError
 from .scene import Scene, toml_of
+from .verdict import conclusion, finding
 
 Settings = Mapping[str, Any]  #: key of a scene, as in material.nu -> value
+
+
+class Experiment(experiment_folder.Experiment):
+    """A finished pair of solver runs, and what a session asks of it."""
+
+    def __repr__(self) -> str:
+        return f"Experiment({self.name}, {self.surface}, {', '.join(self.calibrations)}: {self.folder})"
+
+    def __str__(self) -> str:
+        """Finding and conclusion. Raises RunError as comparison."""
+        values = self.comparison.as_json()
+        return "\n".join([finding(values), *conclusion(values)])
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """All runs and their figures. Raises RunError as comparison.compare does."""
+        return compare(self)
+
+    def report(self) -> Path:
+        """Its report.html, which is drawn anew where anything has changed. Raises RunError as comparison."""
+        results_of(self)
+        return self.folder / "report.html"
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """As tables.table_of: a row for every model."""
+        return tables.table_of(self.comparison)
+
+    def per_node(self, model: str | None = None) -> pd.DataFrame:
+        """As tables.nodes_of: a row for every vertex of the surface."""
+        return tables.nodes_of(self.comparison, model)
+
+    def plot(self) -> tables.Plots:
+        """The plots of the report, which a notebook shows: caption -> SVG."""
+        return tables.plots_of(self.comparison)
+
+    def show(self, model: str | None = None, **options: Any) -> Any:
+        """Shows reference and model side by side; options are those of pyvista's Plotter.show, whose result this returns."""
+        return tables.scene_of_bodies(self.comparison, model).show(**options)
 
 
 def run(
@@ -42,7 +84,7 @@ def run(
     if not folder:
         digest = hashlib.sha256(repr((file.resolve(), file.read_bytes(), overrides)).encode()).hexdigest()[:8]
         folder = ROOT / "out" / "python" / f"{default_folder(file, surface).name}-{digest}"
-    return run_solvers(file, Path(folder), surface, overrides, is_quiet)
+    return Experiment(**vars(run_solvers(file, Path(folder), surface, overrides, is_quiet)))
 
 
 def sweep(

@@ -18,7 +18,8 @@ from analysis.__main__ import run as run_command
 from analysis.comparison import compare, errors_of_references
 from analysis.drawing.pictures import magnification
 from analysis.drawing.plots import plot_errors
-from analysis.experiment import Experiment, default_folder, run_solvers, surface_overrides
+from analysis.experiment import default_folder, run_solvers, surface_overrides
+from analysis.experiment_folder import Experiment
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
 from analysis.runs import RunError, load_run

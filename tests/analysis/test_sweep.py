@@ -269,7 +269,7 @@ def test_program_is_given_the_scene_the_options_and_the_overrides(scene, program
     words = Store(tmp_path / "out", programs=programs).run(point).message.split()
     assert words[0] == str(scene)
     assert words[1] == "--out" and Path(words[2]).is_relative_to(tmp_path / "out")
-    assert words[3:] == ["--quiet", "--no-diagnostics", "--set", "material.nu=0.3"]
+    assert words[3:] == ["--no-diagnostics", "--set", "material.nu=0.3", "--quiet"]
 
 
 @pytest.mark.parametrize(
