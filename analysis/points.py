@@ -94,6 +94,14 @@ class Store:
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
+    def law_of(self, scene: Path) -> str:
+        """Of both programs, as the springs' tells it. Raises RunError where it refuses the scene."""
+        ended = execute(solver(built(self.programs, "massspring"), scene, self.folder, options=("--check",)))
+        if ended.status != SOLVED:
+            raise RunError(ended.errors or f"massspring refuses {scene}")
+        law: str = json.loads(ended.output)["law"]
+        return law
+
     def find(self, point: Point) -> Outcome | None:
         """The point's outcome if it has been run, and if it was not stopped by a time limit shorter than this one."""
         return self._known(self._loaded(point))

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from statistics import median
-from typing import TYPE_CHECKING
 
 from ..methods import label_of
 from ..report import Table
 from ..wording import percent, significant
+from .race import Measurement, SceneStudy
 from .result import Section
-
-if TYPE_CHECKING:
-    from .work_precision import Measurement, SceneStudy
 
 #: Budget -> steps a second that it asks for; 0: as much simulated time as time passes.
 BUDGETS = {"60 frames/s": 60.0, "30 frames/s": 30.0, "5 frames/s": 5.0, "real time": 0.0}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from statistics import median
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,10 +17,8 @@ from ..methods import ELEMENTS, label_of
 from ..report import Table
 from ..wording import percent, significant
 from ..wording import seconds as seconds_in_words
+from .race import Measurement, SceneStudy
 from .result import Figures, Section
-
-if TYPE_CHECKING:
-    from .work_precision import Measurement, SceneStudy
 
 ERRORS = (0.1, 0.03, 0.01, 0.003, 0.001)  #: at which methods are compared
 _USABLE = 0.3  # what is further off is no answer, however fast

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analysis.points import Outcome
-from analysis.studies.work_precision import Measurement, Rung, methods_of
+from analysis.studies.race import SMALL, Measurement, Rung, methods_of
 
 
 def timed(cpu: float = 1.0, memory: float = 0, n_steps: int = 1, **seconds: float) -> Outcome:
@@ -14,5 +14,5 @@ def timed(cpu: float = 1.0, memory: float = 0, n_steps: int = 1, **seconds: floa
 
 def measurement(*outcomes: Outcome, method: str = "uniform", rung: Rung | None = None, **more) -> Measurement:
     """One rung of a method of statics at small strain."""
-    found = next(m for m in methods_of({}) if m.name == method)
+    found = next(m for m in methods_of({}, SMALL) if m.name == method)
     return Measurement(found, rung or Rung(1), list(outcomes), list(outcomes), **more)

@@ -155,6 +155,30 @@ def test_nothing_imports_what_it_may_not():
     assert refused() == []
 
 
+def modules_imported(file):
+    """Modules of the package that a file imports, wherever in it."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = file.parents[node.level - 1] / (node.module or "").replace(".", "/")
+            found |= {base / alias.name for alias in node.names} | {base}
+    return {path for path in (folder.with_suffix(".py") for folder in found) if path.exists()}
+
+
+def circles(graph):
+    """What is left of a graph (module -> modules) once those that import nothing left are taken away."""
+    left = dict(graph)
+    while ends := [name for name, imported in left.items() if not imported & left.keys()]:
+        for name in ends:
+            del left[name]
+    return left
+
+
+def test_no_modules_import_each_other():
+    assert circles({file: modules_imported(file) for file in PACKAGE.rglob("*.py")}) == {}
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}).keys() == {"a", "b", "c"}
+
+
 @pytest.mark.parametrize(
     "text, room, found",
     [

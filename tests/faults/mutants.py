@@ -26,7 +26,7 @@ TESTS = {
     "compare": "test_compare.py",
     "drawing/warp": "drawing/test_warp.py",
     "points": "test_sweep.py",
-    "studies/work_precision": "studies/test_work_precision.py",
+    "studies/race": "studies/test_work_precision.py",
 }
 # Looks and words of a command line are for eyes to judge, and most changes to them are harmless.
 NOT_SAMPLED = re.compile(r"x_(plot|main)__")

@@ -6,7 +6,7 @@ import pytest
 from races import measurement, timed
 
 from analysis.studies.frame_budget import best_within, frame_budget, meets
-from analysis.studies.work_precision import Rung
+from analysis.studies.race import Rung
 
 SCENE = {"time": {"step": 0.01, "end": 1.0}}  # 100 steps
 

@@ -16,22 +16,22 @@ from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from synthetic import write_run
 
 from analysis.__main__ import parse_arguments
-from analysis.paths import ROOT
+from analysis.paths import PROGRAMS, ROOT
 from analysis.points import Outcome, Store
 from analysis.runs import RunError, load_run
-from analysis.studies import fronts, work_precision
-from analysis.studies.result import Result, write
-from analysis.studies.work_precision import (
+from analysis.studies import fronts, race, work_precision
+from analysis.studies.race import (
     CHANGES,
     FULL,
     QUICK,
     REGIMES,
+    SMALL,
     Effort,
     Rung,
     SceneStudy,
-    is_linear,
     methods_of,
 )
+from analysis.studies.result import Result, write
 
 STATIC = '[surface]\nshape = "ball"\n'
 DYNAMIC = STATIC + '[time]\nmode = "dynamic"\nstep = 0.1\n'
@@ -39,7 +39,7 @@ DYNAMIC = STATIC + '[time]\nmode = "dynamic"\nstep = 0.1\n'
 
 def test_every_method_has_a_line_in_static_and_dynamic_scenes():
     for text in ("", '[time]\nmode = "dynamic"\nstep = 0.1'):
-        names = [method.name for method in methods_of(tomllib.loads(text))]
+        names = [method.name for method in methods_of(tomllib.loads(text), SMALL)]
         assert len(names) == len(set(names))
         assert {"fem_p1", "fem_p2"} < set(names)
         assert any(name.startswith("uniform") for name in names)
@@ -128,6 +128,9 @@ class Ladder:
             self.in_space / self.ratio**refinements + self.in_time * float(settings.get("time.step", 0)) ** 2
         )
 
+    def law_of(self, scene):
+        return tomllib.loads(scene.read_text()).get("material", {}).get("law", SMALL)
+
     def run(self, point):
         self.points.append(point)
         settings = dict(override.split("=", 1) for override in point.overrides)
@@ -152,33 +155,6 @@ def study_over(ladder, scene, reference_tetrahedra=0, factors=(1,)):
     study = SceneStudy(file, Effort(factors, (1,), (1, 2), (1, 1), 1, reference_tetrahedra), ladder, ladder)
     study.run(is_quiet=True)
     return study
-
-
-LARGE = {
-    "ball_collapses_far",
-    "ball_deflates",
-    "ball_inflates",
-    "ball_let_go",
-    "bar_bend",
-    "bar_falls",
-    "handle_folds",
-    "head_crushes",
-    "hollow_ball_inflates",
-    "inflate",
-}
-LARGE |= {
-    "squash",
-    "torus_implodes",
-    "torus_inflates",
-}  # as the solvers have it, ShippedScenesHaveTheLawOfTheirStrain
-
-
-def test_scenes_are_linear_where_the_solvers_take_small_strain():
-    files = sorted((ROOT / "analysis" / "scenes").glob("*.toml"))
-    assert {file.stem for file in files if not is_linear(tomllib.loads(file.read_text()))} == LARGE
-    named = {"material": {"law": "small_strain"}, "loads": [{"pressure": 1, "follower": True}]}
-    assert is_linear(named)
-    assert not is_linear(named | {"material": {}})
 
 
 @pytest.mark.parametrize("reference_tetrahedra, refinements", [(6400, 2), (6399, 1)])
@@ -398,7 +374,13 @@ def test_networks_are_drawn_more_often_than_coupled_springs_and_their_median_cou
     assert {m.method.name: m.error for m in study.measurements}["uniform"] == pytest.approx(0.03)
 
 
-def test_every_regime_has_scenes_of_its_own_kind(tmp_path):
+@pytest.mark.skipif(not (PROGRAMS / "massspring").exists(), reason="the programs are not built")
+def test_every_regime_has_scenes_of_its_own_kind_by_the_law_that_the_programs_take(tmp_path):
+    free = tmp_path / "let_go.toml"
+    half = "region.plane = { point = [0, 0, 0], normal = [0, 1, 0] }"
+    let_go = f"[[supports]]\n{half}\nend = 0.5\n[[initial]]\n{half}\nvelocity = [0, 0, 1]\n"
+    free.write_text(DYNAMIC + let_go)
+    assert SceneStudy(free, QUICK, *[Store(tmp_path / "points")] * 2).regime == "large motion"
     for regime, names in REGIMES.items():
         for name in names:
             file = ROOT / "analysis" / "scenes" / f"{name}.toml"
@@ -431,12 +413,12 @@ def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
 
 @pytest.mark.parametrize("cores, panels", [({0}, 2), ({0, 1}, 3)])
 def test_two_threads_are_timed_where_there_are_two_cores(cores, panels, tmp_path, monkeypatch):
-    monkeypatch.setattr(work_precision.os, "sched_getaffinity", lambda _: cores)
+    monkeypatch.setattr(race.os, "sched_getaffinity", lambda _: cores)
     study = study_over(Ladder(tmp_path, 0.032), STATIC)
     assert {m.two_threads is not None for m in study.measurements} == {panels == 3}
     assert {point.prefix for point in study.timed.points} == {
         (),
-        *([work_precision._TWO_THREADS] if panels == 3 else []),
+        *([race._TWO_THREADS] if panels == 3 else []),
     }
     svg = fronts.plot(study)
     assert svg.count("seconds: ") == panels and ("on two threads" in svg) == (panels == 3)
@@ -544,8 +526,8 @@ import sys
 from pathlib import Path
 from analysis.points import Outcome, Store
 from analysis.studies.fronts import table
+from analysis.studies.race import Effort, SceneStudy
 from analysis.studies.result import Result, Section, write
-from analysis.studies.work_precision import Effort, SceneStudy
 folder, programs = map(Path, sys.argv[1:])
 store = Store(folder / "points", programs=programs)
 print("ready", flush=True)
