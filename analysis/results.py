@@ -15,7 +15,7 @@ from .paths import PACKAGE, PROGRAMS, write_text
 from .points import reminders, say
 from .remesh import sentence_of
 from .report import render
-from .verdict import finding
+from .verdict import conclusion, finding
 
 
 def fingerprint(experiment: Experiment) -> str:
@@ -47,7 +47,11 @@ def write_results(experiment: Experiment) -> dict[str, Any]:
     """
     comparison = compare(experiment)
     values = comparison.as_json()
-    values |= {"finding": finding(values), "fingerprint": fingerprint(experiment)}
+    values |= {
+        "finding": finding(values),
+        "conclusion": conclusion(values),
+        "fingerprint": fingerprint(experiment),
+    }
     if note := sentence_of(experiment.scene, experiment.folder):
         values["notes"].append(note)
     row = draw_row(comparison)
