@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .compare import compare_runs
-from .drawing.style import style_of, svg_of
+from .drawing.style import number_logarithmic, style_of, svg_of
 from .experiment import default_folder, surface_overrides
 from .paths import ROOT, write_text
 from .points import Outcome, Point, Store, read_toml, reminders, say
@@ -147,7 +147,7 @@ def plot(keys: list[str], rows: list[Row]) -> str:
     along = max(numeric or keys, key=lambda key: len({row[key] for row in rows}))
     others = [key for key in keys if key != along]
     places = list(dict.fromkeys(row[along] for row in rows))
-    figure = Figure(figsize=(7, 4.5))
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
     axes = figure.subplots()
     lines: dict[str, list[tuple[float, float]]] = {}
     for row in rows:
@@ -160,12 +160,13 @@ def plot(keys: list[str], rows: list[Row]) -> str:
         style = style_of(label, number)
         axes.plot(*zip(*sorted(line), strict=True), color=style.colour, marker=style.marker, label=label)
     axes.set_yscale("log")
+    number_logarithmic(axes.yaxis)
     if along not in numeric:
         axes.set_xticks(range(len(places)), places)
     axes.set_xlabel(along)
     axes.set_ylabel("displacement error (%)")
     if others:
-        axes.legend(fontsize=8)
+        figure.legend(fontsize=8, loc="outside upper left", ncols=3)
     return svg_of(figure)
 
 

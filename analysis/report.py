@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from typing import Any
 from .methods import REFERENCE, label_of
 from .verdict import RULES, conclusion, finding, has_figures, next_command, title, total, trust_in_reference
 from .wording import percent, percent_signed, significant, unit_of_length
+
+_LEGIBLE = 0.65  # of a plot's size: smaller letters cannot be read
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
@@ -26,7 +29,7 @@ th { cursor: pointer; }
 th:first-child, td:first-child { text-align: left; position: sticky; left: 0; background: #fff; }
 @media (max-width: 40rem) { table { font-size: .85rem; } th:first-child, td:first-child { white-space: normal; } }
 img { max-width: 100%; } pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: .85rem; }
-figure { margin: 1.5rem 0; } figcaption { color: #555; font-size: .9rem; }
+figure { margin: 1.5rem 0; overflow-x: auto; } figcaption { color: #555; font-size: .9rem; }
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); gap: .5rem; }
 .row figure { margin: 0; text-align: center; }
 """
@@ -182,8 +185,10 @@ def text_table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def svg_figure(svg: str, caption: str) -> str:
-    """An SVG with its caption, for a page."""
-    return _figure(svg.encode(), "svg+xml", caption)
+    """An SVG with its caption, for a page: where that is too narrow for its letters, it is scrolled."""
+    width = re.search(r'width="([\d.]+)pt"', svg)
+    least = f' style="min-width: {_LEGIBLE * float(width[1]):.0f}pt"' if width else ""
+    return _figure(svg.encode(), "svg+xml", caption, least)
 
 
 def image_figure(file: Path, caption: str) -> str:
@@ -194,12 +199,12 @@ def image_figure(file: Path, caption: str) -> str:
 _KINDS = {".png": "png", ".jpg": "jpeg", ".gif": "gif"}
 
 
-def _figure(data: bytes, kind: str, caption: str) -> str:
-    return f"<figure>{_image(data, kind)}<figcaption>{html.escape(caption)}</figcaption></figure>"
+def _figure(data: bytes, kind: str, caption: str, look: str = "") -> str:
+    return f"<figure>{_image(data, kind, look)}<figcaption>{html.escape(caption)}</figcaption></figure>"
 
 
-def _image(data: bytes, kind: str) -> str:
-    return f'<img src="data:image/{kind};base64,{base64.b64encode(data).decode()}" alt="">'
+def _image(data: bytes, kind: str, look: str = "") -> str:
+    return f'<img src="data:image/{kind};base64,{base64.b64encode(data).decode()}" alt=""{look}>'
 
 
 def html_table(head: list[str], rows: list[list[str]]) -> str:

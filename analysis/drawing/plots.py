@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from ..methods import REFERENCE, label_of
 from ..runs import Array
-from ..wording import percent, significant
+from ..wording import percent
 from ..wording import seconds as wording_of
 from .error_scale import LEAST, MARKS, MOST
-from .style import style_of, svg_of
+from .style import number_logarithmic, style_of, svg_of
 
 Curve = tuple[Array, Array]
 SMALLEST = 1e-9  # error drawn (%): below lies rounding
@@ -108,7 +108,7 @@ def plot_errors(errors: dict[str, tuple[float, float]], of_reference: float | No
         low = min(low, band / 2)
         axes.axvspan(low, band, color="grey", alpha=0.25, linewidth=0)
     axes.set_xlim(low, 2 * max(*drawn, band))
-    axes.xaxis.set_major_formatter(lambda value, _: significant(value))
+    number_logarithmic(axes.xaxis)
     axes.set_yticks(range(len(errors)), [label_of(name) for name in errors])
     axes.set_ylim(max(len(errors), 1) - 0.5, -0.5)
     axes.grid(axis="y", visible=False)
@@ -143,7 +143,7 @@ def plot_errors_over_surface(errors: dict[str, Array], areas: Array, labels: dic
     axes.set_ylim(0, 100)
     for mark in MARKS:
         axes.axvline(mark, color="black", linewidth=1)
-    axes.xaxis.set_major_formatter(lambda value, _: significant(value))
+    number_logarithmic(axes.xaxis)
     axes.set_xlabel("displacement error (%)")
     axes.set_ylabel("surface that errs\nby more (%)")
     if axes.get_legend_handles_labels()[1]:

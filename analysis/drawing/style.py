@@ -7,9 +7,13 @@ import re
 from typing import NamedTuple
 
 import matplotlib
+import numpy as np
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from ..methods import FEM_P1, FEM_P2, REFERENCE
+from ..wording import significant
 
 matplotlib.rcParams.update(
     {
@@ -31,6 +35,8 @@ class Style(NamedTuple):
     colour: str
     marker: str
 
+
+_NARROW, _WIDE = 0.7, 2.0  # decades, to which axes are numbered differently
 
 # Okabe & Ito 2008, "Color universal design"; yellow darkened, one colour from Tol 2021, "Colour schemes".
 _STYLES = {
@@ -55,6 +61,21 @@ def style_of(method: str, number: int | None = None) -> Style:
     if method in _STYLES:
         return _STYLES[method]
     return Style("#888888", "X") if number is None else list(_STYLES.values())[(number + 1) % len(_STYLES)]
+
+
+def number_logarithmic(*axes: Axis) -> None:
+    """Plain numbers on logarithmic axes, few enough not to meet, however little or much they span; after all is drawn."""
+    for axis in axes:
+        low, high = axis.get_view_interval()
+        decades = np.log10(high / low)
+        if decades < _NARROW:
+            axis.set_major_locator(MaxNLocator(3))
+        else:
+            axis.set_major_locator(
+                LogLocator(subs=(1.0,) if decades > _WIDE else (1.0, 2.0, 5.0), numticks=7)
+            )
+        axis.set_major_formatter(lambda value, _: significant(value))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def svg_of(figure: Figure) -> str:

@@ -25,7 +25,7 @@ import pyvista as pv
 from matplotlib.figure import Figure
 
 from ..compare import displacement_error
-from ..drawing.style import style_of, svg_of
+from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..grid import csv_of
 from ..methods import FEM_P2, label_of
 from ..paths import PACKAGE, PROGRAMS, write_text
@@ -316,7 +316,7 @@ def measured(rows: list[Row]) -> str:
 
 def plot_ratios(rows: list[Row]) -> str:
     """Share of cases whose error over that of linear elements stays below a value."""
-    figure = Figure(figsize=(7, 4.5))
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
     axis = figure.subplots()
     for kind, line in (("free", "-"), ("held", "--")):
         for method in (SPRINGS, FEM_P2):
@@ -328,7 +328,8 @@ def plot_ratios(rows: list[Row]) -> str:
     axis.axvline(1, color=style_of(LINEAR).colour, label="linear finite elements")
     axis.set_xlabel("error over that of linear finite elements on the same nodes")
     axis.set_ylabel("cases below (%)")
-    axis.legend(fontsize=8)
+    number_logarithmic(axis.xaxis)
+    figure.legend(fontsize=8, loc="outside upper left", ncols=2)
     return svg_of(figure)
 
 

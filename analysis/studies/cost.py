@@ -33,6 +33,8 @@ step = {_STEP}
 integrator = "symplectic_euler"
 [network]
 calibration = "uniform"
+[[initial]] # a body that nothing moves is refused
+velocity = [0, 1e-3, 0]
 [output]
 frames_every = 0
 curves = false

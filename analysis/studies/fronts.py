@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..drawing.plots import SMALLEST
-from ..drawing.style import style_of, svg_of
+from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..front import pareto, seconds_for
 from ..methods import ELEMENTS, label_of
 from ..report import Table
@@ -191,9 +191,9 @@ def plot(scene: SceneStudy) -> str:
     known = [m for m in scene.measurements if m.error is not None]
     band = max((m.reference_error or 0 for m in known), default=0)
     titles = ["meshing, set-up and solution", "solution alone"]
-    if any(m.two_threads for m in known):
+    if any(m.seconds_on_two_threads > 0 for m in known):
         titles.append("the whole on two threads")
-    figure = Figure(figsize=(1 + 4 * len(titles), 5), layout="constrained")
+    figure = Figure(figsize=(4 * len(titles), 6), layout="constrained")
     axes: list[Axes] = list(figure.subplots(1, len(titles), sharey=True))
     for axis, title in zip(axes, titles, strict=True):
         for method in dict.fromkeys(m.method for m in known):
@@ -206,9 +206,16 @@ def plot(scene: SceneStudy) -> str:
             low = max(min(100 * m.error for m in known), SMALLEST)  # type: ignore[operator]
             axis.axhspan(min(low, 100 * band) / 2, 100 * band, color="grey", alpha=0.2, linewidth=0)
             axis.set_ylim(bottom=min(low, 100 * band) / 2)
+        number_logarithmic(axis.xaxis, axis.yaxis)
         axis.set_xlabel(f"seconds: {title}")
     axes[0].set_ylabel("displacement error (%)")
-    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=7, loc="outside right upper", handlelength=3)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(),
+        fontsize=7,
+        loc="outside lower left",
+        ncols=len(titles),
+        handlelength=3,
+    )
     figure.suptitle(scene.name, fontsize=11)
     return svg_of(figure)
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from ..drawing.style import style_of, svg_of
+from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..report import Table
 from ..runs import load_run
 from ..wording import percent, significant
@@ -66,7 +66,7 @@ def measure(seeds: Seeds) -> list[Measured]:
 
 def section(rows: list[Measured]) -> Section:
     """Curves and their table."""
-    figure = Figure(figsize=(11, 3), layout="constrained")
+    figure = Figure(figsize=(11, 3.3), layout="constrained")
     for axes, ladder in zip(figure.subplots(1, len(LADDERS), sharey=True), LADDERS, strict=True):
         for number, network in enumerate(_NETWORKS):
             of = [row for row in rows if (row.ladder, row.network) == (ladder, network)]
@@ -79,8 +79,10 @@ def section(rows: list[Measured]) -> Section:
             )  # fmt: skip
         axes.set_xlabel(ladder.name, fontsize=9)
         axes.set_yscale("log")
+        axes.locator_params(axis="x", nbins=4)
+    number_logarithmic(figure.axes[0].yaxis)
     figure.axes[0].set_ylabel("displacement error (%)")
-    figure.axes[0].legend(fontsize=8)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), fontsize=8, loc="outside upper left", ncols=2)
     caption = "Error of uniform springs over the paper's parameters: medians and ranges over seeds."
     return Section(
         "Accuracy", [], {"network_curves": (svg_of(figure), caption)}, {"network_curves": table(rows)}

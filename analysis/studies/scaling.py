@@ -16,7 +16,7 @@ from statistics import median
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..drawing.style import style_of, svg_of
+from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES
 from ..points import Outcome, Point, Store, say
@@ -169,17 +169,17 @@ def plot_seconds(sizes: list[Size]) -> str:
     for axis, title in zip(axes, ("springs", "finite elements"), strict=True):
         axis.set_title(title, fontsize=11)
         axis.set_xlabel("nodes")
-        axis.tick_params(axis="x", which="minor", labelbottom=False)
         if axis.lines:  # below the plot, where it covers no line
             axis.legend(
                 fontsize=8, title="(slope)", title_fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12)
             )
     axes[0].set_ylabel("time (s)")
+    number_logarithmic(axes[0].xaxis, axes[0].yaxis)
     return svg_of(figure)
 
 
 def plot_memory(sizes: list[Size]) -> str:
-    figure = Figure(figsize=(7, 4.5))
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
     axis = figure.subplots()
     for line, good in _lines(sizes):
         style = style_of(line.model)
@@ -191,7 +191,8 @@ def plot_memory(sizes: list[Size]) -> str:
         )  # fmt: skip
     axis.set_xlabel("nodes")
     axis.set_ylabel("largest resident memory (MB)")
-    axis.legend(fontsize=7)
+    number_logarithmic(axis.xaxis, axis.yaxis)
+    figure.legend(fontsize=7, loc="outside upper left", ncols=2)
     return svg_of(figure)
 
 
@@ -204,11 +205,13 @@ def plot_lemma(sizes: list[Size]) -> str:
         power = f" ({slope(nodes, blocks):.3f})" if len(nodes) > 1 else ""
         style = style_of(_NETWORK)
         axis.loglog(nodes, blocks, color=style.colour, marker=style.marker, label=f"PCP network{power}")
+        axis.margins(0.15)
         for x, y, size in zip(nodes, blocks, good, strict=True):
             axis.annotate(
                 f"{size.blocks_per_node:.1f} a node", (x, y), (4, -12), textcoords="offset points", fontsize=7
             )
-        axis.legend(fontsize=8, title="(slope; Lemma 1: 1)", title_fontsize=8)
+        axis.legend(fontsize=8, title="(slope; Lemma 1: 1)", title_fontsize=8, loc="upper left")
+        number_logarithmic(axis.xaxis, axis.yaxis)
     axis.set_xlabel("nodes")
     axis.set_ylabel("non-zero 3 x 3 blocks")
     return svg_of(figure)

@@ -111,7 +111,7 @@ def plot(rows: list[Row]) -> str:
     number = {(r["method"], r["start"], r["E"], r["h"]): list(OUTCOMES).index(r["outcome"]) for r in rows}
     colours = ListedColormap([colour for colour, _ in OUTCOMES.values()])
     norm = BoundaryNorm(np.arange(len(OUTCOMES) + 1) - 0.5, len(OUTCOMES))
-    figure = Figure(figsize=(1.75 * len(starts), 1.45 * len(methods)))
+    figure = Figure(figsize=(1.75 * len(starts), 1.0 + 1.45 * len(methods)), layout="constrained")
     axes = figure.subplots(len(methods), len(starts), sharex=True, sharey=True, squeeze=False)
     for line, method in zip(axes, methods, strict=True):
         for axis, start in zip(line, starts, strict=True):
@@ -131,8 +131,7 @@ def plot(rows: list[Row]) -> str:
         line[0].set_ylabel(f"{name}\nstep (s)", fontsize=8)
     figure.legend(
         handles=[Patch(color=colour, label=meaning) for colour, meaning in OUTCOMES.values()],
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.06),
+        loc="outside lower center",
         ncols=2,
         fontsize=8,
     )

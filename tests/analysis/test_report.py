@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from analysis.report import render, tables, text_of, text_table
+from analysis.report import render, svg_figure, tables, text_of, text_table
 from analysis.verdict import (
     RULES,
     conclusion,
@@ -346,6 +346,14 @@ def test_without_a_reference_no_model_is_recommended():
     assert trust_in_reference(comparison) == []
     models.pop("a")
     assert conclusion(comparison)[0].endswith("none came to rest.")
+
+
+def test_wide_plots_are_scrolled_rather_than_made_too_small_to_read():
+    wide, narrow = (svg_figure(f'<svg width="{width}pt" height="9pt">', "a") for width in (900, 490))
+    assert (
+        'style="min-width: 585pt"' in wide and 'style="min-width: 318pt"' in narrow
+    )  # of a page of 500 pixels: 351 pt
+    assert "figure { margin: 1.5rem 0; overflow-x: auto; }" in render(comparison_of(), None, {}, {}, {})
 
 
 def test_runs_that_stopped_are_named_with_where_and_why():

@@ -13,7 +13,7 @@ import pytest
 from solvers import calls, make_solvers
 
 from analysis.__main__ import parse_arguments
-from analysis.paths import ROOT, SCENES
+from analysis.paths import PROGRAMS, ROOT, SCENES
 from analysis.points import Outcome, Store
 from analysis.studies import command, cost, paper, scaling
 from analysis.studies.result import Result, alone
@@ -151,6 +151,17 @@ def test_cost_is_what_a_part_adds():
     ]
     words = cost.finding(costs)
     assert "a +50 %" in words and "below 1 % stay b" in words and "No result: c" in words
+
+
+@pytest.mark.skipif(not (PROGRAMS / "massspring").exists(), reason="massspring is not built")
+@pytest.mark.parametrize("part", cost.PARTS)
+def test_springs_take_the_scene_of_every_part(part, tmp_path):
+    (tmp_path / "cost.toml").write_text(cost._SCENE)
+    words = [word for override in cost.PARTS[part] for word in ("--set", override)]
+    checked = subprocess.run(
+        [PROGRAMS / "massspring", tmp_path / "cost.toml", "--check", *words], capture_output=True, text=True
+    )
+    assert checked.returncode == 0, checked.stderr
 
 
 def test_cost_draws_what_a_part_adds(drawn):
