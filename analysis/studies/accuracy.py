@@ -1,11 +1,11 @@
-"""Accuracy study: bodies and loads that nobody chose, springs beside finite elements, against refined quadratic elements.
+"""Accuracy study: bodies and loads drawn at random, springs beside finite elements, against refined quadratic elements.
 
 Each body of bodies.py bears one load while it is free and one while a part of it is held, at two Poisson's ratios. The
-yardstick is quadratic elements on the surface as every method cuts it, their tetrahedra split in eight, twice where a part
-is held and they are few. Its own error is estimated by what the last split changed, as if it were of first order. Errors are
-relative ones of the surface's displacement in the L2 norm. Half of the bodies are for development; --kept-back measures
-the others, too. The exact fields are those of build/bin/accuracy, on the bodies of even triangles. What is finished is
-kept, and published in ACCURACY.md.
+yardstick of all methods is quadratic elements on the surface as every method cuts it, refined. Their tetrahedra are split in
+eight, twice where a part is held and tetrahedra are few. The yardstick's own error is estimated from what the last split
+changed, as if it were of first order. Errors are relative, of the surface's displacement in the L2 norm. Half of the bodies
+are for development; --kept-back measures the others, too. The exact fields are those of build/bin/accuracy, on the bodies of
+even triangles. What is finished is kept, and published in ACCURACY.md.
 """
 
 from __future__ import annotations
@@ -310,8 +310,9 @@ def measured(rows: list[Row]) -> str:
     words = []
     for half, is_kept_back in (("development", False), ("kept back", True)):
         n_all = sum(case.body.is_kept_back == is_kept_back for case in cases(has_kept_back=True))
-        words.append(f"{sum(place[0] == half for place in places)} of {n_all} cases {half}")
-    return f"Measured are {' and '.join(words)}, in an order that a hash draws."
+        name = half.replace(" ", "-")
+        words.append(f"{sum(place[0] == half for place in places)} of {n_all} {name} cases")
+    return f"So far {' and '.join(words)} have been measured, in an order drawn at random."
 
 
 def plot_ratios(rows: list[Row]) -> str:
@@ -338,7 +339,7 @@ def sections_of(rows: list[Row]) -> list[Section]:
     even = [row for row in loads if row["triangles"] == "even"]
     return [
         Section(
-            "Bodies and loads that nobody chose",
+            "Bodies and loads drawn at random",
             [_LOADS],
             {},
             {"loads": table(loads, ["half", "kind", "nu"])},
@@ -358,7 +359,7 @@ _LOADS = (
     "Errors of `node_averaged` over those of linear elements on the same nodes. "
     "All cut the surface's triangles where fewer than `surface.across` = 1 edges fit across the body. "
     "The last four columns are median errors: of springs, of springs on uncut triangles, of linear and of quadratic elements. "
-    "A case is undecided where the error is not three times the yardstick's own; it counts in the other columns."
+    "A case is undecided where the error is less than three times the yardstick's own; it counts in the other columns."
 )
 _EQUAL = (
     "Springs on triangles that are cut flat in four have as many nodes on the surface as quadratic elements. "

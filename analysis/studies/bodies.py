@@ -1,4 +1,4 @@
-"""Bodies that nobody chose: families of shapes whose measures a seed draws, each triangulated in four ways.
+"""Bodies drawn at random: families of shapes whose measures a seed draws, each triangulated in four ways.
 
 Half of them, picked by a hash of their name, are there to learn from. The other half is measured for final tables only.
 Prisms are polygons with holes, drawn out; all others are level sets of a distance. A body's longest side is 1 m, and its

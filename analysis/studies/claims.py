@@ -474,7 +474,7 @@ UNMEASURED = [
     Claim(
         "4.4", "deflation played backwards is inflation", "so by construction; no pressure drives it", "[playback]", HOLDS
     ),
-    Claim("3.3, 5", "results are realistic", "a matter of eyes", "figure 11", "not testable"),
+    Claim("3.3, 5", "results are realistic", "can only be judged by eye", "figure 11", "not testable"),
 ]  # fmt: skip
 
 

@@ -71,7 +71,7 @@ STUDIES = {
     "peers": Study("seconds of DOLFINx beside the reference's, on the same tetrahedra", peers.study),
     "gallery": Study("every shipped scene run, and its picture for the gallery page", gallery.study),
     "accuracy": Study(
-        "springs on bodies and loads that nobody chose, beside finite elements, against refined ones: an hour",
+        "springs on bodies and loads drawn at random, beside finite elements, against refined ones: an hour",
         accuracy.study,
         frozenset({"quick", "kept_back"}),
     ),

@@ -1,4 +1,4 @@
-"""Verdict study: how many verdicts on bodies that nobody chose hold against a reference refined once more.
+"""Verdict study: how many verdicts on bodies drawn at random hold against a reference refined once more.
 
 Bodies and loads are drawn as those of the accuracy study, a case for each body. Each is run as a user runs it, and the
 reference is then refined once more than the verdict's own. A verdict holds where the error against that one lies on the

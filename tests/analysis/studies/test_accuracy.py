@@ -241,7 +241,7 @@ def test_quick_study_leaves_a_report_and_publishes_nothing(tmp_path, monkeypatch
     said = capsys.readouterr()
     assert "0.25 at nu = 0.25" in said.out and "[1/4]" in said.err and "h left" in said.err
     page = (out / "report.html").read_text()
-    assert "bodies and loads that nobody chose, springs beside" in page and "programs (SHA-256)" in page
+    assert "bodies and loads drawn at random, springs beside" in page and "programs (SHA-256)" in page
     assert {"rows.csv", "loads.csv", "by_load.csv", "equal_nodes.csv", "ratios.svg", "report.html"} <= {
         file.name for file in out.iterdir()
     }
