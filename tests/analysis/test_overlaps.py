@@ -16,7 +16,7 @@ from analysis.methods import REFERENCE
 from analysis.paths import SCENES
 from analysis.points import Outcome, read_toml
 from analysis.studies import accuracy, cost, fronts, network_curves, paper, scaling, stability
-from analysis.studies.work_precision import Measurement, Rung, methods_of
+from analysis.studies.race import SMALL, Measurement, Rung, methods_of
 
 MODELS = ("node_averaged", "edge_coupled", "affine", "uniform", "van_gelder", "lloyd", "moment")
 
@@ -24,7 +24,7 @@ MODELS = ("node_averaged", "edge_coupled", "affine", "uniform", "van_gelder", "l
 def race(name, sizes):
     """As the study races the methods of a scene; seconds and errors by chance."""
     random, found = np.random.default_rng(1), []
-    for method in methods_of(read_toml(SCENES / f"{name}.toml")):
+    for method in methods_of(read_toml(SCENES / f"{name}.toml"), SMALL):
         for size in sizes:
             seconds = {stage: 10 ** random.uniform(-2, 1) for stage in ("mesh", "setup", "solve")}
             runs = [timed(**seconds), timed(**{stage: 1.3 * s for stage, s in seconds.items()})]
