@@ -41,6 +41,7 @@ class Comparison:
     models: dict[str, Figures | FiguresAlone]  #: of the same
     reference: Run | None  #: None: the reference does not model the scene
     of_reference: ReferenceFigures | None  #: there where the reference is
+    half_step_volume_change: float | None = None  #: of the scene's own springs, where they have no reference
 
     @property
     def methods(self) -> dict[str, Run]:
@@ -62,7 +63,8 @@ class Comparison:
             "status": f"fem_reference: {stopped}" if stopped and main["status"] == "ok" else main["status"],
             "calibration": experiment.calibration,
             "law": experiment.law,
-            "notes": list(experiment.notes),
+            "notes": [*experiment.notes, *self._node_limits()],
+            "nu": experiment.scene["material"].get("nu", 0.25),
             "command": experiment.command,
             "target_error": experiment.target_error,
             "is_static": experiment.is_static,
@@ -81,7 +83,23 @@ class Comparison:
             }
         else:
             comparison["no_reference"] = experiment.unsolved
+            comparison["half_step_volume_change"] = self.half_step_volume_change
         return comparison | {"models": models}
+
+    def _node_limits(self) -> list[str]:
+        """Sentences on what surface and networks have fewer nodes than the scene asks for."""
+        records = [run.record for run in self.methods.values()]
+        limits = []
+        if cut := [record["n_surface"] for record in records if record.get("is_cut_bounded")]:
+            limits.append(
+                f"The surface is too thin in parts for surface.across: it was cut to {max(cut)} vertices and no further."
+            )
+        bounds = [record.get("internal_nodes", {}).get("bounded_by") for record in records]
+        if most := max(filter(None, bounds), default=0):
+            limits.append(
+                f"Networks of links have at most {most} nodes inside, three for each of the surface: network.k asks for more."
+            )
+        return limits
 
     def _smaller_steps(self) -> str:
         """KEY=VALUE that halves the steps of load or time."""
@@ -104,7 +122,12 @@ def compare(experiment: Experiment, is_as_in_scene: bool = False) -> Comparison:
             if (run := _springs(experiment, name)) and not run.stopped
         }
         alone: dict[str, Figures | FiguresAlone] = {name: describe_alone(run) for name, run in runs.items()}
-        return Comparison(experiment, runs, alone, None, None)
+        half = (
+            describe_alone(load_run(experiment.half_step_folder)).volume_change
+            if experiment.has_half_step
+            else None
+        )
+        return Comparison(experiment, runs, alone, None, None, half)
     levels = [load_run(folder, may_stop=True) for folder in experiment.reference_folders]
     errors = errors_of_references(levels, experiment.is_free)
     runs = {name: run for name in experiment.calibrations if (run := _springs(experiment, name))}

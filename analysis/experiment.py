@@ -7,6 +7,7 @@ import shlex
 import shutil
 import sys
 import tomllib
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,10 @@ from typing import Any
 from . import load_scale
 from .execute import Ended, execute, solver
 from .experiment_folder import Experiment
-from .extent import available_memory, extent_of
 from .methods import REFERENCE, label_of
 from .paths import PROGRAMS, ROOT
 from .points import read_toml, say
-from .references import refine
+from .references import halve_step, refine
 from .runs import LATE, NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
 from .wording import significant
 
@@ -26,8 +26,9 @@ from .wording import significant
 TIME_LIMIT = 60.0
 
 
-def _scaling(factor: float | None) -> tuple[str, ...]:
-    """A sentence on a body that is not of its own size."""
+def _scaling(checked: str) -> tuple[str, ...]:
+    """A sentence on a body that is not of its own size, by what `massspring --check` prints."""
+    factor = json.loads(checked).get("normalised_unit")
     if factor is None:
         return ()
     return (
@@ -96,11 +97,6 @@ def run_solvers(
     checked = _run(command_of("massspring", folder, options=("--check",)), is_quiet=True)
     if checked.status != SOLVED:
         raise RunError(checked.errors or "massspring refuses the scene: nothing has been solved")
-    extent = extent_of(checked.output)
-    say(extent.text, is_quiet)
-    if advice := extent.advice(available_memory()):
-        print(f"warning: {advice}", file=sys.stderr)
-
     wanted = load_scale.wanted_strain(read_toml(scene_file), overrides)
     if wanted is not None:
         trial = folder / "load_scale_trial"
@@ -131,8 +127,7 @@ def run_solvers(
         )
     unsolved = record["reason"] if status == NOT_MODELLED else ""
 
-    warnings = (f"{warning}." for warning in checked.warnings)
-    notes = (*warnings, *_scaling(json.loads(checked.output).get("normalised_unit")))
+    notes = (*(f"{warning}." for warning in checked.warnings), *_scaling(checked.output))
     experiment = Experiment(folder, scene, {}, unsolved, notes, command)
     for calibration in experiment.calibrations:
         out = experiment.massspring_folder(calibration)
@@ -143,14 +138,18 @@ def run_solvers(
             outcome = outcome_of(json.loads((out / "run.json").read_text()))
         if outcome != "ok":
             experiment.failed[calibration] = outcome
+
+    def solve_by(program: str, *more: str) -> Callable[[Path, list[str], float], tuple[int, str]]:
+        def solve(out: Path, words: list[str], limit: float) -> tuple[int, str]:
+            ended = _run(command_of(program, out, *more, *words, options=("--checked",)), is_quiet, limit)
+            return LATE if ended.is_late else ended.status, ended.errors
+
+        return solve
+
     if unsolved:
-        return experiment
-
-    def solve_refined(out: Path, more: list[str], limit: float) -> tuple[int, str]:
-        ended = _run(command_of("fem_reference", out, *more, options=("--checked",)), is_quiet, limit)
-        return LATE if ended.is_late else ended.status, ended.errors
-
-    return refine(experiment, solve_refined, time_limit, is_quiet, is_refined_once)
+        own = solve_by("massspring", f"network.calibration={experiment.calibration}")
+        return halve_step(experiment, own, time_limit, is_quiet)
+    return refine(experiment, solve_by("fem_reference"), time_limit, is_quiet, is_refined_once)
 
 
 def _command(scene: Path, surface: Path | None, overrides: list[str]) -> str:

@@ -22,6 +22,9 @@ class Experiment:
     n_refinements: int = 0  #: of the reference, for its error
     next_reference_seconds: float | None = None  #: of the next refinement, as foreseen; None: none is needed
     unrefined: str = ""  #: why the next refinement gave nothing; "": it was not tried
+    has_half_step: bool = (
+        False  #: the scene's own springs, which have no reference, were run at half the step, too
+    )
 
     @property
     def name(self) -> str:
@@ -64,6 +67,11 @@ class Experiment:
     def refined_folder(self, n: int) -> Path:
         """Of the reference refined n times for its error."""
         return self.folder / "reference_refined" / str(n)
+
+    @property
+    def half_step_folder(self) -> Path:
+        """Of the scene's own springs at half their step, where there is no reference."""
+        return self.folder / "half_step"
 
     @property
     def reference_folders(self) -> list[Path]:

@@ -1,8 +1,12 @@
-"""References of one scene, each refined once more than the one before, until the comparison can be decided."""
+"""References of one scene, each refined once more than the one before, until the comparison can be decided.
+
+Springs that have no reference are run once more, at half their step.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +25,7 @@ from .wording import duration
 _GROWTH = {"static": 10.0, "dynamic": 25.0}
 _LATE = 3  # times the limit, after which a solve that was foreseen to be shorter is stopped
 
-#: Runs the reference into a folder with these overrides, for so many seconds at most: exit status, and what it said.
+#: Runs a program into a folder with these overrides, for so many seconds at most: exit status, and what it said.
 Solve = Callable[[Path, list[str], float], tuple[int, str]]
 
 
@@ -61,6 +65,28 @@ def refine(
         shutil.rmtree(folder)  # of other values, or without a result
         later += 1
     return experiment
+
+
+def halve_step(experiment: Experiment, solve: Solve, time_limit: float, is_quiet: bool) -> Experiment:
+    """Runs the scene's own springs, which have no reference, at half their step, where that takes time_limit (s) at most.
+
+    solve: as Solve, but of the springs.
+    """
+    shutil.rmtree(experiment.half_step_folder, ignore_errors=True)
+    if experiment.is_static or experiment.calibration in experiment.failed:
+        return experiment
+    record = _record_of(experiment.massspring_folder(experiment.calibration))
+    seconds = 2 * _solution(record)
+    if seconds > time_limit:
+        unknown = (
+            f"Whether this depends on the step is not known: half of it takes some {duration(seconds)} "
+            f"(--time-limit {math.ceil(seconds)})."
+        )
+        return replace(experiment, notes=(*experiment.notes, unknown))
+    say(f"{label_of(experiment.calibration)}, at half the step: some {duration(seconds)}", is_quiet)
+    words = [f"time.step={record['step'] / 2!r}", "output.frames_every=0"]
+    status, _ = solve(experiment.half_step_folder, words, _LATE * time_limit)
+    return replace(experiment, has_half_step=status == SOLVED)
 
 
 def _record_of(folder: Path) -> dict[str, Any]:

@@ -24,7 +24,7 @@ def fingerprint(experiment: Experiment) -> str:
     records = sorted(experiment.folder.glob("**/run.json"))
     for file in [*records, experiment.folder / "scene.toml", *sorted(PACKAGE.rglob("*.py"))]:
         digest.update(file.read_bytes())
-    of_runs = [experiment.n_refinements, experiment.unrefined, experiment.command]
+    of_runs = [experiment.n_refinements, experiment.unrefined, experiment.has_half_step, experiment.command]
     digest.update(json.dumps([experiment.failed, experiment.notes, *of_runs], sort_keys=True).encode())
     return digest.hexdigest()[:16]
 

@@ -15,12 +15,15 @@ SERVES, FAILS = (
 )  # displacement errors: up to the first a model serves, beyond the second it does not
 _SAVED = 0.8  # of the finite elements' seconds, at most: single runs vary by a fifth
 _AT_REST = 0.01  # of the largest kinetic energy
+_SAME_VOLUME = 0.02  # of that at rest: what a step may change
 _ROUNDING = 1e-8
 _NOTICED = 0.01  # error of small strain on both sides: it is no part of their difference
 _OTHER_LAW = 'material.law = "neo_hookean"'
 
 _AS_NEAR = 1.1  # times the finite elements' error, at most: errors are equal
 _BEST = "node_averaged"
+_OF_A_QUARTER = ("uniform", "affine")  # models whose Poisson's ratio is 1/4 for any material
+_NOTICED_RESISTANCE = 0.2
 _TARGET = 0.02  # of adaptive springs
 _ACROSS = 3  # edges that fit across a body
 # Seconds of a run over those of this one, roughly: springs adapted, triangles cut three times as fine, another law.
@@ -119,6 +122,7 @@ def conclusion(comparison: dict[str, Any]) -> list[str]:
         came = f"{listed(calm)} came to rest" if calm else "none came to rest"
         return [
             f"No model can be recommended here, as there is no reference to judge it by; {came}.",
+            *_on_half_step(comparison),
             *_on_busy_machine(models.values()),
         ]
     reference = comparison["reference"]
@@ -252,6 +256,14 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
         limits.append(
             f"{listed(mechanisms)} {_verb(mechanisms, 'is a mechanism', 'are mechanisms')}, whose error another load may change."
         )
+    if plain := [name for name in _OF_A_QUARTER if has_figures(models.get(name, {}))]:
+        resists = 0.5 / (1 - 2 * comparison["nu"])  # a change of volume, over what it would at nu = 1/4
+        if abs(resists - 1) > _NOTICED_RESISTANCE:
+            limits.append(
+                f"The springs of {listed(plain)} have a Poisson's ratio of 1/4, whatever material.nu is: at "
+                f"{comparison['nu']:g} the material resists a change of volume {significant(resists, 2)} times as much as they "
+                "do."
+            )
     if networks := [name for group in groups.values() for name in group if models[name]["n_springs"]]:
         limits.append(
             f"{listed(networks)} {_verb(networks, 'stands', 'stand')} on one random network, and another gives another error."
@@ -262,6 +274,22 @@ def _limits(comparison: dict[str, Any], groups: dict[str, list[str]]) -> list[st
             _on_busy_machine([reference, *models.values()])
             or ["Seconds are of single runs, whose errors differ."]
         ),
+    ]
+
+
+def _on_half_step(comparison: dict[str, Any]) -> list[str]:
+    """How far springs without a reference depend on their step."""
+    half = comparison["half_step_volume_change"]
+    if half is None:
+        return []
+    model = comparison["models"][comparison["calibration"]]
+    left, half_left = 1 + model["volume_change"], 1 + half
+    if abs(left - half_left) <= _SAME_VOLUME:
+        return [
+            f"Half the step changes the volume at its end by {percent(abs(left - half_left))} of that at rest."
+        ]
+    return [
+        f"This depends on its step: {percent(left)} of the volume is left, and {percent(half_left)} at half the step."
     ]
 
 

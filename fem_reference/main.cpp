@@ -66,6 +66,15 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
   record["is_free"] = solid.n_free_rigid_motions() > 0;
 }
 
+/// Seconds of the steps on one core of the 2020s, to a factor of two or so.
+double foreseen_seconds(const Simulation& simulation, const Scene& scene) {
+  const auto n = static_cast<double>(simulation.X().cols());
+  const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
+  if (!simulation.motion()) return n * (is_linear ? 1.6e-4 : 2.8e-4 * scene.time.load_steps);
+  const bool is_explicit = scene.reference.integrator == ReferenceScheme::CentralDifferences;
+  return simulation.n_steps() * n * (is_explicit ? 1e-6 : is_linear ? 6e-6 : 1e-4);
+}
+
 void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
   record["solver"] = simulation.solver();
   std::string failure = "not_converged";
@@ -136,6 +145,7 @@ ExitStatus run(const Arguments& arguments) {
   session.record.update(to_json(attempts));
   session.record["tetrahedra"] = to_json(tet_quality(mesh.X, mesh.T));
   describe(simulation, scene, session.record);
+  session.foresee(simulation.X().cols(), foreseen_seconds(simulation, scene));
   take_steps(simulation, session);
   report(simulation, scene, session.record);
   if (arguments.n_levels > 0 && scene.time.mode == TimeMode::Static && simulation.is_converged())

@@ -123,19 +123,15 @@ double normalised_unit(SurfaceSource source) {
   return 1 / (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).minCoeff();
 }
 
-/// What decides how long a scene takes, for who plans its runs.
+/// Of a scene that has been checked.
 nlohmann::ordered_json extent_of(const Scene& scene, const SurfaceMesh& surface) {
-  const TimeOptions& time = scene.time;
   nlohmann::ordered_json extent{
       {"n_vertices", surface.X.cols()},
-      {"n_vertices_of_springs", cut_across(surface, scene.surface.across).surface.X.cols()},
+      {"n_vertices_cut", cut_across(surface, scene.surface.across).surface.X.cols()},
       {"models", models_of(scene)},
-      {"degree", scene.reference.degree},
-      {"refine", scene.reference.refine},
       {"law", name_of(law_of(scene))},
-      {"mode", name_of(time.mode)}};
+      {"mode", name_of(scene.time.mode)}};
   if (scene.surface.normalise) extent["normalised_unit"] = normalised_unit(scene.surface);
-  if (time.mode == TimeMode::Dynamic && time.step > 0) extent["n_steps"] = std::lround(time.end / time.step);
   return extent;
 }
 
@@ -160,6 +156,22 @@ void check_surface(const Scene& scene, const Arguments& arguments) {
   for (const std::string& warning : warnings_about(scene, surface, arguments.scene))
     std::cerr << "warning: " << warning << '\n';
   std::cout << extent_of(scene, surface) << '\n';
+}
+
+/// Seconds of set-up and steps on one core of the 2020s, to a factor of two or so. Absent where the length of a step is
+/// known to a body alone that is set up.
+std::optional<double> foreseen_seconds(const Scene& scene, Eigen::Index n_nodes, bool has_links) {
+  const auto n = static_cast<double>(n_nodes);
+  const auto growth = [n](double exponent) { return std::pow(n / 2000, exponent); };  // of a node's share
+  const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
+  const TimeOptions& time = scene.time;
+  const double set_up = n * (has_links ? 2e-4 : 3.5e-5);
+  if (time.mode == TimeMode::Static)
+    return set_up + n * (is_linear ? 6e-5 * growth(0.6) : 1.5e-5 * growth(1.3) * time.load_steps);
+  const bool is_explicit = find_integrator(time.integrator).is_explicit;
+  if (is_explicit && time.step == 0) return {};
+  const int n_steps = meshing::n_steps(time, time.step == 0 ? time.end / kDefaultSteps : time.step);
+  return set_up + n_steps * n * (is_explicit ? 1e-6 : is_linear ? 3e-6 * growth(1) : 2e-5 * growth(1));
 }
 
 ExitStatus run(const Arguments& arguments) {
@@ -193,15 +205,16 @@ ExitStatus run(const Arguments& arguments) {
       add_estimate(estimate_error(scene, surface, network), network, session);
     }
   }
+  session.foresee(network.X.cols(), foreseen_seconds(scene, network.X.cols(), needs_links));
   session.start("setup");
   Simulation simulation(scene, network);
   session.timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
   const MassSpringModel& model = simulation.model();
   session.open(model.network.X, surface_of(model), cells_of(model), omp_get_max_threads());
   describe(found, session.record);
-  if (const auto& most = found.samples.most_nodes; most && !found.is_mesher_instead && !arguments.is_quiet)
-    std::cerr << "internal nodes bounded by " << *most << ", with network.phi = " << found.samples.phi
-              << ": network.k or network.phi asks for more\n";
+  if (const auto& most = found.samples.most_nodes; most && !found.is_mesher_instead && !arguments.is_checked)
+    session.progress.tell("the network has at most " + std::to_string(*most) +
+                          " nodes inside, three for each of the surface: network.k asks for more");
   describe(simulation, scene, session.record);
   if (!arguments.is_undiagnosed) add_diagnostics(model, session);
   if (arguments.n_frequencies > 0) {

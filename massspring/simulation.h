@@ -42,6 +42,11 @@ class Simulation {
   const SimulationReport& report() const { return report_; }
   int n_done() const { return report_.n_done; }
   int n_steps() const { return report_.n_steps; }
+  /// In [0, 1]: linear equilibria are in proportion to the first.
+  double progress() const {
+    const bool is_known = is_static() && model_.linear && n_done() > 0;
+    return is_known ? 1 : static_cast<double>(n_done()) / n_steps();
+  }
   Snapshot snapshot() const;
   bool is_static() const { return equilibrium_ != nullptr; }
   /// Of the loads that act on the state: 1 in time.

@@ -26,6 +26,8 @@ class Simulation {
   bool is_converged() const { return is_converged_; }
   int n_done() const { return n_done_; }  ///< that converged
   int n_steps() const { return n_steps_; }
+  /// In [0, 1]: linear equilibria are in proportion to the first.
+  double progress() const { return !motion_ && is_proportional_ && n_done_ > 0 ? 1 : load_factor(); }
   Snapshot snapshot() const;
 
   /// Its coordinates are those of assemble_scene.

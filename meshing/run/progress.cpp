@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 namespace testbed::meshing {
@@ -14,6 +16,20 @@ double seconds(std::chrono::steady_clock::duration d) {
 const char* const kClearLine = "\r\033[K";
 
 }  // namespace
+
+std::string duration(double seconds) {
+  constexpr double kMinute = 60, kHour = 3600;
+  char text[32];
+  if (seconds < 100) {
+    const double digit = seconds < 10 ? 1 : 10;
+    std::snprintf(text, sizeof text, "%.0f s", std::max(1., std::round(seconds / digit) * digit));
+  } else if (seconds < 100 * kMinute) {
+    std::snprintf(text, sizeof text, "%.0f min", seconds / kMinute);
+  } else {
+    std::snprintf(text, sizeof text, "%.0f h", seconds / kHour);
+  }
+  return text;
+}
 
 Progress::Progress(bool is_quiet) : is_quiet_(is_quiet), is_terminal_(isatty(STDERR_FILENO)) {}
 
@@ -40,10 +56,15 @@ void Progress::stage(const std::string& name) {
     std::fprintf(stderr, "%s ...\n", name.c_str());
 }
 
+void Progress::tell(const std::string& text) {
+  if (!is_quiet_) std::fprintf(stderr, "%s%s\n", is_terminal_ ? kClearLine : "", text.c_str());
+}
+
 void Progress::update(double fraction) {
   constexpr double kTerminalPause = 0.2, kPlainPause = 5;
   const auto now = Clock::now();
-  if (is_quiet_ || fraction <= 0 || seconds(now - shown_) < (is_terminal_ ? kTerminalPause : kPlainPause))
+  if (is_quiet_ || fraction <= 0 || fraction >= 1 ||
+      seconds(now - shown_) < (is_terminal_ ? kTerminalPause : kPlainPause))
     return;
   shown_ = now;
   const double left = seconds(now - since_) * (1 - fraction) / fraction;

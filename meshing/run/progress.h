@@ -6,14 +6,18 @@
 
 namespace testbed::meshing {
 
+/// "7 s", "4 min", "2 h": of seconds that are foreseen.
+std::string duration(double seconds);
+
 /// Writes to stderr: on a terminal a line with a time estimate, elsewhere a plain line as a stage begins
-/// and ends, and every half minute between.
+/// and ends, and every few seconds between.
 class Progress {
  public:
   explicit Progress(bool is_quiet);
   ~Progress();
   void stage(const std::string& name);  ///< begins a stage, ends the one before it
   void update(double fraction);         ///< of the current stage, in [0, 1]
+  void tell(const std::string& text);   ///< a line of its own
 
  private:
   void end_stage();

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <ctime>
 #include <iostream>
+#include <sstream>
 
 #include "meshing/base/files.h"
 #include "meshing/run/hash.h"
@@ -117,11 +118,25 @@ void Session::start(const std::string& name) {
 SurfaceMesh Session::cut_surface() {
   const auto [cut, is_bounded] = cut_across(surface, scene.surface.across);
   if (const auto n_cut = cut.X.cols() - surface.X.cols(); n_cut > 0) record["n_cut"] = n_cut;
-  if (is_bounded && is_first_ && !is_quiet_)
-    std::cerr << "the cut surface is bounded by " << cut.X.cols()
-              << " vertices: fewer than surface.across = " << scene.surface.across
-              << " edges fit across its thinnest parts\n";
+  if (is_bounded) record["is_cut_bounded"] = true;
+  if (is_bounded && !is_checked_) {
+    std::ostringstream text;
+    text << "the surface is too thin in parts for surface.across = " << scene.surface.across
+         << ": it is cut to " << cut.X.cols() << " vertices and no further";
+    progress.tell(text.str());
+  }
   return cut;
+}
+
+void Session::foresee(Eigen::Index n_nodes, std::optional<double> seconds) {
+  constexpr double kLong = 300;  // s
+  std::string text = program_ + ": " + std::to_string(n_nodes) + " nodes";
+  if (seconds) {
+    record["foreseen_seconds"] = *seconds;
+    text += ", some " + duration(*seconds);
+    if (*seconds > kLong) text += "; ./testbed remesh with --edge makes a coarser surface, which takes less";
+  }
+  progress.tell(text);
 }
 
 void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::vector<CellBlock> cells,

@@ -52,6 +52,10 @@ class Session {
   /// The surface as the scene wants it cut, of which the record tells.
   SurfaceMesh cut_surface();
 
+  /// Tells how many nodes are solved for and, where that is foreseen, some seconds that it takes; of a long run what
+  /// takes less. Keeps them in the record.
+  void foresee(Eigen::Index n_nodes, std::optional<double> seconds);
+
   /// Frames hold the triangles of the surface that is solved on, then these cells, over nodes X (3 x n, m) at rest.
   /// Volume and area in curves.csv are those of that surface.
   /// @param solved     its vertices are the first nodes
@@ -102,7 +106,7 @@ void take_steps(Simulation& simulation, Session& session) {
     const int n = simulation.n_done();
     const bool is_last = simulation.has_ended();
     if (session.needs_snapshot(n, is_last)) session.add(simulation.snapshot(), n, is_last);
-    session.progress.update(static_cast<double>(n) / simulation.n_steps());
+    session.progress.update(simulation.progress());
   };
   session.start("solve");
   add();

@@ -95,6 +95,21 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
         assert part in page
 
 
+def test_limits_of_nodes_are_told_once_in_plain_words(experiment):
+    assert compare(experiment).as_json()["notes"] == []
+    for folder, more in (
+        ("fem_reference", {"is_cut_bounded": True, "n_surface": 5000}),
+        ("massspring/affine", {"internal_nodes": {"bounded_by": 1926}}),
+        ("massspring/node_averaged", {"is_cut_bounded": True, "n_surface": 5000}),
+    ):
+        record = experiment.folder / folder / "run.json"
+        record.write_text(json.dumps(json.loads(record.read_text()) | more))
+    assert compare(experiment).as_json()["notes"] == [
+        "The surface is too thin in parts for surface.across: it was cut to 5000 vertices and no further.",
+        "Networks of links have at most 1926 nodes inside, three for each of the surface: network.k asks for more.",
+    ]
+
+
 def refined(experiment, ball, *sizes):
     """The experiment with references that shrink by so much, each refined once more than the one before: 0.01 unrefined."""
     for n, size in enumerate(sizes, 1):
@@ -159,9 +174,11 @@ def solve(ball, tmp_path, monkeypatch):
         (folder / "scene.toml").write_text(filled_in)
     (tmp_path / "scene.toml").write_text("")
 
-    def run(nu):
+    def run(nu, time_limit=60):
         overrides = [f"material.nu={nu}"]
-        return run_solvers(tmp_path / "scene.toml", tmp_path / "out", None, overrides, is_quiet=True)
+        return run_solvers(
+            tmp_path / "scene.toml", tmp_path / "out", None, overrides, is_quiet=True, time_limit=time_limit
+        )
 
     return run
 
@@ -212,6 +229,24 @@ def test_models_are_those_that_the_check_names_whatever_the_scene_does(solve, tm
 
 def test_what_the_reference_does_not_model_is_no_error(solve):
     assert solve("touched").unsolved == "obstacles: the reference has no contact"
+
+
+@pytest.mark.parametrize("time_limit, has_half_step", [(60, True), (0.9, False)])
+def test_springs_without_a_reference_are_run_at_half_their_step_too(
+    time_limit, has_half_step, solve, ball, tmp_path
+):
+    """Of a unit ball that shrinks to half its size; its set-up and solution take 0.5 s."""
+    home = tmp_path / "home"
+    scene = home / "fem_reference_touched" / "scene.toml"
+    scene.write_text(scene.read_text().replace("static", "dynamic"))
+    write_run(home / "massspring_touched", *ball, lambda X: -0.5 * X, step=0.1, calibration="affine")
+    experiment = solve("touched", time_limit)
+    assert experiment.has_half_step == has_half_step
+    *_, last = calls(home / "bin")
+    assert (last.startswith("massspring") and "('time.step', '0.05')" in last) == has_half_step
+    half = experiment.comparison.as_json()["half_step_volume_change"]
+    assert half == (pytest.approx(-7 / 8) if has_half_step else None)
+    assert ("half of it takes some 1 s (--time-limit 1)." in " ".join(experiment.notes)) != has_half_step
 
 
 def test_refinement_that_gives_no_result_leaves_none_of_an_older_run(solve, tmp_path):

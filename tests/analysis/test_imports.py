@@ -16,7 +16,6 @@ ALLOWED = {
     "machine": set(),
     "wording": set(),
     "runs": {"machine", "methods"},
-    "extent": set(),
     "small_strain": {"runs"},
     "surface_points": {"runs"},
     "silhouette": {"runs"},
@@ -28,7 +27,6 @@ ALLOWED = {
     "experiment": {
         "execute",
         "experiment_folder",
-        "extent",
         "load_scale",
         "methods",
         "paths",

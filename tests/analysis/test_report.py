@@ -72,6 +72,7 @@ def comparison_of(models=None, name="affine", **of_reference):
         "surface": "bar",
         "calibration": name,
         "law": "small_strain",
+        "nu": 0.25,
         "rigid_motion_removed": False,
         "command": "./testbed run bend.toml",
         "target_error": 0.0,
@@ -328,6 +329,19 @@ def test_conclusion_says_what_limits_it():
     assert failing[0] == "No model is shown to serve here; do not use affine (30 %)."
 
 
+@pytest.mark.parametrize("nu, times", [(0.45, "5"), (0.0, "0.5"), (0.25, None), (0.26, None)])
+def test_conclusion_says_where_springs_have_another_poissons_ratio_than_the_material(nu, times):
+    models = {name: model_of(0.3) for name in ("node_averaged", "uniform", "affine")} | {
+        "lloyd": {"status": "diverged"}
+    }
+    words = " ".join(conclusion(comparison_of(models, "uniform") | {"nu": nu}))
+    told = f"at {nu:g} the material resists a change of volume {times} times as much as they do."
+    assert ("The springs of uniform and affine have a Poisson's ratio of 1/4" in words) == (times is not None)
+    assert (told in words) == (times is not None)
+    # K(nu) / K(1/4), K = E / 3 (1 - 2 nu).
+    assert times is None or float(times) == pytest.approx((1 - 2 * 0.25) / (1 - 2 * nu))
+
+
 def test_conclusion_names_whose_tetrahedra_were_turned_inside_out():
     models = {
         name: model_of(0.01, least_jacobian=least) for name, least in (("a", -0.1), ("b", 0.2), ("c", None))
@@ -340,10 +354,17 @@ def test_conclusion_names_whose_tetrahedra_were_turned_inside_out():
 def test_without_a_reference_no_model_is_recommended():
     alone = {"volume_change": 0.1, "largest_displacement": 1.0}
     models = {name: model_of(**alone, kinetic_energy_left=left) for name, left in (("a", 0.001), ("b", 0.5))}
-    comparison = comparison_of(models, "a") | {"no_reference": "contact"}
+    comparison = comparison_of(models, "a") | {"no_reference": "contact", "half_step_volume_change": None}
     (sentence,) = conclusion(comparison)
     assert sentence.endswith("there is no reference to judge it by; a came to rest.")
     assert trust_in_reference(comparison) == []
+    for half, words in (
+        (0.11, "Half the step changes the volume at its end by 1 % of that at rest."),
+        (-0.2, "This depends on its step: 110 % of the volume is left, and 80 % at half the step."),
+    ):
+        assert conclusion(comparison | {"half_step_volume_change": half})[1:] == [words]
+    models["a"]["has_waited"] = True
+    assert conclusion(comparison)[1].startswith("The machine was busy")
     models.pop("a")
     assert conclusion(comparison)[0].endswith("none came to rest.")
 

@@ -1,0 +1,63 @@
+"""What programs tell before they solve: as many nodes as there are, once, and nothing of what is not run."""
+
+import json
+import re
+import subprocess
+
+import pytest
+import pyvista as pv
+
+from analysis.paths import PROGRAMS, SCENES
+
+BOTH = ("massspring", "fem_reference")
+
+
+def said_by(program, scene, folder, *words):
+    command = [PROGRAMS / program, SCENES / f"{scene}.toml", "--out", folder, *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.stderr.splitlines(), folder / "run.json"
+
+
+@pytest.mark.parametrize("program", BOTH)
+def test_nodes_are_those_that_are_solved_for_and_are_told_once_meshed(program, tmp_path):
+    said, file = said_by(program, "own_body", tmp_path)
+    record = json.loads(file.read_text())
+    (told,) = [line for line in said if " nodes" in line]
+    number, amount = re.fullmatch(rf"{program}: (\d+) nodes, some (\d+) (?:s|min|h)", told).groups()
+    assert int(number) == record["n_nodes"] and int(amount) > 0
+    assert record["foreseen_seconds"] > 0
+    began = [line.endswith("mesh ...") or line.endswith("solve ...") for line in said]
+    assert began.index(True) < said.index(told) < len(began) - 1 - began[::-1].index(True)
+    again, _ = said_by(program, "own_body", tmp_path)
+    assert again == [], "what is kept takes no time"
+
+
+def test_nothing_is_told_of_a_side_that_does_not_run(tmp_path):
+    said, _ = said_by("fem_reference", "torus_implodes", tmp_path)
+    assert not [line for line in said if "nodes" in line or "some" in line]
+
+
+def test_a_step_that_the_body_decides_has_no_seconds(tmp_path):
+    words = [
+        "time.mode=dynamic",
+        "time.integrator=symplectic_euler",
+        "time.end=1e-4",
+        "surface.n_vertices=100",
+    ]
+    said, _ = said_by(
+        "massspring", "own_body", tmp_path, *(part for word in words for part in ("--set", word))
+    )
+    assert [line for line in said if re.fullmatch(r"massspring: \d+ nodes", line)]
+
+
+def test_a_surface_that_is_too_thin_for_its_cuts_is_told_of_in_plain_words(tmp_path):
+    file = tmp_path / "sheet.ply"
+    pv.Box((0, 1, 0, 1, 0, 0.005)).triangulate().clean().save(file)
+    words = [f"surface.file={file}", "surface.shape=", "reference.degree=1"]
+    words = [part for word in words for part in ("--set", word)]
+    told = "the surface is too thin in parts for surface.across = 1: it is cut to 5"
+    said, record = said_by("fem_reference", "own_body", tmp_path, *words)
+    assert sum(line.startswith(told) for line in said) == 1
+    assert json.loads(record.read_text())["is_cut_bounded"]
+    said, _ = said_by("fem_reference", "own_body", tmp_path, "--checked", "--force", *words)
+    assert not [line for line in said if "too thin" in line]
