@@ -154,6 +154,7 @@ def run_solvers(
 
 def _command(scene: Path, surface: Path | None, overrides: list[str]) -> str:
     """The words of a user for these runs."""
+    scene = scene.relative_to(ROOT) if scene.is_relative_to(ROOT) else scene  # where ./testbed lies
     words = ["./testbed", "run", str(scene), *(["--surface", str(surface)] if surface else [])]
     for override in overrides:
         words += ["--set", override]

@@ -4,6 +4,7 @@ import html
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +19,10 @@ from analysis.__main__ import run as run_command
 from analysis.comparison import compare, errors_of_references
 from analysis.drawing.pictures import magnification
 from analysis.drawing.plots import plot_errors
+from analysis.experiment import _command as command_of
 from analysis.experiment import default_folder, run_solvers, surface_overrides
 from analysis.experiment_folder import Experiment
+from analysis.paths import SCENES
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
 from analysis.runs import RunError, load_run
@@ -389,6 +392,12 @@ def test_what_the_check_warns_of_stands_in_the_report(home, tmp_path, capfd):
     printed = capfd.readouterr()
     assert "warning: nothing moves" in printed.err and "nothing moves." in printed.out
     assert "nothing moves." in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_command_names_a_shipped_scene_from_where_the_script_lies():
+    of_bar = command_of(SCENES / "bar_sag.toml", Path("a b.stl"), ["material.nu=0.3"])
+    assert of_bar == "./testbed run analysis/scenes/bar_sag.toml --surface 'a b.stl' --set material.nu=0.3"
+    assert command_of(Path("mine.toml"), None, []) == "./testbed run mine.toml"
 
 
 def test_unit_and_upward_axis_are_keys_of_the_scene():

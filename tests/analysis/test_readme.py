@@ -52,3 +52,17 @@ def test_scenes_are_there():
 def test_every_scene_is_in_the_readme():
     scenes = {scene.name for scene in (ROOT / "analysis" / "scenes").glob("*.toml")}
     assert scenes <= set(re.findall(r"`(\w+\.toml)`", README))
+
+
+def test_words_of_a_first_time_reader_are_explained_in_the_readme():
+    words, rest = README.partition("## Words\n")[2].split("\n## ")[0], README.partition("## Words\n")[0]
+    named = re.findall(r"\*([A-Za-z 0-9]+)\*", words) + re.findall(r"`(\w+)`", words)
+    for word in ("calibration", "patch", "floppy motion", "yardstick", "cut", "level", "frame budget", "planted fault",
+                 "figure 11", "node_averaged", "edge_coupled", "affine", "uniform"):  # fmt: skip
+        assert word in [name.lower() for name in named], word
+    assert (
+        "*projective cascading\npropagation* (PCP) links" in rest
+        and "title and authors are not known" in rest
+    )
+    assert "sqrt(sum a |u - v|^2 / sum a |v|^2)" in rest and "*At worst* is the largest |u - v|" in rest
+    assert len(README.splitlines()) <= 150
