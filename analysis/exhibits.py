@@ -10,7 +10,15 @@ from .drawing.bodies import Body, bodies_of, draw_bodies, draw_thumbnail, has_ca
 from .drawing.error_scale import scale_svg
 from .drawing.film import draw_film, draw_strip
 from .drawing.pictures import magnification
-from .drawing.plots import SMALLEST, Panel, plot_curves, plot_errors, plot_errors_over_surface, plot_times
+from .drawing.plots import (
+    SMALLEST,
+    Panel,
+    Plot,
+    plot_curves,
+    plot_errors,
+    plot_errors_over_surface,
+    plot_times,
+)
 from .drawing.view import Shown, write_view
 from .drawing.warp import draw_playback
 from .methods import REFERENCE, label_of
@@ -97,12 +105,13 @@ def draw_films(comparison: Comparison) -> dict[str, Path]:
     return pictures
 
 
-def plot(comparison: Comparison) -> dict[str, str]:
-    """Caption -> SVG; none where no method gave a result."""
+def plot(comparison: Comparison) -> dict[str, Plot]:
+    """Caption -> plot; none where no method gave a result."""
     methods, described = comparison.methods, comparison.of_reference
     if not methods:
         return {}
-    plots, panels = {}, []
+    plots: dict[str, Plot] = {}
+    panels = []
     label = "load factor (1)" if comparison.experiment.is_static else "time (s)"
     changes = {"volume": volume_change, "area": area_change}
     for part, change in changes.items():
@@ -135,7 +144,7 @@ def plot(comparison: Comparison) -> dict[str, str]:
     return plots
 
 
-def _plot_tip(comparison: Comparison, label: str) -> str:
+def _plot_tip(comparison: Comparison, label: str) -> Plot:
     assert comparison.reference and comparison.of_reference
     tip = tip_of(comparison.reference, comparison.experiment.is_free)
     unit, size = unit_of_length(comparison.of_reference.largest_displacement)

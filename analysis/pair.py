@@ -220,7 +220,7 @@ def curves_of(pair: Pair) -> str:
     ]
     is_dynamic = scene_of(model).get("time", {}).get("mode") == "dynamic"
     labels = {REFERENCE: pair.reference.name, _key_of(pair.model): pair.model.name}
-    return plot_curves(panels, "time (s)" if is_dynamic else "load factor (1)", labels)
+    return plot_curves(panels, "time (s)" if is_dynamic else "load factor (1)", labels).svg()
 
 
 _EXPLAINED = """<h2>How to read this</h2>

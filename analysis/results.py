@@ -55,7 +55,8 @@ def write_results(experiment: Experiment) -> dict[str, Any]:
     if note := sentence_of(experiment.scene, experiment.folder):
         values["notes"].append(note)
     row = draw_row(comparison)
-    report = render(values, row, plot(comparison), draw_films(comparison), _protocol(comparison))
+    plots = {caption: of.svg() for caption, of in plot(comparison).items()}
+    report = render(values, row, plots, draw_films(comparison), _protocol(comparison))
     write_text(experiment.folder / "report.html", report)
     write_text(experiment.folder / "comparison.json", json.dumps(without_nan(values), indent=2) + "\n")
     return values

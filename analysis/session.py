@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 from . import experiment_folder, grid, tables
 from .comparison import Comparison, compare
@@ -51,9 +52,9 @@ class Experiment(experiment_folder.Experiment):
         """As tables.nodes_of: a row for every vertex of the surface."""
         return tables.nodes_of(self.comparison, model)
 
-    def plot(self) -> tables.Plots:
-        """The plots of the report, which a notebook shows: caption -> SVG."""
-        return tables.plots_of(self.comparison)
+    def plot(self) -> Figure:
+        """The plots of the report as a figure of matplotlib, which a notebook shows."""
+        return tables.figure_of_plots(self.comparison)
 
     def show(self, model: str | None = None, **options: Any) -> Any:
         """Shows reference and model side by side; options are those of pyvista's Plotter.show, whose result this returns."""

@@ -7,25 +7,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyvista as pv
+from matplotlib.figure import Figure
 
 from .compare import deformation, displacement_at, vertex_areas
 from .comparison import Comparison
 from .drawing.bodies import Body
 from .drawing.bodies_aside import bodies_aside
+from .drawing.plots import figure_of
 from .exhibits import plot
 from .methods import REFERENCE, label_of
-from .report import svg_figure
 from .runs import Array, Frame, RunError
-
-
-class Plots(dict[str, str]):
-    """Caption -> SVG; a notebook shows them."""
-
-    def __repr__(self) -> str:
-        return f"{len(self)} plots, which a notebook shows"
-
-    def _repr_html_(self) -> str:
-        return "".join(svg_figure(svg, caption) for caption, svg in self.items())
 
 
 def table_of(comparison: Comparison) -> pd.DataFrame:
@@ -76,9 +67,12 @@ def nodes_of(comparison: Comparison, name: str | None = None) -> pd.DataFrame:
     return pd.DataFrame(columns).rename_axis("vertex")
 
 
-def plots_of(comparison: Comparison) -> Plots:
-    """The plots of the report."""
-    return Plots(plot(comparison))
+def figure_of_plots(comparison: Comparison) -> Figure:
+    """The plots of the report, which a notebook shows. Raises RunError where no method gave a result."""
+    plots = plot(comparison)
+    if not plots:
+        raise RunError("no method gave a result, so there is nothing to plot")
+    return figure_of(plots)
 
 
 def scene_of_bodies(comparison: Comparison, name: str | None = None) -> pv.Plotter:

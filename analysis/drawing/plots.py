@@ -1,11 +1,14 @@
-"""Plots of a comparison, as SVG text."""
+"""Plots of a comparison, each by itself as SVG text or all in one figure."""
 
 from __future__ import annotations
 
+import io
+import textwrap
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 
 from ..methods import REFERENCE, label_of
 from ..runs import Array
@@ -16,13 +19,53 @@ from .style import number_logarithmic, style_of, svg_of
 
 Curve = tuple[Array, Array]
 SMALLEST = 1e-9  # error drawn (%): below lies rounding
-_STAGES = {
+_STAGES = {  # in the order of a report's table; Tol 2021, "Colour schemes"
+    "start-up": "#AA4499",
     "mesh": "#BBBBBB",
+    "adapt": "#999933",
+    "estimate": "#882255",
     "setup": "#DDCC77",
     "assemble": "#88CCEE",
     "solve": "#332288",
     "output": "#117733",
 }
+
+
+class Plot(NamedTuple):
+    """A plot that stands by itself or in a part of a figure."""
+
+    size: tuple[float, float]  #: inches
+    draw: Callable[[FigureBase], None]
+
+    def svg(self) -> str:
+        figure = Figure(figsize=self.size, layout="constrained")
+        self.draw(figure)
+        return svg_of(figure)
+
+
+_LETTERS = 13  # of a caption, in an inch
+
+
+class ShownFigure(Figure):
+    """A figure that a notebook shows without being told how."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=100)
+        return buffer.getvalue()
+
+
+def figure_of(plots: dict[str, Plot]) -> ShownFigure:
+    """All plots below each other, with their captions."""
+    sizes = [plot.size for plot in plots.values()]
+    width, heights = max(width for width, _ in sizes), [height for _, height in sizes]
+    figure = ShownFigure(figsize=(width, sum(heights) + 0.4 * len(heights)), layout="constrained")
+    parts = figure.subfigures(len(plots), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for part, (caption, plot) in zip(parts, plots.items(), strict=True):
+        plot.draw(part)
+        lines = textwrap.fill(caption, int(_LETTERS * width))
+        part.supxlabel(lines, fontsize=9, color="#555555")
+    return figure
 
 
 class Panel(NamedTuple):
@@ -33,49 +76,48 @@ class Panel(NamedTuple):
     curves: dict[str, Curve]  #: method -> times and values
 
 
-def plot_curves(panels: list[Panel], time_label: str, labels: dict[str, str] | None = None) -> str:
+def plot_curves(panels: list[Panel], time_label: str, labels: dict[str, str] | None = None) -> Plot:
     """Panels side by side, below each the difference from the reference, where there is one.
 
     labels: of methods, where they are not those that every report uses.
     """
     has_reference = REFERENCE in panels[0].curves
-    figure = Figure(
-        figsize=(7 if len(panels) == 1 else 10, 5.2 if has_reference else 3.5), layout="constrained"
-    )
-    grid = figure.subplots(2 if has_reference else 1, len(panels), sharex="col", squeeze=False,
-                           height_ratios=(2, 1) if has_reference else None)  # fmt: skip
-    for panel, column in zip(panels, grid.T, strict=True):
-        column[-1].set_xlabel(time_label)
-        column[0].set_ylabel(panel.label)
-        for method, (times, values) in panel.curves.items():
-            colour, marker = style_of(method)
-            shape = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.6}
-            if method == REFERENCE:  # below the others, and seen behind a curve that meets it
-                shape |= {"markersize": 8, "linewidth": 3, "zorder": 1}
-            column[0].plot(
-                times,
-                panel.factor * values,
-                label=(labels or {}).get(method, label_of(method)),
-                markevery=_every(times),
-                **shape,
-            )
-            if method != REFERENCE and has_reference:
-                times_ref, values_ref = panel.curves[REFERENCE]
-                is_shared = times_ref <= times[-1] * (1 + 1e-9)
-                difference = np.interp(times_ref, times, values) - values_ref
-                column[1].plot(
-                    times_ref[is_shared],
-                    panel.factor * difference[is_shared],
-                    markevery=_every(times_ref),
+
+    def draw(figure: FigureBase) -> None:
+        grid = figure.subplots(2 if has_reference else 1, len(panels), sharex="col", squeeze=False,
+                               height_ratios=(2, 1) if has_reference else None)  # fmt: skip
+        for panel, column in zip(panels, grid.T, strict=True):
+            column[-1].set_xlabel(time_label)
+            column[0].set_ylabel(panel.label)
+            for method, (times, values) in panel.curves.items():
+                colour, marker = style_of(method)
+                shape = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.6}
+                if method == REFERENCE:  # below the others, and seen behind a curve that meets it
+                    shape |= {"markersize": 8, "linewidth": 3, "zorder": 1}
+                column[0].plot(
+                    times,
+                    panel.factor * values,
+                    label=(labels or {}).get(method, label_of(method)),
+                    markevery=_every(times),
                     **shape,
                 )
-        if has_reference:
-            column[1].axhline(0, color=style_of(REFERENCE).colour, linewidth=1)
-            column[1].set_ylabel("difference")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=3)
-    figure.align_ylabels()
-    return svg_of(figure)
+                if method != REFERENCE and has_reference:
+                    times_ref, values_ref = panel.curves[REFERENCE]
+                    is_shared = times_ref <= times[-1] * (1 + 1e-9)
+                    difference = np.interp(times_ref, times, values) - values_ref
+                    column[1].plot(
+                        times_ref[is_shared],
+                        panel.factor * difference[is_shared],
+                        markevery=_every(times_ref),
+                        **shape,
+                    )
+            if has_reference:
+                column[1].axhline(0, color=style_of(REFERENCE).colour, linewidth=1)
+                column[1].set_ylabel("difference")
+        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        figure.align_ylabels()
+
+    return Plot((7 if len(panels) == 1 else 10, 5.2 if has_reference else 3.5), draw)
 
 
 def _every(times: Array) -> int:
@@ -83,37 +125,39 @@ def _every(times: Array) -> int:
     return 1 if len(times) <= 25 else len(times) // 12
 
 
-def plot_errors(errors: dict[str, tuple[float, float]], of_reference: float | None) -> str:
+def plot_errors(errors: dict[str, tuple[float, float]], of_reference: float | None) -> Plot:
     """Points for the relative displacement error of every method, its mean and its largest, on a logarithmic axis.
 
     of_reference: up to which a band is drawn, if it is known.
     """
-    figure = Figure(figsize=(7, 0.8 + 0.3 * max(len(errors), 1)))
-    axes = figure.subplots()
-    for row, (name, pair) in enumerate(errors.items()):
-        mean, largest = (max(100 * error, SMALLEST) for error in pair)
-        colour, marker = style_of(name)
-        axes.plot([mean, largest], [row, row], color=colour, linewidth=1)
-        axes.plot([largest], [row], marker, color=colour, markerfacecolor="white")
-        axes.plot([mean], [row], marker, color=colour, markersize=8)
-        axes.annotate(percent(pair[0]), (mean, row), (-8, 0), textcoords="offset points",
-                      ha="right", va="center", fontsize=8)  # fmt: skip
-    axes.set_xscale("log")
-    drawn = [max(100 * error, SMALLEST) for pair in errors.values() for error in pair] or [1, 100]
-    band = 100 * (of_reference or 0)
-    low = (
-        min(drawn) * (min(drawn) / max(*drawn, 10 * min(drawn))) ** 0.25
-    )  # room for the figure beside the first point
-    if band > SMALLEST:
-        low = min(low, band / 2)
-        axes.axvspan(low, band, color="grey", alpha=0.25, linewidth=0)
-    axes.set_xlim(low, 2 * max(*drawn, band))
-    number_logarithmic(axes.xaxis)
-    axes.set_yticks(range(len(errors)), [label_of(name) for name in errors])
-    axes.set_ylim(max(len(errors), 1) - 0.5, -0.5)
-    axes.grid(axis="y", visible=False)
-    axes.set_xlabel("displacement error (%)")
-    return svg_of(figure)
+
+    def draw(figure: FigureBase) -> None:
+        axes = figure.subplots()
+        for row, (name, pair) in enumerate(errors.items()):
+            mean, largest = (max(100 * error, SMALLEST) for error in pair)
+            colour, marker = style_of(name)
+            axes.plot([mean, largest], [row, row], color=colour, linewidth=1)
+            axes.plot([largest], [row], marker, color=colour, markerfacecolor="white")
+            axes.plot([mean], [row], marker, color=colour, markersize=8)
+            axes.annotate(percent(pair[0]), (mean, row), (-8, 0), textcoords="offset points",
+                          ha="right", va="center", fontsize=8)  # fmt: skip
+        axes.set_xscale("log")
+        drawn = [max(100 * error, SMALLEST) for pair in errors.values() for error in pair] or [1, 100]
+        band = 100 * (of_reference or 0)
+        low = (
+            min(drawn) * (min(drawn) / max(*drawn, 10 * min(drawn))) ** 0.25
+        )  # room for the figure beside the first point
+        if band > SMALLEST:
+            low = min(low, band / 2)
+            axes.axvspan(low, band, color="grey", alpha=0.25, linewidth=0)
+        axes.set_xlim(low, 2 * max(*drawn, band))
+        number_logarithmic(axes.xaxis)
+        axes.set_yticks(range(len(errors)), [label_of(name) for name in errors])
+        axes.set_ylim(max(len(errors), 1) - 0.5, -0.5)
+        axes.grid(axis="y", visible=False)
+        axes.set_xlabel("displacement error (%)")
+
+    return Plot((7, 0.8 + 0.3 * max(len(errors), 1)), draw)
 
 
 def plot_errors_over_surface(errors: dict[str, Array], areas: Array, labels: dict[str, str]) -> str:
@@ -151,7 +195,7 @@ def plot_errors_over_surface(errors: dict[str, Array], areas: Array, labels: dic
     return svg_of(figure)
 
 
-def plot_times(seconds: dict[str, dict[str, float]]) -> str:
+def plot_times(seconds: dict[str, dict[str, float]]) -> Plot:
     """A bar of seconds for every method, its stages stacked, with their sum.
 
     seconds: method -> stage -> s.
@@ -160,21 +204,23 @@ def plot_times(seconds: dict[str, dict[str, float]]) -> str:
         *_STAGES,
         *{stage for by_stage in seconds.values() for stage in by_stage if stage not in _STAGES},
     ]
-    figure = Figure(figsize=(7, 1.2 + 0.3 * len(seconds)))
-    axes = figure.subplots()
-    labels, ends = [label_of(method) for method in seconds], np.zeros(len(seconds))
-    for stage in stages:
-        parts = np.array([by_stage.get(stage, 0) for by_stage in seconds.values()])
-        if parts.any():
-            axes.barh(labels, parts, 0.7, left=ends, color=_STAGES.get(stage, "#AA4499"), label=stage)
-            ends += parts
-    for row, end in enumerate(ends):
-        axes.annotate(
-            wording_of(end), (end, row), (3, 0), textcoords="offset points", va="center", fontsize=8
-        )
-    axes.set_xlim(0, 1.15 * max(ends.max(initial=0), 1e-9))
-    axes.invert_yaxis()
-    axes.grid(axis="y", visible=False)
-    axes.set_xlabel("wall-clock time (s)")
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(stages))
-    return svg_of(figure)
+
+    def draw(figure: FigureBase) -> None:
+        axes = figure.subplots()
+        labels, ends = [label_of(method) for method in seconds], np.zeros(len(seconds))
+        for stage in stages:
+            parts = np.array([by_stage.get(stage, 0) for by_stage in seconds.values()])
+            if parts.any():
+                axes.barh(labels, parts, 0.7, left=ends, color=_STAGES.get(stage, "#888888"), label=stage)
+                ends += parts
+        for row, end in enumerate(ends):
+            axes.annotate(
+                wording_of(end), (end, row), (3, 0), textcoords="offset points", va="center", fontsize=8
+            )
+        axes.set_xlim(0, 1.15 * max(ends.max(initial=0), 1e-9))
+        axes.invert_yaxis()
+        axes.grid(axis="y", visible=False)
+        axes.set_xlabel("wall-clock time (s)")
+        figure.legend(loc="outside upper left", ncols=4)
+
+    return Plot((7, 1.5 + 0.3 * len(seconds)), draw)

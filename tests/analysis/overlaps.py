@@ -15,7 +15,7 @@ _SLACK = 1.0  # pixels that boxes may share: letters do not fill them
 
 
 def overlaps(figure: Figure) -> list[str]:
-    """Pairs of texts that share pixels, and curves and bars below a legend, in words; none is what a plot should have."""
+    """Texts that share pixels or, of a figure with a layout, lie beyond it; curves and bars below a legend; in words."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
@@ -31,7 +31,14 @@ def overlaps(figure: Figure) -> list[str]:
         for text in figure.findobj(Text)
         if text.get_visible() and text.get_text().strip() and text not in hidden
     }
+    whole = figure.bbox.padded(_SLACK)
     found = [
+        f"'{text.get_text()}' beyond the figure"
+        for text, box in texts.items()
+        if figure.get_layout_engine()
+        and not (whole.contains(box.x0, box.y0) and whole.contains(box.x1, box.y1))
+    ]
+    found += [
         f"'{a.get_text()}' and '{b.get_text()}'"
         for (a, box), (b, other) in combinations(texts.items(), 2)
         if _shared(box, other)

@@ -268,7 +268,7 @@ def test_refinement_that_gives_no_result_leaves_none_of_an_older_run(solve, tmp_
 
 
 def test_errors_have_a_band_for_the_reference():
-    with_band, without = (plot_errors({"affine": (0.2, 0.3)}, own) for own in (0.01, None))
+    with_band, without = (plot_errors({"affine": (0.2, 0.3)}, own).svg() for own in (0.01, None))
     assert "#808080" in with_band and "#808080" not in without
     assert "displacement error (%)" in without
 

@@ -1,15 +1,19 @@
 """What a Python session does: scenes made of keys, runs and sweeps of them, and the tables that come of it."""
 
 import ast
+import io
 import re
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import pyvista as pv
 from IPython.core.formatters import DisplayFormatter
+from matplotlib.figure import Figure
+from PIL import Image
 from solvers import ERRORS, calls, make_solvers
 
 import analysis
@@ -127,12 +131,23 @@ def test_model_without_a_result_is_named_with_those_that_have_one(experiment):
         experiment.per_node("uniform")
 
 
-def test_plots_show_themselves_in_a_notebook(experiment):
-    plots = experiment.plot()
-    assert all("<svg" in svg for svg in plots.values())
-    shown, _ = DisplayFormatter().format(plots)
-    assert shown["text/html"].count("<img") == len(plots) >= 2
-    assert shown["text/plain"] == f"{len(plots)} plots, which a notebook shows"
+def test_plots_are_a_figure_that_a_notebook_shows(experiment):
+    figure = experiment.plot()
+    assert isinstance(figure, Figure) and len(figure.subfigs) == 3
+    labels = {axes.get_xlabel() for axes in figure.axes}
+    assert {"load factor (1)", "displacement error (%)", "wall-clock time (s)"} <= labels
+    shown, _ = DisplayFormatter().format(figure)
+    picture = np.asarray(Image.open(io.BytesIO(shown["image/png"])).convert("RGB"))
+    assert picture.shape[1] == 1000 and (picture < 128).any(axis=2).mean() > 0.01
+    assert "Figure" in shown["text/plain"]
+
+
+def test_where_no_method_gave_a_result_there_is_nothing_to_plot(home, tmp_path):
+    failed = analysis.run(Scene(), {"material.nu": "diverge"}, folder=tmp_path / "out")
+    assert len(failed.plot().subfigs) == 3  # of the reference
+    alone = replace(failed, unsolved="contact")
+    with pytest.raises(RunError, match="no method gave a result, so there is nothing to plot"):
+        alone.plot()
 
 
 def test_experiment_is_printed_as_its_finding_and_shown_in_a_line(experiment):

@@ -18,7 +18,7 @@ def test_curves_are_drawn_with_their_difference_at_the_references_times(drawn):
         "lloyd": (np.array([0.0, 0.5]), np.array([0, -0.01])),  # stopped
     }
     panels = [plots.Panel("volume (%)", 100, curves), plots.Panel("tip (m)", 1, curves)]
-    above, beside, below, _ = drawn(plots).plot_curves(panels, "time (s)").axes
+    above, beside, below, _ = drawn(plots).plot_curves(panels, "time (s)").svg().axes
     assert points_of(above.lines[0]) == ([0, 0.5, 1], [0, -2, -1])
     assert points_of(above.lines[1]) == ([0, 1], [0, -4])
     assert points_of(beside.lines[1]) == ([0, 1], [0, -0.04])
@@ -28,13 +28,13 @@ def test_curves_are_drawn_with_their_difference_at_the_references_times(drawn):
     assert list(zero.get_ydata()) == [0, 0]
     assert below.get_xlabel() == "time (s)" and above.get_ylabel() == "volume (%)"
     alone = [plots.Panel("volume (%)", 100, {"affine": curves["affine"]})]
-    (only,) = plots.plot_curves(alone, "time (s)").axes
+    (only,) = plots.plot_curves(alone, "time (s)").svg().axes
     assert points_of(only.lines[0]) == ([0, 1], [0, -4]) and only.get_xlabel() == "time (s)"
 
 
 def test_errors_are_points_in_percent_with_a_band_up_to_the_references_own(drawn):
     errors = {"affine": (0.2, 0.3), "lloyd": (0.0, 0.1)}
-    (axes,) = drawn(plots).plot_errors(errors, 0.01).axes
+    (axes,) = drawn(plots).plot_errors(errors, 0.01).svg().axes
     filled, hollow = axes.lines[2::3], axes.lines[1::3]
     assert [points_of(line) for line in filled] == [([20], [0]), ([plots.SMALLEST], [1])]
     assert [points_of(line) for line in hollow] == [([30], [0]), ([10], [1])]
@@ -47,16 +47,16 @@ def test_errors_are_points_in_percent_with_a_band_up_to_the_references_own(drawn
 
 @pytest.mark.filterwarnings("error")
 def test_references_own_error_is_drawn_where_every_model_failed(drawn):
-    (axes,) = drawn(plots).plot_errors({}, 0.02).axes
+    (axes,) = drawn(plots).plot_errors({}, 0.02).svg().axes
     (band,) = axes.patches
     assert 0 < axes.get_xlim()[0] < 2 and band.get_x() == pytest.approx(axes.get_xlim()[0])
     assert band.get_x() + band.get_width() == pytest.approx(2) and axes.get_xlim()[1] > 2
-    assert not plots.plot_errors({}, None).axes[0].patches
+    assert not plots.plot_errors({}, None).svg().axes[0].patches
 
 
 def test_seconds_are_one_bar_a_method_of_its_stages(drawn):
     seconds = {"affine": {"solve": 4.0, "mesh": 1.0}, REFERENCE: {"mesh": 2.0, "assemble": 3.0, "solve": 5.0}}
-    (axes,) = drawn(plots).plot_times(seconds).axes
+    (axes,) = drawn(plots).plot_times(seconds).svg().axes
     bars = {
         bar.get_label(): [(part.get_x(), part.get_width()) for part in bar.patches] for bar in axes.containers
     }
