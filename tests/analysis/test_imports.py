@@ -19,6 +19,8 @@ ALLOWED = {
     "small_strain": {"runs"},
     "surface_points": {"runs"},
     "silhouette": {"runs"},
+    "shape_measures": {"compare", "runs", "silhouette", "surface_points"},
+    "spread": {"runs", "wording"},
     "compare": {"runs", "small_strain", "surface_points"},
     "load_scale": {"runs", "small_strain"},
     "execute": set(),
