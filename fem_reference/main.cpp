@@ -79,9 +79,9 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
   record["solver"] = simulation.solver();
   std::string failure = "not_converged";
   if (const Motion* motion = simulation.motion()) {
-    const bool is_explicit = scene.reference.integrator == ReferenceScheme::CentralDifferences;
+    const bool is_explicit = find_scheme(scene.reference.integrator).is_explicit();
     if (is_explicit) failure = name_of(meshing::Status::Diverged);
-    record["integrator"] = name_of(scene.reference.integrator);
+    record["integrator"] = scene.reference.integrator;
     record["mass"] = name_of(simulation.mass());
     record["mass_damping"] = simulation.damping();
     record["step"] = simulation.step();
@@ -112,6 +112,7 @@ ExitStatus run(const Arguments& arguments) {
   const bool is_first = processes().rank == 0;
   const Scene scene = read_scene(arguments.scene, arguments.overrides);
   check_scene(scene, arguments.scene);
+  check_scheme(scene, arguments.scene);
   Session session("fem_reference", arguments, scene, is_first);
   if (const std::string part = undivided_part(scene, arguments.n_frequencies > 0); !part.empty())
     throw std::runtime_error(arguments.scene + ": " + part);
@@ -126,8 +127,8 @@ ExitStatus run(const Arguments& arguments) {
   TetReport attempts;
   const SurfaceMesh surface = session.cut_surface();
   const TetMesh mesh = from_first_process(is_first ? tetrahedralize(surface, tets, &attempts) : TetMesh());
-  const bool is_implicit = scene.time.mode == TimeMode::Dynamic &&
-                           scene.reference.integrator != ReferenceScheme::CentralDifferences;
+  const bool is_implicit =
+      scene.time.mode == TimeMode::Dynamic && !find_scheme(scene.reference.integrator).is_explicit();
   const Memory kind = is_implicit && law_of(scene) != MaterialLaw::SmallStrain ? Memory::FactorAndCopy
                       : is_implicit || scene.material.damping_ratio > 0 || arguments.n_frequencies > 0
                           ? Memory::Factor

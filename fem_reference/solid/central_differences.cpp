@@ -1,10 +1,12 @@
 #include "fem_reference/solid/central_differences.h"
 
 #include <cmath>
+#include <memory>
 
 #include "meshing/algebra/largest_eigenvalue.h"
 #include "meshing/algebra/subdomains.h"
 #include "meshing/base/random.h"
+#include "meshing/scene/scene.h"
 
 namespace testbed::fem {
 namespace {
@@ -23,6 +25,10 @@ CentralDifferences::CentralDifferences(Dynamics system, double h) : Motion(std::
   find_free();
   const auto n = system_.M.rows();
   restart(VectorXd::Zero(n), VectorXd::Zero(n));
+}
+
+std::string CentralDifferences::solver() const {
+  return "central differences";
 }
 
 void CentralDifferences::find_free() {
@@ -65,6 +71,10 @@ bool CentralDifferences::step() {
   ++n_steps_;
   constexpr double kRunaway = 1e30;  // m/s: energies, areas and strains are still numbers
   return v_.squaredNorm() < kRunaway * kRunaway;
+}
+
+std::unique_ptr<Motion> make_central_differences(Dynamics system, double h, const ReferenceOptions&) {
+  return std::make_unique<CentralDifferences>(std::move(system), h);
 }
 
 double stable_step(const Dynamics& system) {

@@ -13,6 +13,7 @@ class CentralDifferences : public Motion {
   CentralDifferences(Dynamics system, double h);
 
   bool step() override;
+  std::string solver() const override;
 
  private:
   void find_free() override;

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <stdexcept>
 
 #include "meshing/algebra/lowest_modes.h"
+#include "meshing/scene/scene.h"
 
 namespace testbed::fem {
 namespace {
@@ -69,6 +71,18 @@ TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& sche
   const auto n = system_.K.rows();
   find_free();
   restart(Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n));
+}
+
+std::string TimeIntegrator::solver() const {
+  const bool is_newmark = scheme_.alpha_m == 0 && scheme_.alpha_f == 0;
+  return std::string(is_newmark ? "Newmark (average acceleration)" : "generalised-alpha") +
+         (system_.linearise ? ", Newton" : "") + ", Cholesky";
+}
+
+std::unique_ptr<Motion> make_generalised_alpha(Dynamics system, double h, const ReferenceOptions& options) {
+  const auto& radius = options.spectral_radius;
+  return std::make_unique<TimeIntegrator>(std::move(system), h,
+                                          radius ? generalised_alpha(*radius) : kNewmark);
 }
 
 void TimeIntegrator::find_free() {

@@ -5,6 +5,7 @@
 #include <Eigen/SparseCore>
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "fem_reference/solid/elasticity.h"
@@ -61,6 +62,8 @@ class Motion {
 
   /// Whether it found a state; else the motion has ended.
   virtual bool step() = 0;
+  /// The scheme, and how its equations are solved.
+  virtual std::string solver() const = 0;
   /// Starts again from a displacement and a velocity, with the acceleration that belongs to them.
   void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
     n_steps_ = 0;
@@ -105,6 +108,7 @@ class TimeIntegrator : public Motion {
   TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme);
 
   bool step() override;
+  std::string solver() const override;
 
  private:
   void find_free() override;

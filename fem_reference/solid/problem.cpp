@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "fem_reference/elements/refine.h"
+#include "fem_reference/solid/schemes.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 
@@ -128,10 +129,10 @@ std::string unmodelled_part(const Scene& scene) {
     return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
   if (law_of(scene) != MaterialLaw::SmallStrain && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping at finite strain: it would hold back rotations";
-  if (scene.reference.integrator == ReferenceScheme::CentralDifferences &&
-      scene.material.stiffness_damping > 0)
-    return "material.stiffness_damping with reference.integrator = central_differences: explicit steps would "
-           "have to be shorter than it";
+  const Scheme& scheme = find_scheme(scene.reference.integrator);
+  if (scheme.is_explicit() && scene.material.stiffness_damping > 0)
+    return "material.stiffness_damping with reference.integrator = " + scheme.name +
+           ": explicit steps would have to be shorter than it";
   return "";
 }
 

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <map>
 
-#include "fem_reference/solid/central_differences.h"
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/scene/surface_problem.h"
@@ -22,7 +21,7 @@ Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const Tet
 }
 
 MassMatrix Simulation::mass() const {
-  return is_explicit() ? MassMatrix::Lumped : scene_.reference.mass;
+  return scheme().is_explicit() ? MassMatrix::Lumped : scene_.reference.mass;
 }
 
 /// The last of the held components of each unknown that supports hold at t.
@@ -85,19 +84,14 @@ void Simulation::set_in_motion() {
   const TimeOptions& time = scene_.time;
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest, which strain lowers
   step_ = time.step;
-  if (step_ == 0) step_ = is_explicit() ? kSafety * stable_step(system) : time.end / kDefaultSteps;
+  if (step_ == 0)
+    step_ = scheme().is_explicit() ? kSafety * scheme().longest_step(system) : time.end / kDefaultSteps;
   n_steps_ = meshing::n_steps(time, step_);
   timer_.start("solve");
-  const std::optional<double> radius = scene_.reference.spectral_radius;
   system.forces = [this](const Eigen::VectorXd& u, Eigen::Matrix3Xd& force) {
     solid_.find_forces(u.reshaped(3, solid_.X().cols()), 1, force);
   };
-  if (is_explicit()) {
-    motion_ = std::make_unique<CentralDifferences>(std::move(system), step_);
-  } else {
-    motion_ = std::make_unique<TimeIntegrator>(std::move(system), step_,
-                                               radius ? generalised_alpha(*radius) : kNewmark);
-  }
+  motion_ = scheme().make(std::move(system), step_, scene_.reference);
   if (scene_.initial.empty()) return;
   const Eigen::VectorXd mass = solid_.mass(MassMatrix::Lumped).diagonal();
   const Eigen::Matrix3Xd v =
@@ -152,11 +146,7 @@ Snapshot Simulation::snapshot() const {
 }
 
 std::string Simulation::solver() const {
-  if (!motion_) return equilibrium_.solver;
-  if (is_explicit()) return "central differences";
-  return std::string(scene_.reference.spectral_radius ? "generalised-alpha"
-                                                      : "Newmark (average acceleration)") +
-         (law_of(scene_) == MaterialLaw::SmallStrain ? "" : ", Newton") + ", Cholesky";
+  return motion_ ? motion_->solver() : equilibrium_.solver;
 }
 
 }  // namespace testbed::fem

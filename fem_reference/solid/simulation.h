@@ -8,6 +8,7 @@
 
 #include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
+#include "fem_reference/solid/schemes.h"
 #include "meshing/base/snapshot.h"
 #include "meshing/scene/scene.h"
 
@@ -46,7 +47,7 @@ class Simulation {
   std::map<int, int> held_at(double t) const;
   std::function<Eigen::VectorXd(double t)> motion_of(const std::map<int, int>& held) const;
   void release_nodes();
-  bool is_explicit() const { return scene_.reference.integrator == ReferenceScheme::CentralDifferences; }
+  const Scheme& scheme() const { return find_scheme(scene_.reference.integrator); }
   double load_factor() const { return static_cast<double>(n_done_) / n_steps_; }
 
   const Scene scene_;

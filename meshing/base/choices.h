@@ -89,13 +89,6 @@ constexpr std::array<Named<MassMatrix>, 2> names_of(MassMatrix) {
   return {{{MassMatrix::Consistent, "consistent"}, {MassMatrix::Lumped, "lumped"}}};
 }
 
-/// How the reference steps in time.
-enum class ReferenceScheme { GeneralisedAlpha, CentralDifferences };
-constexpr std::array<Named<ReferenceScheme>, 2> names_of(ReferenceScheme) {
-  return {{{ReferenceScheme::GeneralisedAlpha, "generalised_alpha"},
-           {ReferenceScheme::CentralDifferences, "central_differences"}}};
-}
-
 /// SmallStrain is linear, and fair below a few per cent of strain and small rotations; NeoHookean goes beyond.
 enum class MaterialLaw { SmallStrain, NeoHookean };
 constexpr std::array<Named<MaterialLaw>, 2> names_of(MaterialLaw) {

@@ -218,10 +218,6 @@ void check_scene(const Scene& scene, const std::string& file) {
       expect(false, "time.step", error.what());
     }
   }
-  if (scene.reference.integrator == ReferenceScheme::CentralDifferences && scene.reference.spectral_radius)
-    expect(false, "reference.spectral_radius",
-           "reference.spectral_radius = ", *scene.reference.spectral_radius,
-           ", expected none with reference.integrator = central_differences, which has no such parameter");
   if (scene.skin && scene.skin->relaxation > 0)
     expect(scene.skin->bending > 0, "skin.relaxation", "skin.relaxation = ", scene.skin->relaxation,
            ", expected skin.bending > 0 to drive it");

@@ -195,11 +195,11 @@ struct NetworkOptions {
 };
 
 struct ReferenceOptions {
-  int degree = 2;                            ///< polynomial degree of the displacement, 1 or 2
-  std::optional<double> interior_size;       ///< m; from the surface's edges if absent
-  int refine = 0;                            ///< uniform refinements of the tetrahedra
-  MassMatrix mass = MassMatrix::Consistent;  ///< of all but central differences, whose mass is lumped
-  ReferenceScheme integrator = ReferenceScheme::GeneralisedAlpha;
+  int degree = 2;                                ///< polynomial degree of the displacement, 1 or 2
+  std::optional<double> interior_size;           ///< m; from the surface's edges if absent
+  int refine = 0;                                ///< uniform refinements of the tetrahedra
+  MassMatrix mass = MassMatrix::Consistent;      ///< of all but central differences, whose mass is lumped
+  std::string integrator = "generalised_alpha";  ///< name of the scheme that the reference steps by
   /// Of the generalised-alpha method: what is left per step of the highest frequencies, in [0, 1]; absent:
   /// Newmark's average acceleration, which damps none.
   std::optional<double> spectral_radius;

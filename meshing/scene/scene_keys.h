@@ -285,9 +285,9 @@ void describe(V& v, ReferenceOptions& r) {
   v("interior_size", r.interior_size, kPositive, "edge length inside (m); absent: from the surface");
   v("refine", r.refine, kNotNegative, "times every tetrahedron is split in eight");
   v.choice("mass", r.mass, "consistent or lumped mass matrix; that of central_differences is lumped");
-  v.choice("integrator", r.integrator,
-           "dynamic: generalised_alpha, implicit, or central_differences, explicit with half its stable step "
-           "unless time.step is given");
+  v("integrator", r.integrator,
+    "dynamic: generalised_alpha, implicit, or central_differences, explicit with half its stable step "
+    "unless time.step is given");
   v("spectral_radius", r.spectral_radius, kUpToOne,
     "of generalised-alpha at the highest frequencies; absent: Newmark, which damps none");
   v("inertia_relief", r.inertia_relief, "static: inertia balances loads that drive free rigid motions");

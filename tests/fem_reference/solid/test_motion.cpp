@@ -108,15 +108,14 @@ TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
     return std::pair(simulation.X(), simulation.snapshot().u);
   };
   for (const TimeMode mode : {TimeMode::Static, TimeMode::Dynamic})
-    for (const ReferenceScheme scheme :
-         {ReferenceScheme::GeneralisedAlpha, ReferenceScheme::CentralDifferences})
+    for (const Scheme& scheme : schemes())
       for (const MaterialLaw law : {MaterialLaw::SmallStrain, MaterialLaw::NeoHookean})
         for (const bool is_axis : {false, true}) {
           FreeBox box;
           box.scene.time.mode = mode;
           box.scene.time.step = 1e-4;
           box.scene.time.end = 2e-3;
-          box.scene.reference.integrator = scheme;
+          box.scene.reference.integrator = scheme.name;
           box.scene.material.law = law;
           FreeBox other = box;
           other.mesh.X = turn * box.mesh.X;
@@ -159,13 +158,12 @@ TEST(Supports, LetABodySlideDownAnInclineAtTheAccelerationOfAPoint) {
 
 TEST(Supports, LetGoAtTheirEnd) {
   constexpr double kEnd = 0.04, kGravity = 9.81;
-  for (const ReferenceScheme scheme :
-       {ReferenceScheme::GeneralisedAlpha, ReferenceScheme::CentralDifferences})
+  for (const Scheme& scheme : schemes())
     for (const MaterialLaw law : {MaterialLaw::SmallStrain, MaterialLaw::NeoHookean}) {
       FreeBox box;
       box.scene.initial.clear();
       box.scene.gravity = Vector3d(0, 0, -kGravity);
-      box.scene.reference.integrator = scheme;
+      box.scene.reference.integrator = scheme.name;
       box.scene.material.law = law;
       box.scene.reference.degree = 1;  // all nodes are of the surface
       box.scene.supports.resize(1);

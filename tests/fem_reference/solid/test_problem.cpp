@@ -43,7 +43,7 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
             "reference.inertia_relief");
   EXPECT_EQ(part_with(moving,
                       [](Scene& s) {
-                        s.reference.integrator = ReferenceScheme::CentralDifferences;
+                        s.reference.integrator = "central_differences";
                         s.material.stiffness_damping = 0.1;
                       }),
             "material.stiffness_damping with reference.integrator = central_differences");

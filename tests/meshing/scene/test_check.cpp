@@ -77,16 +77,6 @@ TEST(CheckScene, RefusesSmallStrainWhereAPartGoesBeyondIt) {
   EXPECT_EQ(refusal_of(scene), "");
 }
 
-TEST(CheckScene, RefusesASpectralRadiusOfCentralDifferences) {
-  Scene scene = moving_ball();
-  scene.reference.spectral_radius = 0.5;
-  EXPECT_EQ(refusal_of(scene), "");
-  scene.reference.integrator = ReferenceScheme::CentralDifferences;
-  EXPECT_EQ(refusal_of(scene),
-            "a.toml: reference.spectral_radius = 0.5, expected none with reference.integrator = "
-            "central_differences, which has no such parameter");
-}
-
 /// Two balls of radius 1 about the origin and x = 5.
 SurfaceMesh two_balls() {
   const SurfaceMesh one = make_shape("ball", 162);

@@ -491,7 +491,6 @@ std::vector<std::string> others_than(const std::string& value) {
                             all_names<Connectivity>(),
                             all_names<SpringLaw>(),
                             all_names<MaterialLaw>(),
-                            all_names<ReferenceScheme>(),
                             all_names<MassMatrix>(),
                             all_names<PcpReading>(),
                             all_names<UpAxis>(),
