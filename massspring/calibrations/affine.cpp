@@ -3,6 +3,8 @@
 
 namespace testbed::massspring {
 
+/// One stiffness for every spring of the network, scaled to Young's modulus by affine theory: E = sum k r^2 /
+/// (6 V) [the paper; (15), (16)]. Poisson's ratio is 1/4 whatever the material says.
 void calibrate_uniform(MassSpringModel& model, const Eigen::Matrix2Xi& links) {
   const auto& [X, T, F, n_surface] = model.network;
   const Eigen::VectorXd r2 = squared_lengths(X, links);
@@ -10,6 +12,7 @@ void calibrate_uniform(MassSpringModel& model, const Eigen::Matrix2Xi& links) {
   set_springs(model, links, Eigen::VectorXd::Constant(r2.size(), k));
 }
 
+/// The same scale, but every spring stands for the same volume: k ~ 1/r^2 [(16)].
 void calibrate_affine(MassSpringModel& model, const Eigen::Matrix2Xi& links) {
   const auto& [X, T, F, n_surface] = model.network;
   const Eigen::VectorXd r2 = squared_lengths(X, links);

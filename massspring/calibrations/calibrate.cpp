@@ -13,6 +13,9 @@
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
+
+SetStiffness calibrate_uniform, calibrate_affine, calibrate_van_gelder, calibrate_lloyd, calibrate_moment;
+
 namespace {
 
 /// Masses where there are no tetrahedra: internal nodes, spread evenly, weigh the same, surface nodes half as

@@ -8,14 +8,16 @@
 
 namespace testbed::massspring {
 
+/// Fills springs and tet_springs of a model that has its nodes, and links (2 x n) where they are needed.
+using SetStiffness = void(MassSpringModel& model, const Eigen::Matrix2Xi& links);
+
 struct Calibration {
   std::string name;
   bool needs_links;  ///< springs are those that join the nodes of the network
   bool needs_tetrahedra;
   bool is_coupled;              ///< its springs resist together, patch by patch
   double least_nu, largest_nu;  ///< Poisson's ratios that it accepts
-  /// Fills springs and tet_springs of a model that has its nodes, and links (2 x n) where they are needed.
-  void (*set_stiffness)(MassSpringModel& model, const Eigen::Matrix2Xi& links);
+  SetStiffness* set_stiffness;
 };
 
 /// Every spring model there is.

@@ -175,6 +175,10 @@ VectorXd fit_non_negative(const Fit& fit) {
 
 }  // namespace
 
+/// Springs between nodes at most two tetrahedra edges apart, and a dilatation term at nodes for nu > 1/4.
+/// Stiffnesses k >= 0 fit the moments that linear and, softly, quadratic fields must balance
+/// at every node [(18)].
+/// @throws std::runtime_error when no non-negative k fits.
 void calibrate_moment(MassSpringModel& model, const Eigen::Matrix2Xi&) {
   const double mu = lame_of(model.material).mu;
   const TetMesh& network = model.network;

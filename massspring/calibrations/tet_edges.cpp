@@ -33,11 +33,16 @@ void sum_over_tetrahedra(MassSpringModel& model, const Stiffness& stiffness) {
 
 }  // namespace
 
+/// Springs on the edges of the tetrahedra instead of the network's,
+/// k = sum_T 5/2 mu V_T / r^2: the affine stiffness of every tetrahedron that is
+/// regular [(17), Van Gelder 1998], and a dilatation term at nodes for nu > 1/4.
 void calibrate_van_gelder(MassSpringModel& model, const Eigen::Matrix2Xi&) {
   const double mu = lame_of(model.material).mu;
   sum_over_tetrahedra(model, [=](double V, double r2) { return 2.5 * mu * V / r2; });
 }
 
+/// As van_gelder with k = sum_T (2 sqrt(2)/25) E_0 a_T and E_0 = 5/2 mu [(17), Lloyd, Szekely & Harders
+/// 2007]. The regular tetrahedron of T's volume has the edge a_T.
 void calibrate_lloyd(MassSpringModel& model, const Eigen::Matrix2Xi&) {
   const double E_0 = 2.5 * lame_of(model.material).mu;
   sum_over_tetrahedra(model, [=](double V, double) {
