@@ -66,6 +66,20 @@ def test_a_room_includes_only_what_stands_below_it(room: str) -> None:
             assert is_allowed(room, included), f"{file.relative_to(ROOT)} includes {included}"
 
 
+FILES = r'^#include (?:<fstream>|<filesystem>|"meshing/base/files.h")'
+
+
+@pytest.mark.parametrize("room", [room for room in BELOW if not room.startswith("meshing/")])
+def test_no_room_of_a_program_opens_files(room: str) -> None:
+    """But that of what a machine has, which is asked by files."""
+    opens = {
+        file.name
+        for file in (ROOT / room).iterdir()
+        if file.suffix in (".h", ".cpp") and re.search(FILES, file.read_text(), re.MULTILINE)
+    }
+    assert opens == ({"memory.cpp"} if room == "fem_reference/base" else set())
+
+
 def test_forbidden_includes_are_seen() -> None:
     text = '#include <vector>\n#include "massspring/energies/springs.h"\n'
     assert includes_of(text) == ["massspring/energies/springs.h"]
