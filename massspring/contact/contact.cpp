@@ -6,6 +6,7 @@
 
 #include "meshing/algebra/subdomains.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/barrier.h"
 
 namespace testbed::massspring {
 namespace {
@@ -66,6 +67,14 @@ Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface) {
     contacts.self_thickness = scene.self_contact.thickness.value_or(kOfMeanEdge * length / edges.cols());
   }
   return contacts;
+}
+
+std::shared_ptr<SurfaceEnergy> barrier_around(const Contacts& contacts, const MassSpringModel& model,
+                                              const std::vector<Constraint>& constraints) {
+  std::vector<char> is_held(model.network.X.cols(), false);
+  for (const Constraint& c : constraints) is_held[c.node] = c.S.isZero(0);
+  return meshing::barrier_around(contacts.bodies, model.network.X, model.network.F, model.material.E,
+                                 is_held);
 }
 
 void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd& v) {

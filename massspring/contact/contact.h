@@ -1,5 +1,5 @@
-// Contact of nodes with obstacles. Explicit schemes project, the linearised one constrains by the matrix W
-// [paper 3.2], and those that minimise have a barrier [Li et al. 2020].
+// Contact with obstacles. Explicit schemes project nodes, the linearised one constrains them by the matrix W
+// [paper 3.2], and what minimises has a barrier on the surface [Li et al. 2020].
 #pragma once
 
 #include "massspring/model/model.h"
@@ -18,6 +18,10 @@ inline const Contacts kNoContacts;
 
 /// @throws std::runtime_error when the mesh of an obstacle cannot be read or is not closed
 Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface);
+
+/// The barrier of obstacles on a model's surface, for what minimises.
+std::shared_ptr<SurfaceEnergy> barrier_around(const Contacts& contacts, const MassSpringModel& model,
+                                              const std::vector<Constraint>& constraints);
 
 /// Explicit schemes: nodes that end a step inside a body, or went through it, are set onto its surface.
 /// They lose their velocity into it and, by Coulomb's friction, of that along it as much as the blow allows.

@@ -126,7 +126,7 @@ const BlockMatrix& ImplicitMatrix::matrix() {
     add_blocks(*model_.springs, *springs_, *A_);
     if (damping_) add_blocks(*model_.springs, *damping_, *A_);
   }
-  for (size_t i = 0; i < surface_.diagonal.size(); ++i) A_->block[A_->diagonal[i]] += surface_.diagonal[i];
+  surface_.add_within(*A_);
   filter(motion_.constraints, *A_);
   return *A_;
 }

@@ -96,9 +96,6 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   State trial = start;
   motion_.constrain(trial.v);
   trial.x = y + a * trial.v;
-  for (const auto& energy : energies)
-    if (energy->keep_out(start.x, trial.x)) trial.v = (trial.x - y) / a;
-  State before = trial;
   StepReport report;
   SmallRotation turn;
   double first = 0, size = 0;  // of gradients, and of what they add up
@@ -111,6 +108,31 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       sum += a * damping_power(*model.springs, motion_.damped_at(start.x), trial.v) / 2;
     return sum;
   };
+  if (is_bounded) {
+    // Pushed out alone, a surface may leave behind what is inside; from where the body was it may be far.
+    const auto move_out = [&](const Matrix3Xd& guess) {
+      constexpr int kMaxSweeps = 20;  // between what must not be entered and what supports hold
+      trial.x = guess;
+      for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
+        bool is_moved = false;
+        for (const auto& energy : energies) is_moved |= energy->keep_out(start.x, trial.x);
+        if (!is_moved) return sweep > 0;
+        trial.v = (trial.x - y) / a;
+        motion_.constrain(trial.v);
+        trial.x = y + a * trial.v;
+      }
+      return true;
+    };
+    if (move_out(trial.x)) {
+      const State pushed = trial;
+      const double energy = objective.value();
+      trial.v = (start.x - y) / a;
+      motion_.constrain(trial.v);
+      move_out(y + a * trial.v);
+      if (energy <= objective.value()) trial = pushed;
+    }
+  }
+  State before = trial;
   objective.negative_gradient = [&](Matrix3Xd& r) { r = unbalanced(start, trial, a, w, size); };
   const bool is_stiff = any([](const auto& energy) { return energy->is_stiff(); });
   if (!is_stiff)

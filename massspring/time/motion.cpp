@@ -1,7 +1,5 @@
 #include "massspring/time/motion.h"
 
-#include "meshing/surface/surface.h"
-#include "meshing/surface_energies/barrier.h"
 #include "meshing/surface_energies/self_contact.h"
 
 namespace testbed::massspring {
@@ -14,17 +12,7 @@ Motion::Motion(const MassSpringModel& model, const Forces& forces, const Contact
 }
 
 void Motion::add_barrier() {
-  const Eigen::Matrix3Xd& X = model.network.X;
-  const Eigen::Matrix2Xi E = model.springs ? model.springs->E : edges_of(model.network.F);
-  double length = 0;
-  for (const auto& edge : E.colwise()) length += (X.col(edge(0)) - X.col(edge(1))).norm() / E.cols();
-  std::vector<char> is_held(X.cols(), false);
-  for (const Constraint& c : forces.constraints) is_held[c.node] = true;
-  std::vector<int> nodes;
-  for (int i = 0; i < X.cols(); ++i)
-    if (!is_held[i]) nodes.push_back(i);
-  touching.insert(touching.begin(),
-                  std::make_shared<Barrier>(X, nodes, model.material.E * length, contacts.bodies));
+  touching.insert(touching.begin(), barrier_around(contacts, model, forces.constraints));
 }
 
 void Motion::add_friction() {

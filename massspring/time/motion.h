@@ -8,8 +8,7 @@ namespace testbed::massspring {
 struct Motion {
   Motion(const MassSpringModel& model, const Forces& forces, const Contacts& contacts = kNoContacts);
 
-  /// Puts a barrier around obstacles, for schemes that minimise: kappa is E times the mean length of springs
-  /// or, without, of the surface's edges. Nodes that supports hold are left alone.
+  /// Puts a barrier around obstacles, for schemes that minimise.
   void add_barrier();
   /// Lets nodes slide along obstacles, for the scheme that constrains them.
   void add_friction();

@@ -8,14 +8,19 @@
 namespace testbed::meshing {
 
 int BlockMatrix::find(int i, int j) const {
+  const int at = find_any(i, j);
+  assert(at >= 0);
+  return at;
+}
+
+int BlockMatrix::find_any(int i, int j) const {
   const int* at = column.data() + row_start[i];
   for (int n = row_start[i + 1] - row_start[i]; n > 1;) {  // no branch depends on what is compared
     const int half = n / 2;
     at += at[half] <= j ? half : 0;
     n -= half;
   }
-  assert(*at == j);
-  return static_cast<int>(at - column.data());
+  return *at == j ? static_cast<int>(at - column.data()) : -1;
 }
 
 void BlockMatrix::set_zero() {

@@ -25,6 +25,8 @@ struct BlockMatrix {
   int rows() const { return static_cast<int>(row_start.size()) - 1; }
   /// Position of block (i, j), which must be in the pattern.
   int find(int i, int j) const;
+  /// The same, or -1 where the pattern has none.
+  int find_any(int i, int j) const;
   void set_zero();
 };
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "meshing/surface_energies/surface_points.h"
+
 namespace testbed::meshing {
 
 using Eigen::Matrix3Xd;
@@ -43,24 +45,16 @@ constexpr double kStillSpeed = 0.1;  // ranges per second that are no motion
 
 }  // namespace
 
-Barrier::Barrier(const Matrix3Xd& X, std::vector<int> nodes, double kappa,
-                 const std::vector<RigidBody>& bodies)
-    : bodies_(bodies), nodes_(std::move(nodes)), kappa_(kappa) {
-  constexpr double kRange = 1e-3;
-  range_ = kRange * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
-}
-
 Vector3d Barrier::slid(const Held& held, const Matrix3Xd& x) const {
-  const Vector3d way = x.col(held.node) - held.start;
+  const Vector3d way = x.col(held.point) - held.start;
   return way - held.normal.dot(way) * held.normal;
 }
 
 template <class Visit>
 void Barrier::for_each_near(const Matrix3Xd& x, const Visit& visit) const {
-  for (size_t b = 0; b < bodies_.size(); ++b)
-    for (const int i : nodes_)
-      if (const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t_); gap.distance < range_)
-        visit(static_cast<int>(b), i, gap);
+  for (const RigidBody& body : bodies_)
+    for (int i = 0; i < weights_.size(); ++i)
+      if (const RigidBody::Gap gap = body.gap(x.col(i), t_); gap.distance < range_) visit(i, gap);
 }
 
 void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
@@ -69,10 +63,10 @@ void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
   for (size_t b = 0; b < bodies_.size(); ++b) {
     if (bodies_[b].friction == 0) continue;
     const Vector3d shift = bodies_[b].translation(t + h) - bodies_[b].translation(t);
-    for (const int i : nodes_) {
+    for (int i = 0; i < weights_.size(); ++i) {
       const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t);
       if (gap.distance <= 0 || gap.distance >= range_) continue;
-      const double force = -kappa_ * barrier_at(gap.distance, range_).db;
+      const double force = -kappa_ * weights_(i) * barrier_at(gap.distance, range_).db;
       held_.push_back({i, gap.normal, x.col(i) + shift, bodies_[b].friction * force, Vector3d::Zero()});
     }
   }
@@ -83,10 +77,10 @@ void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
 bool Barrier::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
   bool is_moved = false;
   for (const RigidBody& body : bodies_)
-    for (const int i : nodes_) {
+    for (int i = 0; i < weights_.size(); ++i) {
       Vector3d yi = y.col(i);
       if (const auto touch = body.first_touch(x.col(i), yi, t_, 0, kClosest * range_)) yi = *touch;
-      // Newton's method doubles a gap that is far too small, so nodes in touch keep theirs.
+      // Newton's method doubles a gap that is far too small, so points in touch keep theirs.
       if (const RigidBody::Gap gap = body.gap(yi, t_); gap.distance < kFirst * range_) {
         const double before = body.gap(x.col(i), t_before_).distance;
         const double kept = std::clamp(before, kClosest * range_, kFirst * range_);
@@ -102,7 +96,7 @@ double Barrier::largest_step(const Matrix3Xd& x, const Matrix3Xd& dx) const {
   constexpr double kKept = 0.1;  // of the gap along the way
   double part = 1;
   for (const RigidBody& body : bodies_)
-    for (const int i : nodes_) {
+    for (int i = 0; i < weights_.size(); ++i) {
       const Vector3d xi = x.col(i);
       const double gap = body.gap(xi, t_).distance, length = dx.col(i).norm();
       if (gap > part * length) continue;
@@ -114,8 +108,8 @@ double Barrier::largest_step(const Matrix3Xd& x, const Matrix3Xd& dx) const {
 
 double Barrier::energy(const Matrix3Xd& x) const {
   double sum = 0;
-  for_each_near(x, [&](int, int, const RigidBody::Gap& gap) {
-    sum += gap.distance > 0 ? kappa_ * barrier_at(gap.distance, range_).b
+  for_each_near(x, [&](int i, const RigidBody::Gap& gap) {
+    sum += gap.distance > 0 ? kappa_ * weights_(i) * barrier_at(gap.distance, range_).b
                             : std::numeric_limits<double>::infinity();
   });
   for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip_).value;
@@ -123,27 +117,28 @@ double Barrier::energy(const Matrix3Xd& x) const {
 }
 
 void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
-  for_each_near(x, [&](int, int i, const RigidBody::Gap& gap) {
-    f.col(i) -= kappa_ * barrier_at(gap.distance, range_).db * gap.normal;
+  for_each_near(x, [&](int i, const RigidBody::Gap& gap) {
+    f.col(i) -= kappa_ * weights_(i) * barrier_at(gap.distance, range_).db * gap.normal;
   });
   for (const Held& held : held_) {
     const Vector3d way = slid(held, x);
-    f.col(held.node) -= held.limit / smooth_length(way.norm(), slip_).norm * way;
+    f.col(held.point) -= held.limit / smooth_length(way.norm(), slip_).norm * way;
   }
 }
 
 void Barrier::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature) const {
   std::vector<Eigen::Matrix3d>& diagonal = H.diagonal;
   if (diagonal.empty()) diagonal.assign(x.cols(), Eigen::Matrix3d::Zero());
-  for_each_near(x, [&](int, int i, const RigidBody::Gap& gap) {
-    diagonal[i] += kappa_ * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
+  for_each_near(x, [&](int i, const RigidBody::Gap& gap) {
+    diagonal[i] +=
+        kappa_ * weights_(i) * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
   });
   // Of norm * friction = limit * way by x, the symmetric part.
   for (const Held& held : held_) {
     const Vector3d way = slid(held, x);
     const SmoothLength length = smooth_length(way.norm(), slip_);
     const Eigen::Matrix3d turned = held.friction * direction(way).transpose();
-    diagonal[held.node] +=
+    diagonal[held.point] +=
         held.limit / length.norm * (Eigen::Matrix3d::Identity() - held.normal * held.normal.transpose()) -
         length.dnorm / (2 * length.norm) * (turned + turned.transpose());
   }
@@ -157,6 +152,18 @@ void Barrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
     held.friction = (held.limit * way - grown * held.friction) / length.norm;
     if (const double size = held.friction.norm(); size > held.limit) held.friction *= held.limit / size;
   }
+}
+
+std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Matrix3Xd& X,
+                                              const Eigen::MatrixXi& faces, double E,
+                                              const std::vector<char>& is_held) {
+  constexpr double kRange = 1e-3, kStiff = 1. / 50;
+  const Matrix3Xd on = X(Eigen::all, faces.reshaped());
+  const double range = kRange * (on.rowwise().maxCoeff() - on.rowwise().minCoeff()).norm();
+  WeightedPoints points = contact_points(faces, X, is_held);
+  return std::make_shared<EnergyOfPoints>(
+      std::make_shared<Barrier>(std::move(points.weights), range, kStiff * E / range, bodies),
+      std::move(points.W));
 }
 
 }  // namespace testbed::meshing

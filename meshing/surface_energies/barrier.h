@@ -6,18 +6,18 @@
 
 namespace testbed::meshing {
 
-/// An energy that rises without bound towards the bodies' surfaces,
-///   kappa sum_i b(d_i), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0, [(26)]
-/// d_i the gap of node i. Friction is the lagged potential of
+/// An energy of points of a surface that rises without bound towards the bodies,
+///   kappa sum_q w_q b(d_q), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0, [(26)]
+/// d_q the gap of point q and w_q its share of the surface at rest. Friction is the lagged potential of
 /// a force smoothed below a speed that is no motion to the eye.
 class Barrier : public SurfaceEnergy {
  public:
-  /// D is a thousandth of the diagonal of the box of X (3 x n, m).
-  /// @param nodes  that it acts on
-  /// @param kappa  N/m
+  /// @param weights  of the points (m2)
+  /// @param range  D (m)
+  /// @param kappa  Pa/m
   /// @param bodies  outlive it
-  Barrier(const Eigen::Matrix3Xd& X, std::vector<int> nodes, double kappa,
-          const std::vector<RigidBody>& bodies);
+  Barrier(Eigen::VectorXd weights, double range, double kappa, const std::vector<RigidBody>& bodies)
+      : bodies_(bodies), weights_(std::move(weights)), range_(range), kappa_(kappa) {}
 
   double energy(const Eigen::Matrix3Xd& x) const override;  ///< J; infinite inside
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
@@ -36,21 +36,32 @@ class Barrier : public SurfaceEnergy {
 
  private:
   struct Held {
-    int node;
-    Eigen::Vector3d normal, start;  ///< start: of the node, moving with the body (m)
+    int point;
+    Eigen::Vector3d normal, start;  ///< start: of the point, moving with the body (m)
     double limit;                   ///< friction coefficient times contact force (N)
-    Eigen::Vector3d friction;       ///< that the node exerts, as foreseen (N)
+    Eigen::Vector3d friction;       ///< that the point exerts, as foreseen (N)
   };
   Eigen::Vector3d slid(const Held& held, const Eigen::Matrix3Xd& x) const;
   template <class Visit>
   void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;
 
   const std::vector<RigidBody>& bodies_;
-  std::vector<int> nodes_;  ///< that it acts on
-  double kappa_, range_;    ///< N/m, m
+  Eigen::VectorXd weights_;  ///< m2
+  double range_, kappa_;     ///< m, Pa/m
   double t_before_ = 0, t_ = 0;
   double slip_ = 0;  ///< below which friction is smoothed (m)
   std::vector<Held> held_;
 };
+
+/// The barrier of a scene on the points contact_points of a body's faces. Its range and kappa are those of the
+/// body at rest, however fine its mesh is: D a thousandth of the diagonal of its box and kappa = E/(50 D), so
+/// that a pressure of 0.024 E halves the gap at which bodies begin to touch.
+/// @param X  nodes at rest (3 x n, m)
+/// @param faces  3 or 6 nodes each
+/// @param E  Young's modulus (Pa)
+/// @param is_held  per node, whether nothing moves it but its supports
+std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Eigen::Matrix3Xd& X,
+                                              const Eigen::MatrixXi& faces, double E,
+                                              const std::vector<char>& is_held);
 
 }  // namespace testbed::meshing

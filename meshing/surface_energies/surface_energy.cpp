@@ -45,6 +45,16 @@ void SurfaceHessian::add_diagonal(std::vector<Eigen::Matrix3d>& sum) const {
     if (b.i == b.j) sum[b.i] += b.block;
 }
 
+void SurfaceHessian::add_within(BlockMatrix& A) const {
+  for (size_t i = 0; i < diagonal.size(); ++i) A.block[A.diagonal[i]] += diagonal[i];
+  for (const HessianBlock& b : blocks) {
+    const int upper = A.find_any(b.i, b.j);
+    if (upper < 0) continue;
+    A.block[upper] += b.block;
+    if (b.i != b.j) A.block[A.find(b.j, b.i)] += b.block.transpose();
+  }
+}
+
 void SurfaceHessian::add_product(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const {
   add_sparse_product(p, y);
   for (const Eigen::Matrix3Xd& g : roots)

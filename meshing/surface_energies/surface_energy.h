@@ -50,6 +50,9 @@ struct SurfaceHessian {
   /// Adds its diagonal blocks, but for those of roots and curvatures.
   void add_diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
 
+  /// Adds its diagonal, and those of its blocks that the pattern of A has a place for.
+  void add_within(BlockMatrix& A) const;
+
   /// Calls visit(i, j, block) for blocks as HessianBlock whose sum it is, but for its roots.
   template <class Visit>
   void for_each_block(const Visit& visit) const {

@@ -1,5 +1,9 @@
 #include "meshing/surface_energies/surface_points.h"
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+
 namespace testbed::meshing {
 namespace {
 
@@ -50,6 +54,48 @@ SurfacePoints points_on(const Eigen::MatrixXi& faces, const Matrix3Xd& places, E
     }
   SurfacePoints points(p, n_nodes);
   points.setFromTriplets(entries.begin(), entries.end());
+  return points;
+}
+
+WeightedPoints contact_points(const Eigen::MatrixXi& faces, const Matrix3Xd& X,
+                              const std::vector<char>& is_held) {
+  constexpr double kCorner = 1. / 20, kMiddle = 2. / 15, kCentroid = 9. / 20;
+  std::vector<Eigen::Triplet<double>> entries;
+  std::vector<double> weights;
+  std::map<std::pair<int, int>, int> shared;  // the point of a corner, twice, or of an edge; -1: held
+  const auto add = [&](const Eigen::VectorXi& face, double r, double s, double weight) {
+    const Matrix3Xd N = shape_functions(face.size(), r, s);
+    bool is_free = false;
+    for (Eigen::Index a = 0; a < face.size(); ++a) is_free |= N(0, a) != 0 && !is_held[face(a)];
+    if (!is_free) return -1;
+    const int p = static_cast<int>(weights.size());
+    for (Eigen::Index a = 0; a < face.size(); ++a)
+      if (N(0, a) != 0) entries.emplace_back(p, face(a), N(0, a));
+    weights.push_back(weight);
+    return p;
+  };
+  for (const auto& column : faces.colwise()) {
+    const Eigen::VectorXi face = column;
+    const Eigen::Vector3d a = X.col(face(0)), b = X.col(face(1)), c = X.col(face(2));
+    const double area = (b - a).cross(c - a).norm() / 2;
+    for (int i = 0; i < 3; ++i)
+      for (const int j : {i, (i + 1) % 3}) {
+        Eigen::Vector3d place = Eigen::Vector3d::Zero();
+        place(i) += 0.5;
+        place(j) += 0.5;
+        const double weight = area * (i == j ? kCorner : kMiddle);
+        const auto [found, is_new] = shared.try_emplace(std::minmax(face(i), face(j)), -1);
+        if (is_new)
+          found->second = add(face, place(1), place(2), weight);
+        else if (found->second >= 0)
+          weights[found->second] += weight;
+      }
+    add(face, 1. / 3, 1. / 3, kCentroid * area);
+  }
+  WeightedPoints points{
+      SurfacePoints(static_cast<Eigen::Index>(weights.size()), X.cols()),
+      Eigen::Map<Eigen::VectorXd>(weights.data(), static_cast<Eigen::Index>(weights.size()))};
+  points.W.setFromTriplets(entries.begin(), entries.end());
   return points;
 }
 

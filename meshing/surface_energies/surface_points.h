@@ -19,6 +19,20 @@ Eigen::Matrix3Xd shape_functions(Eigen::Index n, double r, double s);
 /// @param places  barycentric coordinates, 3 x k
 SurfacePoints points_on(const Eigen::MatrixXi& faces, const Eigen::Matrix3Xd& places, Eigen::Index n_nodes);
 
+struct WeightedPoints {
+  SurfacePoints W;
+  Eigen::VectorXd weights;  ///< the area at rest that each stands for (m2)
+};
+
+/// Corners, middles of edges and centroids, at 1/20, 2/15 and 9/20 of a face's area: exact for polynomials of
+/// degree 3 [Abramowitz & Stegun 1964, 25.4], so that under uniform pressure corners of curved faces bear
+/// nothing. What faces share is one point. None hangs on held nodes alone.
+/// @param faces  3 or 6 nodes each
+/// @param X  nodes at rest (3 x n, m), edges straight
+/// @param is_held  per node
+WeightedPoints contact_points(const Eigen::MatrixXi& faces, const Eigen::Matrix3Xd& X,
+                              const std::vector<char>& is_held);
+
 /// W^T H W: what the Hessian at points is at the nodes that they hang on.
 SurfaceHessian at_nodes(const SurfaceHessian& H, const SurfacePoints& W);
 

@@ -23,32 +23,32 @@ Matrix3Xd random_points(int n, Random& random) {
   return x;
 }
 
+constexpr double kRange = 3e-3;
+
 /// A node above an oblique plane, pressed down and slid along it.
 json barrier_values() {
-  constexpr double kKappa = 3e4, kFriction = 0.4, kStep = 0.01;
+  constexpr double range = kRange;
+  constexpr double kKappa = 3e4, kArea = 0.7, kFriction = 0.4, kStep = 0.01;
   const Vector3d normal = Vector3d(1, 2, -2) / 3, along = Vector3d(2, -1, 0) / std::sqrt(5.),
                  point(0.3, -0.1, 2);
   Obstacle obstacle;
   obstacle.shape = HalfSpace{point, normal};
   obstacle.friction = kFriction;
   const std::vector<RigidBody> bodies{RigidBody(obstacle)};
-  Matrix3Xd box(3, 2);
-  box << 0, 1, 0, 2, 0, 2;
-  const double range = 3e-3, slip = 0.1 * range * kStep;  // a thousandth of the diagonal, 0.1 ranges a second
+  const double slip = 0.1 * range * kStep;  // 0.1 ranges a second
   json values;
   for (const double gap : {0.05, 0.3, 0.7, 0.99})
     for (const double slid : {0.2, 0.9, 3.}) {
-      Barrier barrier(box, {0}, kKappa, bodies);
-      Matrix3Xd x = box;
-      x.col(0) = point + gap * range * normal;
+      Barrier barrier(Eigen::VectorXd::Constant(1, kArea), range, kKappa, bodies);
+      Matrix3Xd x = point + gap * range * normal;
       const double without_friction = barrier.energy(x);
       SurfaceHessian H;
       barrier.add_hessian(x, H, Curvature::Projected);
       barrier.begin_step(0, kStep, x);
-      Matrix3Xd f = Matrix3Xd::Zero(3, 2);
+      Matrix3Xd f = Matrix3Xd::Zero(3, 1);
       x.col(0) += slid * slip * along;
       barrier.add_forces(x, f);
-      values.push_back({{"kappa", kKappa},
+      values.push_back({{"kappa", kKappa * kArea},
                         {"range", range},
                         {"gap", gap * range},
                         {"slip", slip},
@@ -80,7 +80,7 @@ json step_values() {
                       {"point", numbers(r.col(1))},
                       {"x", numbers(x)},
                       {"dx", numbers(dx)},
-                      {"step", Barrier(r, {0}, 1, bodies).largest_step(x, dx)}});
+                      {"step", Barrier(Eigen::VectorXd::Ones(1), kRange, 1, bodies).largest_step(x, dx)}});
   }
   return values;
 }

@@ -1,7 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <numeric>
-
 #include "meshing/surface_energies/barrier.h"
 #include "meshing/surface_energies/surface_points.h"
 #include "tests/massspring/small_network.h"
@@ -32,6 +30,15 @@ Eigen::MatrixXi two_faces(int n) {
 
 int n_nodes(int n) {
   return n == 3 ? 4 : 9;
+}
+
+/// Their nodes at rest.
+Matrix3Xd unit_square(int n) {
+  Matrix3Xd x(3, 9);
+  x << 0, 1, 0, 1, .5, .5, 0, 1, .5,  //
+      0, 0, 1, 1, 0, .5, .5, .5, 1,   //
+      0, 0, 0, 0, 0, 0, 0, 0, 0;
+  return x.leftCols(n_nodes(n));
 }
 
 TEST(SurfacePoints, LieWhereALinearOrQuadraticFieldIs) {
@@ -80,30 +87,59 @@ TEST(SurfacePoints, HessianAtNodesIsThatAtPointsBetweenTheMapAndItsTranspose) {
   }
 }
 
+TEST(ContactPoints, IntegrateCubicPolynomialsAndAreSharedByFaces) {
+  for (const int n : {3, 6}) {
+    const Eigen::MatrixXi faces = two_faces(n);
+    const Matrix3Xd X = unit_square(n);
+    const std::vector<char> is_held(X.cols(), false);
+    const WeightedPoints points = contact_points(faces, X, is_held);
+    ASSERT_EQ(points.W.rows(), 4 + 5 + 2);
+    const Matrix3Xd at = X * points.W.transpose();
+    for (int i = 0; i <= 3; ++i)
+      for (int j = 0; i + j <= 3; ++j) {
+        double sum = 0;
+        for (int q = 0; q < at.cols(); ++q)
+          sum += points.weights(q) * std::pow(at(0, q), i) * std::pow(at(1, q), j);
+        EXPECT_NEAR(sum, 1. / ((i + 1) * (j + 1)), 1e-14) << i << ' ' << j;
+      }
+  }
+}
+
+TEST(ContactPoints, GiveAUniformPressureToMiddlesOfCurvedFacesAndInThirdsToCornersOfStraightOnes) {
+  const auto forces = [](int n) -> Eigen::VectorXd {
+    const WeightedPoints points =
+        contact_points(two_faces(n).leftCols(1), unit_square(n), std::vector<char>(n_nodes(n), false));
+    return points.W.transpose() * points.weights;
+  };
+  EXPECT_LT((forces(3).head<3>().array() - 0.5 / 3).matrix().norm(), 1e-15);
+  const Eigen::VectorXd curved = forces(6);
+  EXPECT_LT(curved.head<4>().norm(), 1e-15);
+  EXPECT_LT((curved({4, 5, 6}).array() - 0.5 / 3).matrix().norm(), 1e-15);
+}
+
+TEST(ContactPoints, HangOnNothingThatOnlySupportsMove) {
+  std::vector<char> is_held(4, false);
+  is_held[0] = is_held[1] = true;  // the edge of the first face alone
+  const WeightedPoints points = contact_points(two_faces(3), unit_square(3), is_held);
+  EXPECT_EQ(points.W.rows(), 11 - 3);
+  is_held.assign(4, true);
+  EXPECT_EQ(contact_points(two_faces(3), unit_square(3), is_held).W.rows(), 0);
+}
+
 /// Faces some way above a plane with friction, with a barrier at points on them.
 struct AboveAPlane {
   std::vector<RigidBody> bodies;
   Matrix3Xd x;
-  std::shared_ptr<Barrier> barrier;
-  std::unique_ptr<EnergyOfPoints> energy;
-  double range;
+  std::shared_ptr<SurfaceEnergy> energy;
+  static constexpr double range = 1e-3 * M_SQRT2;
 
   explicit AboveAPlane(int n) {
     Obstacle plane;
     plane.shape = HalfSpace{{0, 0, 0}, {0, 0, 1}};
     plane.friction = 0.4;
     bodies.emplace_back(plane);
-    x.resize(3, 9);
-    x << 0, 1, 0, 1, .5, .5, 0, 1, .5,  //
-        0, 0, 1, 1, 0, .5, .5, .5, 1,   //
-        0, 0, 0, 0, 0, 0, 0, 0, 0;
-    x = x.leftCols(n_nodes(n)).eval();
-    const SurfacePoints W = points_on(two_faces(n), some_places(), x.cols());
-    std::vector<int> points(W.rows());
-    std::iota(points.begin(), points.end(), 0);
-    barrier = std::make_shared<Barrier>(x, points, 5e4, bodies);
-    energy = std::make_unique<EnergyOfPoints>(barrier, W);
-    range = 1e-3 * M_SQRT2;
+    x = unit_square(n);
+    energy = barrier_around(bodies, x, two_faces(n), 1e5, std::vector<char>(x.cols(), false));
     x.row(2).array() += 0.5 * range;
     x.row(2) += 0.2 * range * random_points(static_cast<int>(x.cols()), 1, 4).row(0);
     x.row(2) -= 0.1 * range * x.row(0);  // no two points lie alike
