@@ -5,6 +5,7 @@ import subprocess
 import pytest
 import pyvista as pv
 
+from analysis.comparison import compare
 from analysis.experiment import run_solvers
 from analysis.paths import PROGRAMS, SCENES
 from analysis.report import text_of
@@ -23,9 +24,9 @@ def beam(tmp_path):
 def test_it_bends_as_a_beam_of_its_true_size(beam, tmp_path):
     values = [IN_MM, "material.E=2e6", "material.nu=0.25", "gravity=[0, 0, 0]", "comparison.calibrations=[]"]
     experiment = run_solvers(SCENES / "own_body.toml", tmp_path / "out", beam, values, is_quiet=True)
-    comparison = experiment.comparison.as_json()
+    comparison = compare(experiment).as_json()
     assert comparison["status"] == "ok" and not experiment.notes
-    X = experiment.comparison.reference.last.X
+    X = compare(experiment).reference.last.X
     assert X.max(axis=0) - X.min(axis=0) == pytest.approx([0.01, 0.04, 0.01], rel=1e-6)
     # 100 Pa on the top, whose triangles alone lie in the highest fifth: F L^3 / 3 EI + F L / G kA.
     F, L, h, E, nu = 100 * 1e-4, 0.04, 0.01, 2e6, 0.25
@@ -53,7 +54,7 @@ def test_a_unit_that_has_no_effect_is_warned_of_once(beam, program, words, tmp_p
 def test_the_report_says_by_what_a_body_was_scaled(beam, tmp_path, capfd):
     values = [IN_MM, "comparison.calibrations=[]"]
     experiment = run_solvers(SCENES / "sag.toml", tmp_path / "out", beam, values, is_quiet=True)
-    said = text_of(experiment.comparison.as_json())
+    said = text_of(compare(experiment).as_json())
     assert (
         "surface.normalise has scaled the body's coordinates by 0.1, so that its smallest side measures 1 m"
         in said
