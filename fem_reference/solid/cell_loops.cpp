@@ -161,9 +161,13 @@ void ElasticSolid::Implementation::find_residual(const Matrix3Xd& at, double loa
 }
 
 double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_factor) {
+  return energy(at, load_factor) - load_factor * load.dot(at.reshaped());
+}
+
+double ElasticSolid::Implementation::energy(const Matrix3Xd& at, double load_factor) {
   shrink(load_factor);
-  double sum = tets.energy(at) - load_factor * load.dot(at.reshaped());
-  for (const auto& energy : surface_at(load_factor)) sum += energy->energy(nodes.X + at);
+  double sum = tets.energy(at);
+  for (const auto& acting : surface_at(load_factor)) sum += acting->energy(nodes.X + at);
   return sum;
 }
 
@@ -172,35 +176,78 @@ const meshing::SurfaceEnergies& ElasticSolid::Implementation::surface_at(double 
   return surface;
 }
 
+bool ElasticSolid::Implementation::is_stiff() const {
+  return std::any_of(surface.begin(), surface.end(), [](const auto& energy) { return energy->is_stiff(); });
+}
+
+bool ElasticSolid::Implementation::is_invariant() const {
+  return std::all_of(surface.begin(), surface.end(),
+                     [](const auto& energy) { return energy->is_invariant(); });
+}
+
 template <class Real>
-void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at, double load_factor,
-                                        Curvature curvature, Real* blocks) const {
+SurfaceHessian ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at,
+                                                  double load_factor, Curvature curvature,
+                                                  Real* blocks) const {
   on.add_tangent(at, blocks);
-  SurfaceHessian H;
+  SurfaceHessian H, outside;
   for (const auto& energy : surface_at(load_factor)) energy->add_hessian(nodes.X + at, H, curvature);
   if (&on != &tets) H = at_nodes(H, from_corners);
   H.for_each_block([&](int i, int j, const Eigen::Matrix3d& block) {
-    const int place = on.pattern().find(on.rank()[i], on.rank()[j]);
-    Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place)) +=
-        block.cast<Real>();
+    const int row = on.rank()[i], column = on.rank()[j], place = on.pattern().find_any(row, column);
+    if (place >= 0)
+      Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place)) +=
+          block.cast<Real>();
+    else
+      outside.blocks.push_back({row, column, block});
   });
+  for (const Matrix3Xd& g : H.roots) {
+    Matrix3Xd& by_rank = outside.roots.emplace_back(Matrix3Xd::Zero(3, on.pattern().rows()));
+    for (Eigen::Index i = 0; i < g.cols(); ++i) by_rank.col(on.rank()[i]) = g.col(i);
+  }
   symmetrise(on.pattern(), blocks);
+  return outside;
 }
 
-template void ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at,
-                                                 double load_factor, Curvature curvature,
-                                                 double* blocks) const;
+template SurfaceHessian ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at,
+                                                           double load_factor, Curvature curvature,
+                                                           double* blocks) const;
+
+namespace {
+
+/// Of held unknowns nothing is left.
+void hold_blocks(const std::vector<char>& is_held_row, std::vector<meshing::SymmetricBlock>& outside) {
+  for (meshing::SymmetricBlock& b : outside)
+    for (int c = 0; c < 3; ++c) {
+      if (is_held_row[3 * b.i + c]) b.block.row(c).setZero();
+      if (is_held_row[3 * b.j + c]) b.block.col(c).setZero();
+    }
+}
+
+}  // namespace
+
+void ElasticSolid::Implementation::hold(TwoLevelSolver::Stiffness& A) const {
+  meshing::hold(tets.pattern(), held_rows, A.blocks.data());
+  hold_blocks(held_rows, A.outside.blocks);
+  for (meshing::PaddedField& g : A.outside.roots)
+    for (size_t k = 0; k < held_rows.size(); ++k)
+      if (held_rows[k]) g(static_cast<Eigen::Index>(k % 3), static_cast<Eigen::Index>(k / 3)) = 0;
+}
 
 TwoLevelSolver::Stiffness ElasticSolid::Implementation::stiffness_at(const Matrix3Xd& at, double load_factor,
                                                                      Curvature curvature) const {
   TwoLevelSolver::Stiffness A;
   A.blocks.assign(9 * tets.pattern().column.size() + 3, 0);
-  fill(tets, at, load_factor, curvature, A.blocks.data());
+  const SurfaceHessian outside = fill(tets, at, load_factor, curvature, A.blocks.data());
+  A.outside.blocks = outside.blocks;
+  for (const Matrix3Xd& g : outside.roots) pad(g, 1, A.outside.roots.emplace_back());
   const auto fill_held = [=](const TetBatches& on, const std::vector<char>& is_held_row) {
     return [=, &on, &is_held_row](meshing::BlockMatrix& B) {
       double* blocks = B.block.data()->data();
-      fill(on, at, load_factor, curvature, blocks);
+      SurfaceHessian rest = fill(on, at, load_factor, curvature, blocks);
       meshing::hold(B, is_held_row, blocks);
+      hold_blocks(is_held_row, rest.blocks);
+      return rest.blocks;
     };
   };
   A.fill_fine = fill_held(tets, held_rows);
@@ -257,6 +304,10 @@ SmallestJacobians ElasticSolid::smallest_jacobians(const Matrix3Xd& displacement
           s.least_jacobian(displacement, nodes_of_tet(s.degree))};
 }
 
+double ElasticSolid::energy(const Eigen::Ref<const Matrix3Xd>& displacement, double load_factor) const {
+  return self_->energy(displacement, load_factor);
+}
+
 void ElasticSolid::find_forces(const Eigen::Ref<const Matrix3Xd>& displacement, double load_factor,
                                Matrix3Xd& force) const {
   Implementation& s = *self_;
@@ -271,24 +322,30 @@ void ElasticSolid::find_forces(const Eigen::Ref<const Matrix3Xd>& displacement, 
 
 Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,
                                       bool with_tangent) const {
-  Implementation& s = *self_;
+  const Implementation& s = *self_;
   Linearisation result;
   Matrix3Xd force;
   find_forces(displacement, load_factor, force);
   result.energy = s.tets.energy(displacement);
   result.force = force.reshaped();
-  if (!with_tangent) return result;
-  meshing::BlockMatrix K = s.tets.pattern();
+  if (with_tangent) s.find_tangent(displacement, load_factor, Curvature::Exact, result);
+  return result;
+}
+
+void ElasticSolid::Implementation::find_tangent(const Matrix3Xd& at, double load_factor, Curvature curvature,
+                                                Linearisation& result) const {
+  meshing::BlockMatrix K = tets.pattern();
   K.block.assign(K.column.size(), Eigen::Matrix3d::Zero());
-  s.fill(s.tets, displacement, load_factor, Curvature::Exact, K.block.data()->data());
+  const SurfaceHessian outside = fill(tets, at, load_factor, curvature, K.block.data()->data());
+  if (!outside.blocks.empty()) K = with_blocks(K, outside.blocks);
   std::vector<int> node(K.rows());
-  for (int i = 0; i < K.rows(); ++i) node[s.tets.rank()[i]] = i;
+  for (int i = 0; i < K.rows(); ++i) node[tets.rank()[i]] = i;
   // Columns of the symmetric matrix are its rows; those of a node are compressed in the nodes' order.
-  result.tangent.resize(n_dofs(), n_dofs());
+  result.tangent.resize(at.size(), at.size());
   result.tangent.reserve(static_cast<Eigen::Index>(9 * K.block.size()));
   std::vector<std::pair<int, int>> neighbours;  // node, block
   for (int i = 0; i < K.rows(); ++i) {
-    const int row = s.tets.rank()[i];
+    const int row = tets.rank()[i];
     neighbours.clear();
     for (int k = K.row_start[row]; k < K.row_start[row + 1]; ++k)
       neighbours.emplace_back(node[K.column[k]], k);
@@ -300,11 +357,17 @@ Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load
     }
   }
   result.tangent.finalize();
-  return result;
+  for (const Matrix3Xd& g : outside.roots) {
+    Eigen::VectorXd& by_node = result.roots.emplace_back(at.size());
+    for (int i = 0; i < K.rows(); ++i) by_node.segment<3>(3 * i) = g.col(tets.rank()[i]);
+  }
 }
 
 Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
-  return linearise(Matrix3Xd::Zero(3, X().cols()), 0).tangent;
+  Linearisation at_rest;
+  self_->shrink(0);
+  self_->find_tangent(Matrix3Xd::Zero(3, X().cols()), 0, Curvature::Projected, at_rest);
+  return at_rest.tangent;
 }
 
 Eigen::SparseMatrix<double> ElasticSolid::mass(MassMatrix kind) const {

@@ -57,6 +57,7 @@ void CentralDifferences::go_on(const VectorXd& u, const VectorXd& v) {
 }
 
 bool CentralDifferences::step() {
+  begin_step();
   const HeldState held = held_at(t() + h_);
   // Damping is taken at the mean of the velocities in the middle of two steps.
   meshing::for_each_chunk(f_.cols(), [&](Eigen::Index begin, Eigen::Index end) {

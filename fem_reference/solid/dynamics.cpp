@@ -1,5 +1,6 @@
 #include "fem_reference/solid/dynamics.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,9 +8,14 @@
 #include <stdexcept>
 
 #include "meshing/algebra/lowest_modes.h"
+#include "meshing/algebra/newton.h"
 #include "meshing/scene/scene.h"
 
 namespace testbed::fem {
+
+using Eigen::Matrix3Xd;
+using Eigen::VectorXd;
+
 namespace {
 
 using meshing::SparseCholesky;
@@ -44,6 +50,18 @@ std::vector<int> all_but(const std::vector<int>& held, Eigen::Index n) {
   return rest;
 }
 
+/// Field of unknowns; the last column is filled up with zeros.
+Matrix3Xd field_of(const VectorXd& r) {
+  Matrix3Xd field = Matrix3Xd::Zero(3, (r.size() + 2) / 3);
+  field.reshaped().head(r.size()) = r;
+  return field;
+}
+
+/// Of the box around points (m).
+double diagonal_of(const Matrix3Xd& X) {
+  return (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
+}
+
 }  // namespace
 
 Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std::vector<int>& held, int n) {
@@ -69,8 +87,9 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
 TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme)
     : Motion(std::move(system), h), scheme_(scheme) {
   const auto n = system_.K.rows();
+  if (system_.linearise) energy_scale_ = system_.X.reshaped().dot(system_.K * system_.X.reshaped());
   find_free();
-  restart(Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n));
+  restart(VectorXd::Zero(n), VectorXd::Zero(n));
 }
 
 std::string TimeIntegrator::solver() const {
@@ -91,26 +110,34 @@ void TimeIntegrator::find_free() {
   if (!factorise(system_.K)) refuse_indefinite();
 }
 
-Linearisation Motion::respond(const Eigen::VectorXd& u, bool with_tangent) const {
+Linearisation Motion::respond(const VectorXd& u, bool with_tangent) const {
   if (system_.linearise) return system_.linearise(u, with_tangent);
-  const Eigen::VectorXd force = system_.K * u;
-  return {force, {}, u.dot(force) / 2};
+  const VectorXd force = system_.K * u;
+  return {force, {}, {}, u.dot(force) / 2};
 }
 
-Eigen::VectorXd Motion::force_of(const Eigen::VectorXd& u) const {
+double Motion::potential_of(const VectorXd& u) const {
+  return system_.potential ? system_.potential(u) : respond(u, false).energy;
+}
+
+void Motion::begin_step() {
+  for (const auto& energy : system_.surface) energy->begin_step(t(), h_, at(u_));
+}
+
+VectorXd Motion::force_of(const VectorXd& u) const {
   if (!system_.forces) return respond(u, false).force;
-  Eigen::Matrix3Xd force;
+  Matrix3Xd force;
   system_.forces(u, force);
   return force.reshaped();
 }
 
 Motion::HeldState Motion::held_at(double t) const {
   if (!system_.held_motion) {
-    const Eigen::VectorXd zero = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(system_.held.size()));
+    const VectorXd zero = VectorXd::Zero(static_cast<Eigen::Index>(system_.held.size()));
     return {u_(system_.held), zero, zero};
   }
-  const Eigen::VectorXd before = system_.held_motion(t - h_), now = system_.held_motion(t),
-                        after = system_.held_motion(t + h_);
+  const VectorXd before = system_.held_motion(t - h_), now = system_.held_motion(t),
+                 after = system_.held_motion(t + h_);
   return {now, (after - before) / (2 * h_), (after - 2 * now + before) / (h_ * h_)};
 }
 
@@ -131,15 +158,15 @@ bool TimeIntegrator::factorise(const Sparse& tangent) {
   return true;
 }
 
-void Motion::hold(const std::vector<int>& held, std::function<Eigen::VectorXd(double t)> motion) {
+void Motion::hold(const std::vector<int>& held, std::function<VectorXd(double t)> motion) {
   system_.held = held;
   system_.held_motion = std::move(motion);
   find_free();
-  const Eigen::VectorXd u = u_, v = v_;
+  const VectorXd u = u_, v = v_;
   go_on(u, v);
 }
 
-Motion::HeldState Motion::start_at(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
+Motion::HeldState Motion::start_at(const VectorXd& u, const VectorXd& v) {
   u_ = u;
   v_ = v;
   HeldState held = held_at(t());
@@ -148,81 +175,182 @@ Motion::HeldState Motion::start_at(const Eigen::VectorXd& u, const Eigen::Vector
   return held;
 }
 
-void TimeIntegrator::go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
+void TimeIntegrator::go_on(const VectorXd& u, const VectorXd& v) {
   const HeldState held = start_at(u, v);
-  a_ = Eigen::VectorXd::Zero(u.size());
+  a_ = VectorXd::Zero(u.size());
   a_(system_.held) = held.a;
   f_ = force_of(u_);
   const SparseCholesky mass(restricted(system_.M, free_));
   if (!mass.is_ok()) refuse_indefinite();
-  const Eigen::VectorXd residual = system_.load - system_.M * (a_ + system_.damping * v_).eval() - f_ -
-                                   system_.stiffness_damping * (system_.K * v_);
+  const VectorXd residual = system_.load - system_.M * (a_ + system_.damping * v_).eval() - f_ -
+                            system_.stiffness_damping * (system_.K * v_);
   a_(free_) = mass.solve(residual(free_).eval()).eval();
 }
 
-/// What the factor in single precision makes of r.
-Eigen::VectorXd TimeIntegrator::solve_rounded(const Eigen::VectorXd& r) const {
-  Eigen::Matrix3Xd field = Eigen::Matrix3Xd::Zero(3, (r.size() + 2) / 3);
-  field.reshaped().head(r.size()) = r;
-  return rounded_.solve(field).reshaped().head(r.size());
+/// An acceleration at the end of a step, and what follows from it.
+struct TimeIntegrator::Trial {
+  VectorXd a, u, v, velocity, f;
+};
+
+/// (A + G G^T)^-1 r of the step's system on what is free [Woodbury 1950], by the factor in single precision.
+Matrix3Xd TimeIntegrator::direction(const Matrix3Xd& r) const {
+  const VectorXd free = r.reshaped()(free_);
+  VectorXd x = rounded_.solve(field_of(free)).reshaped().head(free.size());
+  if (roots_.cols() > 0) {
+    const Eigen::MatrixXd capacity =
+        Eigen::MatrixXd::Identity(roots_.cols(), roots_.cols()) + roots_.transpose() * solved_roots_;
+    x -= solved_roots_ * capacity.ldlt().solve(roots_.transpose() * x);
+  }
+  Matrix3Xd dx = Matrix3Xd::Zero(3, r.cols());
+  dx.reshaped()(free_) = x;
+  return dx;
+}
+
+/// Whether the tangent at u is definite; else that at rest takes its place.
+bool TimeIntegrator::factorise_at(const VectorXd& u) {
+  const Linearisation at = respond(u, true);
+  if (!system_.surface.empty()) factor_.reset();  // its pattern changes
+  const bool is_definite = factorise(at.tangent);
+  if (!is_definite) {
+    factor_.reset();
+    if (!factorise(system_.K)) refuse_indefinite();
+  }
+  const auto n_roots = static_cast<Eigen::Index>(at.roots.size()),
+             n = static_cast<Eigen::Index>(free_.size());
+  roots_.resize(n, n_roots);
+  solved_roots_.resize(n, n_roots);
+  for (Eigen::Index k = 0; k < n_roots; ++k) {
+    roots_.col(k) = std::sqrt((1 - scheme_.alpha_f) * scheme_.beta) * h_ * at.roots[k](free_);
+    solved_roots_.col(k) = rounded_.solve(field_of(roots_.col(k))).reshaped().head(n);
+  }
+  return is_definite;
 }
 
 bool TimeIntegrator::step() {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
-  const bool is_linear = !system_.linearise;
-  constexpr double kRounding = 1e-6, kSlow = 0.3;
-  constexpr int kMaxIterations = 50;
+  begin_step();
   const HeldState held = held_at(t() + h_);
-  // Free unknowns that stay where they are strain the body no more than it is.
-  Eigen::VectorXd sound = -(v_ / h_ + (0.5 - beta) * a_) / beta, a = a_, u, v, velocity;
-  a(system_.held) = sound(system_.held) = held.a;
-  const auto follow = [&] {
-    u = u_ + h_ * v_ + h_ * h_ * ((0.5 - beta) * a_ + beta * a);
-    v = v_ + h_ * ((1 - gamma) * a_ + gamma * a);
-    u(system_.held) = held.u;
-    v(system_.held) = held.v;
-    velocity = (1 - alpha_f) * v + alpha_f * v_;
-  };
-  const auto inertia = [&]() -> Eigen::VectorXd {
-    return system_.M * ((1 - alpha_m) * a + alpha_m * a_ + system_.damping * velocity).eval();
-  };
-  follow();
+  Trial trial;
+  trial.a = a_;
+  trial.a(system_.held) = held.a;
+  const bool is_linear = !system_.linearise;
   if (is_linear) {
-    const Eigen::VectorXd residual =
-        system_.load - inertia() -
-        force_of((1 - alpha_f) * u + alpha_f * u_ + system_.stiffness_damping * velocity);
-    a(free_) += factor_->solve(residual(free_).eval());
-    follow();
+    follow(held, trial);
+    const VectorXd residual =
+        system_.load - momentum_change(trial) -
+        force_of((1 - alpha_f) * trial.u + alpha_f * u_ + system_.stiffness_damping * trial.velocity);
+    trial.a(free_) += factor_->solve(residual(free_).eval());
+    follow(held, trial);
+  } else if (!find_acceleration(held, trial)) {
+    return false;
   }
-  bool is_new = false;
-  double before = std::numeric_limits<double>::infinity();
-  for (int iteration = 0; !is_linear; ++iteration, ++n_newton_iterations_, follow()) {
-    if (iteration == kMaxIterations) return false;
-    Eigen::VectorXd f = force_of(u);
-    const double f_size = f.norm();
-    if (!std::isfinite(f_size)) {
-      a = ((a + sound) / 2).eval();
-      continue;
-    }
-    const Eigen::VectorXd M_a = inertia(),
-                          residual = (system_.load - M_a - (1 - alpha_f) * f - alpha_f * f_)(free_);
-    const double size = system_.load.norm() + M_a.norm() + f_size, error = residual.norm();
-    const bool is_slow = error > kSlow * before;
-    if (error <= system_.tolerance * size || (is_new && is_slow && error <= kRounding * size)) {
-      f_ = std::move(f);
-      break;
-    }
-    sound = a;
-    is_new = is_slow;
-    if (is_new && !factorise(respond(u, true).tangent)) return false;
-    before = error;
-    a(free_) += solve_rounded(residual);
-  }
-  u_.swap(u);
-  v_.swap(v);
-  a_.swap(a);
+  u_.swap(trial.u);
+  v_.swap(trial.v);
+  a_.swap(trial.a);
+  if (!is_linear) f_.swap(trial.f);
   ++n_steps_;
   return true;
+}
+
+/// Displacement and velocity that an acceleration leads to.
+void TimeIntegrator::follow(const HeldState& held, Trial& trial) const {
+  const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
+  trial.u = u_ + h_ * v_ + h_ * h_ * ((0.5 - beta) * a_ + beta * trial.a);
+  trial.v = v_ + h_ * ((1 - gamma) * a_ + gamma * trial.a);
+  trial.u(system_.held) = held.u;
+  trial.v(system_.held) = held.v;
+  trial.velocity = (1 - alpha_f) * trial.v + alpha_f * v_;
+}
+
+/// Forces of inertia and of the damping of mass (N).
+VectorXd TimeIntegrator::momentum_change(const Trial& trial) const {
+  const double alpha_m = scheme_.alpha_m;
+  return system_.M * ((1 - alpha_m) * trial.a + alpha_m * a_ + system_.damping * trial.velocity).eval();
+}
+
+/// Whose negative gradient by the displacement of free unknowns is the force out of balance (J).
+double TimeIntegrator::incremental_potential(const Trial& trial) const {
+  const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
+  const VectorXd a = (1 - alpha_m) * trial.a + alpha_m * a_, way = trial.u - u_;
+  double sum = beta * h_ * h_ / (2 * (1 - alpha_m)) * a.dot(system_.M * a) +
+               (1 - alpha_f) * potential_of(trial.u) + way.dot(alpha_f * f_ - system_.load);
+  if (system_.damping > 0)
+    sum += system_.damping * beta * h_ / (2 * gamma * (1 - alpha_f)) *
+           trial.velocity.dot(system_.M * trial.velocity);
+  return sum;
+}
+
+/// At finite strain, from the acceleration of the step before on. Whether there is one.
+bool TimeIntegrator::find_acceleration(const HeldState& held, Trial& trial) {
+  const double alpha_f = scheme_.alpha_f, by_acceleration = scheme_.beta * h_ * h_;  // of displacement
+  constexpr double kRounding = 1e-6, kSlow = 0.3, kLastStep = 1e-9;
+  constexpr int kMaxIterations = 50, kMaxIterationsOfContact = 200, kMaxHalvings = 50;
+  // Free unknowns that stay where they are strain the body no more than it is.
+  VectorXd still = -(v_ / h_ + (0.5 - scheme_.beta) * a_) / scheme_.beta;
+  still(system_.held) = held.a;
+  follow(held, trial);
+  const meshing::SurfaceEnergies& surface = system_.surface;
+  if (!surface.empty()) {
+    Matrix3Xd guess = at(trial.u);
+    bool is_moved = false;
+    for (const auto& energy : surface) is_moved |= energy->keep_out(at(u_), guess);
+    if (is_moved) {
+      trial.a(free_) += (guess - at(trial.u)).reshaped()(free_) / by_acceleration;
+      follow(held, trial);
+    }
+  }
+  for (int n = 0; !std::isfinite(potential_of(trial.u)); ++n) {
+    if (n == kMaxHalvings) return false;
+    trial.a = ((trial.a + still) / 2).eval();
+    follow(held, trial);
+  }
+
+  Trial start = trial;
+  double size = 0, error = 0, before = std::numeric_limits<double>::infinity();
+  bool is_new = false;
+  meshing::Objective objective;
+  objective.value = [&] { return incremental_potential(trial); };
+  objective.negative_gradient = [&](Matrix3Xd& r) {
+    trial.f = force_of(trial.u);
+    const VectorXd inertia = momentum_change(trial);
+    size = system_.load.norm() + inertia.norm() + trial.f.norm();
+    VectorXd residual = system_.load - inertia - (1 - alpha_f) * trial.f - alpha_f * f_;
+    residual(system_.held).setZero();
+    r = field_of(residual);
+  };
+  objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport&) {
+    error = r.norm() / size;
+    return error <= system_.tolerance || (is_new && error > kSlow * before && error <= kRounding);
+  };
+  objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
+    is_new = error > kSlow * before;
+    if (is_new) is_new = factorise_at(trial.u);
+    before = error;
+    dx = by_acceleration * direction(r);
+    return false;
+  };
+  objective.largest_step = [&](const Matrix3Xd& dx) {
+    double part = 1;
+    for (const auto& energy : surface) part = std::min(part, energy->largest_step(at(start.u), dx));
+    return part;
+  };
+  objective.move = [&](const Matrix3Xd& dx, double step) {
+    trial.a = start.a + step / by_acceleration * dx.reshaped().head(trial.a.size());
+    follow(held, trial);
+  };
+  objective.accept = [&] {
+    for (const auto& energy : surface) energy->follow(at(start.u), at(trial.u));
+    start = trial;
+  };
+  const bool is_stiff =
+      std::any_of(surface.begin(), surface.end(), [](const auto& energy) { return energy->is_stiff(); });
+  const meshing::NewtonReport newton =
+      meshing::minimise(objective, {is_stiff ? kMaxIterationsOfContact : kMaxIterations, energy_scale_,
+                                    is_stiff ? kLastStep * diagonal_of(system_.X) : 0});
+  n_newton_iterations_ += newton.iterations;
+  const bool is_ok = newton.status == meshing::Status::Ok;
+  if (!is_ok || is_stiff) trial.f = force_of(trial.u);  // which was last asked for elsewhere
+  return is_ok || (newton.status == meshing::Status::NotConverged && error <= kRounding);
 }
 
 }  // namespace testbed::fem

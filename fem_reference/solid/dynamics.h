@@ -53,6 +53,10 @@ struct Dynamics {
   /// The same f alone, not finite where its energy is not; empty: from the others.
   std::function<void(const Eigen::VectorXd& u, Eigen::Matrix3Xd& force)> forces = {};
   double tolerance = 1e-10;  ///< at finite strain: forces out of balance over load, inertia and f
+  /// Of f at finite strain (J), infinite where there is none; empty: the elastic energy of `linearise`.
+  std::function<double(const Eigen::VectorXd& u)> potential = {};
+  Eigen::Matrix3Xd X = {};                ///< nodes at rest, at finite strain (m)
+  meshing::SurfaceEnergies surface = {};  ///< what of f acts on it, of positions X + u
 };
 
 /// A body in motion by steps of h, from rest.
@@ -90,6 +94,11 @@ class Motion {
   Linearisation respond(const Eigen::VectorXd& u, bool with_tangent) const;
   /// f(u), not finite where the energy is not.
   Eigen::VectorXd force_of(const Eigen::VectorXd& u) const;
+  double potential_of(const Eigen::VectorXd& u) const;
+  /// Nodes where the surface's energies see them.
+  Eigen::Matrix3Xd at(const Eigen::VectorXd& u) const { return system_.X + u.reshaped(3, system_.X.cols()); }
+  /// A step begins for what acts on the surface.
+  void begin_step();
   /// Takes over what is held.
   virtual void find_free() = 0;
   /// From a displacement and a velocity at t().
@@ -101,8 +110,9 @@ class Motion {
   int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0;
 };
 
-/// The generalised-alpha method. Each step is solved by sparse Cholesky: with one factor where f is linear,
-/// else by Newton's method with a factor in single precision, renewed where iterations converge slowly.
+/// The generalised-alpha method. Each step is solved by sparse Cholesky: with one factor where f is linear, else
+/// by Newton's method with a line search on the incremental potential, whose gradient is the step's equation, and
+/// a factor in single precision, renewed where iterations converge slowly.
 class TimeIntegrator : public Motion {
  public:
   TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme);
@@ -113,14 +123,23 @@ class TimeIntegrator : public Motion {
  private:
   void find_free() override;
   void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
+  struct Trial;
   bool factorise(const Eigen::SparseMatrix<double>& tangent);
-  Eigen::VectorXd solve_rounded(const Eigen::VectorXd& r) const;
+  bool factorise_at(const Eigen::VectorXd& u);
+  Eigen::Matrix3Xd direction(const Eigen::Matrix3Xd& r) const;
+  void follow(const HeldState& held, Trial& trial) const;
+  Eigen::VectorXd momentum_change(const Trial& trial) const;
+  double incremental_potential(const Trial& trial) const;
+  bool find_acceleration(const HeldState& held, Trial& trial);
 
   TimeScheme scheme_;
   Eigen::VectorXd a_, f_;  // f_: f(u_)
   std::vector<int> free_;
   std::optional<meshing::SparseCholesky> factor_;
-  meshing::RoundedFactor rounded_;  // at finite strain
+  // At finite strain:
+  double energy_scale_ = 0;  // of what a body as large as itself would take: for rounding (J)
+  meshing::RoundedFactor rounded_;
+  Eigen::MatrixXd roots_, solved_roots_;  // G, and what the factor makes of it, of a tangent with G G^T
 };
 
 }  // namespace testbed::fem

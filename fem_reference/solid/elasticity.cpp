@@ -47,6 +47,9 @@ int ElasticSolid::n_free_rigid_motions() const {
 Eigen::VectorXd ElasticSolid::load() const {
   return self_->load;
 }
+const meshing::SurfaceEnergies& ElasticSolid::surface() const {
+  return self_->surface;
+}
 const std::vector<HeldComponent>& ElasticSolid::held() const {
   return self_->held;
 }
@@ -55,6 +58,10 @@ double ElasticSolid::held_displacement(int k, double load_factor) const {
 }
 
 void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
+  if (!is_invariant()) {  // what touches the body holds it
+    rigid.resize(3 * at.cols(), 0);
+    return;
+  }
   const Eigen::MatrixXd R = rigid_motions(nodes.X + at);
   Eigen::Matrix<double, 6, 6> moved = Eigen::Matrix<double, 6, 6>::Zero();
   for (const HeldComponent& h : held) {
@@ -79,12 +86,14 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.material = material;
   s.law = law;
   s.loads = loads;
-  s.surface.clear();
+  s.surface = {};
   if (loads.follower_pressure) {
     Eigen::VectorXd pressure(s.nodes.faces.cols());
     for (int f = 0; f < pressure.size(); ++f) pressure(f) = loads.follower_pressure(f);
     s.surface = meshing::followers_of(pressure, s.nodes.faces);
   }
+  s.surface.insert(s.surface.end(), loads.surface.begin(), loads.surface.end());
+  s.stepped_to.reset();
   s.held = held;
   s.u.setZero();
   s.factor = 0;
@@ -122,10 +131,6 @@ void ElasticSolid::relieve_inertia() {
 
 double ElasticSolid::max_strain(const Matrix3Xd& displacement) const {
   return self_->max_strain(displacement);
-}
-
-void ElasticSolid::Implementation::hold(TwoLevelSolver::Stiffness& A) const {
-  meshing::hold(tets.pattern(), held_rows, A.blocks.data());
 }
 
 bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double residual) {
@@ -266,15 +271,34 @@ bool ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd
   return std::isfinite(potential(x, load_factor));
 }
 
+/// Once, however often a guess is looked at.
+void ElasticSolid::Implementation::begin_step(double load_factor) {
+  if (stepped_to == load_factor) return;
+  stepped_to = load_factor;
+  for (const auto& energy : surface) energy->begin_step(factor, load_factor - factor, nodes.X + u);
+}
+
+/// Takes a guess of free unknowns out of what the surface must not enter, coming from the last equilibrium.
+void ElasticSolid::Implementation::keep_out(Matrix3Xd& x) const {
+  Matrix3Xd y = nodes.X + x;
+  bool is_moved = false;
+  for (const auto& energy : surface) is_moved |= energy->keep_out(nodes.X + u, y);
+  for (Eigen::Index k = 0; is_moved && k < x.size(); ++k)
+    if (!is_held[k]) x.data()[k] = y.data()[k] - nodes.X.data()[k];
+}
+
 bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, StageTimer* timer) {
   constexpr double kForcing = 0.01, kDeepest = 2e-6;  // [Eisenstat & Walker 1996]
-  constexpr int kMaxNewton = 30;
+  constexpr int kMaxNewton = 30, kMaxNewtonOfContact = 200;
+  constexpr double kLastStep = 1e-9;  // of the body's extent
   const auto stage = [&](const char* name) {
     if (timer) timer->start(name);
   };
   stage("solve");
   size = 0;
+  begin_step(load_factor);
   if (!follow_supports(load_factor, x)) return false;
+  keep_out(x);
   Matrix3Xd start = x;
   double first = 0, residual = 0;
   meshing::Objective objective;
@@ -294,30 +318,47 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
         solve_direction(x, load_factor, r, std::clamp(kForcing * r.norm() / first, kDeepest, kForcing), dx);
     return is_definite;
   };
+  objective.largest_step = [&](const Matrix3Xd& dx) {
+    double part = 1;
+    for (const auto& energy : surface) part = std::min(part, energy->largest_step(nodes.X + start, dx));
+    return part;
+  };
   objective.move = [&](const Matrix3Xd& dx, double step) { x = start + step * dx; };
-  objective.accept = [&] { start = x; };
+  objective.accept = [&] {
+    for (const auto& energy : surface) energy->follow(nodes.X + start, nodes.X + x);
+    start = x;
+  };
+  // Contact is so stiff that the rounding of positions is no balance of forces: the last correction tells then.
+  const bool is_stiff = this->is_stiff();
+  const double extent = (nodes.X.rowwise().maxCoeff() - nodes.X.rowwise().minCoeff()).norm();
   const meshing::NewtonReport newton =
-      meshing::minimise(objective, {kMaxNewton, material.E * volume(mesh.X, mesh.F)});
+      meshing::minimise(objective, {is_stiff ? kMaxNewtonOfContact : kMaxNewton,
+                                    material.E * volume(mesh.X, mesh.F), is_stiff ? kLastStep * extent : 0});
   report.newton_iterations += newton.iterations;
-  report.is_converged = newton.status == meshing::Status::Ok && is_balanced(x, residual);
+  report.is_converged = newton.status == meshing::Status::Ok && (is_balanced(x, residual) || is_stiff);
   if (!report.is_converged) return false;
   u = x;
   factor = load_factor;
+  stepped_to.reset();
   return true;
 }
 
 ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   Implementation& s = *self_;
   s.find_rigid_motions(Matrix3Xd::Zero(3, s.u.cols()));
-  meshing::check_balance(s.nodes.X, s.rigid, s.load.reshaped(3, s.u.cols()),
-                         "more supports, balanced loads or reference.inertia_relief");
+  if (s.is_invariant())
+    meshing::check_balance(s.nodes.X, s.rigid, s.load.reshaped(3, s.u.cols()),
+                           "more supports, balanced loads or reference.inertia_relief");
   s.report = {};
   s.size = 0;
-  if (s.law == ElasticLaw::SmallStrain) {
+  if (s.law == ElasticLaw::SmallStrain && s.surface.empty()) {
     s.solve_linear(load_factor, timer);
   } else {
     Matrix3Xd x = s.u;
-    s.path->follow({[&](double next, Matrix3Xd& at) { s.prescribe(next, at); },
+    s.path->follow({[&](double next, Matrix3Xd& at) {
+                      s.begin_step(next);
+                      s.prescribe(next, at);
+                    },
                     [&](double next, const Matrix3Xd& at) { return s.potential(at, next); },
                     [&](double next, Matrix3Xd& at) { return s.balance(next, at, timer); }},
                    load_factor, x);

@@ -11,6 +11,7 @@
 #include "fem_reference/elements/laws.h"
 #include "meshing/base/mesh.h"
 #include "meshing/base/stage_timer.h"
+#include "meshing/surface_energies/surface_energy.h"
 
 namespace testbed::fem {
 
@@ -22,6 +23,8 @@ struct ElasticLoads {
   /// Pressure (Pa) on boundary triangle `f` as it is deformed;
   /// whole components of the surface. At finite strain.
   std::function<double(int f)> follower_pressure;
+  /// What else acts on the surface, of the positions of all nodes. Steps are those of the load factor.
+  meshing::SurfaceEnergies surface = {};
   /// Stress-free shrinkage s(x) at a load factor, eps* = -s I:
   /// the continuum form of collapsing rest lengths [paper eq. 8].
   std::function<double(const Eigen::Vector3d& x, double load_factor)> shrinkage;
@@ -55,8 +58,9 @@ struct SmallestJacobians {
 
 /// Internal forces of a displaced body and their gradient, of all components 3 node + c, nothing held.
 struct Linearisation {
-  Eigen::VectorXd force;                ///< N, gradient of the elastic energy and of the follower pressures'
+  Eigen::VectorXd force;                ///< N, gradient of the elastic energy and of what acts on the surface
   Eigen::SparseMatrix<double> tangent;  ///< N/m
+  std::vector<Eigen::VectorXd> roots;   ///< what the tangent leaves out: each adds g g^T
   double energy = 0;                    ///< elastic (J); infinite where the law has none
 };
 
@@ -88,7 +92,7 @@ class ElasticSolid {
   int n_free_rigid_motions() const;
 
   /// Equilibrium at a load factor, from the one found before (at first: from rest). Small strain:
-  /// one linear solve. Finite strain: Newton with line search on the potential energy, in
+  /// one linear solve. Finite strain, or where something acts on the surface: Newton with line search on the potential energy, in
   /// adaptive parts; where that fails, displacement stays at the last equilibrium. Linear
   /// systems by conjugate gradients in single precision [solvers/two_level.h]; residuals
   /// are in double precision.
@@ -106,6 +110,8 @@ class ElasticSolid {
   /// Of a displacement (3 x n_nodes) at a load factor; without its tangent where that is not wanted.
   Linearisation linearise(const Eigen::Matrix3Xd& displacement, double load_factor = 1,
                           bool with_tangent = true) const;
+  /// Elastic energy and that of what acts on the surface (J).
+  double energy(const Eigen::Ref<const Eigen::Matrix3Xd>& displacement, double load_factor = 1) const;
   /// The force alone, 3 x n_nodes.
   void find_forces(const Eigen::Ref<const Eigen::Matrix3Xd>& displacement, double load_factor,
                    Eigen::Matrix3Xd& force) const;
@@ -114,6 +120,7 @@ class ElasticSolid {
   /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
   Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;
   Eigen::VectorXd load() const;
+  const meshing::SurfaceEnergies& surface() const;
   const std::vector<HeldComponent>& held() const;
   /// Displacement (m) of the k-th held component at a load factor.
   double held_displacement(int k, double load_factor) const;

@@ -35,6 +35,7 @@ struct ElasticSolid::Implementation {
   std::optional<double> tolerance;
   ElasticLoads loads;
   meshing::SurfaceEnergies surface;  // what acts on the surface
+  std::optional<double> stepped_to;  // load factor of the step at hand of the surface
   std::vector<HeldComponent> held;
   std::vector<char> is_held;                      // 3 node + component
   std::vector<char> held_rows, held_corner_rows;  // of the matrices
@@ -59,17 +60,27 @@ struct ElasticSolid::Implementation {
   /// Forces out of balance on what is free.
   void find_residual(const Matrix3Xd& at, double load_factor, Matrix3Xd& r);
   double potential(const Matrix3Xd& at, double load_factor);
+  double energy(const Matrix3Xd& at, double load_factor);  // without dead loads
   const meshing::SurfaceEnergies& surface_at(double load_factor) const;
+  bool is_stiff() const;
+  bool is_invariant() const;  // by rigid motions
+  /// A load step to `load_factor` begins from the last equilibrium.
+  void begin_step(double load_factor);
+  void keep_out(Matrix3Xd& x) const;
   /// Whether forces of this size out of balance are none.
   bool is_balanced(const Matrix3Xd& at, double residual);
-  /// The tangent, nothing held; blocks are zero. Projected: that of the surface alone.
+  /// The tangent, nothing held; blocks are zero. Projected: that of the surface alone. What the pattern has no
+  /// place for is returned, over ranks.
   template <class Real>
-  void fill(const TetBatches& on, const Matrix3Xd& at, double load_factor, meshing::Curvature curvature,
-            Real* blocks) const;
+  meshing::SurfaceHessian fill(const TetBatches& on, const Matrix3Xd& at, double load_factor,
+                               meshing::Curvature curvature, Real* blocks) const;
   /// The same with its factories, nothing held in its own blocks.
   TwoLevelSolver::Stiffness stiffness_at(const Matrix3Xd& at, double load_factor,
                                          meshing::Curvature curvature) const;
   void hold(TwoLevelSolver::Stiffness& A) const;
+  /// Over nodes, nothing held.
+  void find_tangent(const Matrix3Xd& at, double load_factor, meshing::Curvature curvature,
+                    Linearisation& result) const;
 
   void solve_linear(double load_factor, StageTimer* timer);
   void iterate_in_double(const Matrix3Xd& r, double tolerance, Matrix3Xd& x);

@@ -77,10 +77,16 @@ void Simulation::set_in_motion() {
   }
   damping_ = system.damping;
   system.held_motion = motion_of(held);
-  if (law_of(scene_) != MaterialLaw::SmallStrain)
+  if (law_of(scene_) != MaterialLaw::SmallStrain || !solid_.surface().empty()) {
     system.linearise = [this](const Eigen::VectorXd& u, bool with_tangent) {
       return solid_.linearise(u.reshaped(3, solid_.X().cols()), 1, with_tangent);
     };
+    system.potential = [this](const Eigen::VectorXd& u) {
+      return solid_.energy(u.reshaped(3, solid_.X().cols()));
+    };
+    system.surface = solid_.surface();
+    system.X = solid_.X();
+  }
   const TimeOptions& time = scene_.time;
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest, which strain lowers
   step_ = time.step;

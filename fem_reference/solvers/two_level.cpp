@@ -28,10 +28,13 @@ void scale_diagonal(BlockMatrix& A, double factor) {
 }
 
 /// Factorises the matrix that fill(A) makes, as it is or, where it is singular, a little stiffer.
-bool factorise(BlockMatrix A, const std::function<void(BlockMatrix& A)>& fill, bool is_singular,
+bool factorise(BlockMatrix A, const TwoLevelSolver::Fill& fill, bool is_singular,
                std::optional<meshing::BlockCholesky>& factor) {
   A.block.assign(A.column.size(), Eigen::Matrix3d::Zero());
-  fill(A);
+  const auto n_within = A.block.size();
+  if (const auto outside = fill(A); !outside.empty()) A = with_blocks(A, outside);
+  if (factor && (A.block.size() > n_within || factor->n_blocks() > n_within))
+    factor.reset();  // its pattern changes
   double scale = 1;
   const auto try_once = [&](double wanted) {
     scale_diagonal(A, wanted / scale);
@@ -69,8 +72,7 @@ struct TwoLevelSolver::Pass {
       meshing::add_scaled(-static_cast<float>(dot(motion, u)), motion, u);
   }
   void multiply(const PaddedField& p, PaddedField& y) const {
-    y.setZero(4, p.cols());
-    meshing::add_product(solver.fine_.pattern(), A.blocks, p, y);
+    solver.multiply(A, p, y);
     remove_rigid(y);
   }
   /// One level: a factor or a cycle. Two: z = (D + L)^-1 r; z += P A_1^-1 P^T (r - A z);
@@ -259,9 +261,15 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
 void TwoLevelSolver::add_product(const Stiffness& A, double factor, const Matrix3Xd& x, Matrix3Xd& y) const {
   PaddedField p, Ap;
   pad(x, 1, p);
-  Ap.setZero(4, p.cols());
-  meshing::add_product(fine_.pattern(), A.blocks, p, Ap);
+  multiply(A, p, Ap);
   add_unpadded(Ap, factor, y);
+}
+
+void TwoLevelSolver::multiply(const Stiffness& A, const PaddedField& p, PaddedField& y) const {
+  y.setZero(4, p.cols());
+  meshing::add_product(fine_.pattern(), A.blocks, p, y);
+  meshing::add_product(A.outside.blocks, p, y);
+  for (const PaddedField& g : A.outside.roots) meshing::add_scaled(static_cast<float>(dot(g, p)), g, y);
 }
 
 void TwoLevelSolver::precondition(const Stiffness& A, const Eigen::MatrixXd& rigid, const Matrix3Xd& r,

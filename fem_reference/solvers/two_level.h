@@ -22,13 +22,22 @@ struct LinearReport : meshing::SolveReport {
 /// Conjugate gradients, preconditioned on degree 1 by a Cholesky factor, of large systems by algebraic
 /// multigrid with rigid motions as near-null space; on degree 2 by two levels, Gauss-Seidel sweeps and a
 /// correction of the corners by the same. Where these stand still, by a Cholesky factor of the whole matrix,
-/// if memory allows. Factors are kept from one solve to the next while they serve.
+/// if memory allows. Factors are kept from one solve to the next while they serve. Entries outside the pattern
+/// are in products and factors, and not in sweeps and multigrid.
 class TwoLevelSolver {
  public:
-  /// A stiffness, and how to make it in double precision: to be factorised. Held unknowns are filled in.
+  /// Entries of a stiffness that its pattern has no place for, over ranks of nodes.
+  struct Outside {
+    std::vector<meshing::SymmetricBlock> blocks;
+    std::vector<meshing::PaddedField> roots;  ///< each adds g g^T
+  };
+  /// Fills a matrix in double precision, to be factorised, and returns the blocks outside its pattern.
+  using Fill = std::function<std::vector<meshing::SymmetricBlock>(meshing::BlockMatrix& A)>;
+  /// A stiffness, and how to make it in double precision. Held unknowns are filled in.
   struct Stiffness {
     std::vector<float> blocks;  ///< of the fine pattern, and three numbers at the end
-    std::function<void(meshing::BlockMatrix&A)> fill_fine, fill_corners;
+    Fill fill_fine, fill_corners;
+    Outside outside;
   };
 
   /// @param X        3 x n nodes, the corners of tetrahedra first (m)
@@ -58,6 +67,7 @@ class TwoLevelSolver {
   bool factorise_whole(const Stiffness& A, bool is_singular);
   void correct_corners(const PaddedField& d, PaddedField& z) const;
   void solve_degree_1(const PaddedField& r, PaddedField& z) const;
+  void multiply(const Stiffness& A, const PaddedField& p, PaddedField& y) const;
   void pad(const Eigen::Matrix3Xd& u, double factor, PaddedField& result) const;
   void add_unpadded(const PaddedField& w, double factor, Eigen::Matrix3Xd& u) const;
   std::string name() const;

@@ -1,6 +1,7 @@
 #include "meshing/algebra/block_matrix.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 
 #include "meshing/algebra/subdomains.h"
@@ -45,6 +46,25 @@ BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs) {
   for (int i = 0; i < n; ++i) A.diagonal.push_back(A.find(i, i));
   A.block.assign(A.column.size(), Eigen::Matrix3d::Zero());
   return A;
+}
+
+BlockMatrix with_blocks(const BlockMatrix& A, const std::vector<SymmetricBlock>& blocks) {
+  std::vector<std::array<int, 2>> pairs;
+  for (int i = 0; i < A.rows(); ++i)
+    for (int k = A.diagonal[i] + 1; k < A.row_start[i + 1]; ++k) pairs.push_back({i, A.column[k]});
+  for (const SymmetricBlock& b : blocks)
+    if (A.find_any(b.i, b.j) < 0) pairs.push_back({b.i, b.j});
+  BlockMatrix sum = make_block_matrix(
+      A.rows(),
+      Eigen::Map<const Eigen::Matrix2Xi>(pairs.data()->data(), 2, static_cast<Eigen::Index>(pairs.size())));
+  for (int i = 0; i < A.rows(); ++i)
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
+      sum.block[sum.find(i, A.column[k])] = A.block[k];
+  for (const SymmetricBlock& b : blocks) {
+    sum.block[sum.find(b.i, b.j)] += b.block;
+    if (b.i != b.j) sum.block[sum.find(b.j, b.i)] += b.block.transpose();
+  }
+  return sum;
 }
 
 void mirror(BlockMatrix& A) {

@@ -12,6 +12,22 @@ namespace testbed::meshing {
 /// projected always descends.
 enum class Curvature { Exact, Projected };
 
+/// A block at i and j of a symmetric matrix, which has its transpose at j and i.
+struct SymmetricBlock {
+  int i, j;
+  Eigen::Matrix3d block;
+};
+
+/// y += A p on the first three rows, A the sum of blocks.
+template <class Field>
+void add_product(const std::vector<SymmetricBlock>& blocks, const Field& p, Field& y) {
+  for (const SymmetricBlock& b : blocks) {
+    const auto block = b.block.template cast<typename Field::Scalar>();
+    y.col(b.i).template head<3>() += block * p.col(b.j).template head<3>();
+    if (b.i != b.j) y.col(b.j).template head<3>() += block.transpose() * p.col(b.i).template head<3>();
+  }
+}
+
 /// Block compressed rows; columns ascend in a row; the pattern is symmetric and holds the diagonal.
 struct BlockMatrix {
   std::vector<int> row_start;          ///< n + 1
@@ -33,6 +49,9 @@ struct BlockMatrix {
 /// Zero matrix of n rows whose pattern is the diagonal and the given node pairs (2 x m, any order, repeats
 /// allowed).
 BlockMatrix make_block_matrix(int n, const Eigen::Matrix2Xi& pairs);
+
+/// A with blocks that its pattern need not have.
+BlockMatrix with_blocks(const BlockMatrix& A, const std::vector<SymmetricBlock>& blocks);
 
 /// Copies the blocks above the diagonal, transposed, to below it.
 void mirror(BlockMatrix& A);

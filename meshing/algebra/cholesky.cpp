@@ -138,7 +138,7 @@ void fill(const BlockMatrix& A, Eigen::SparseMatrix<double>& lower) {
 
 }  // namespace
 
-BlockCholesky::BlockCholesky(const BlockMatrix& A) : lower_(lower_pattern(A)) {
+BlockCholesky::BlockCholesky(const BlockMatrix& A) : n_blocks_(A.block.size()), lower_(lower_pattern(A)) {
   update(A);
 }
 

@@ -44,6 +44,7 @@ class BlockCholesky {
 
   void update(const BlockMatrix& A);
   bool is_ok() const { return factor_->is_ok(); }
+  std::size_t n_blocks() const { return n_blocks_; }  ///< of the matrix
   /// x = A^-1 b, 3 x n.
   void solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const;
   /// A^-1 b for many columns at once, b of 3n x m.
@@ -51,6 +52,7 @@ class BlockCholesky {
   RoundedFactor rounded() const { return factor_->rounded(); }
 
  private:
+  std::size_t n_blocks_;
   Eigen::SparseMatrix<double> lower_;
   std::optional<SparseCholesky> factor_;
 };

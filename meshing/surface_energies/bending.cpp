@@ -114,6 +114,15 @@ void add_hessian(const Bending& bending, const Matrix3Xd& x, BlockMatrix& K) {
   });
 }
 
+void add_hessian(const Bending& bending, const Matrix3Xd& x, SurfaceHessian& H) {
+  for_each_hinge(bending, x, [&](int b, double k, double, const Gradient& gradient) {
+    for (int c = 0; c < 4; ++c)
+      for (int d = c; d < 4; ++d)
+        H.blocks.push_back(
+            {bending.hinges(c, b), bending.hinges(d, b), k * gradient.col(c) * gradient.col(d).transpose()});
+  });
+}
+
 Eigen::Matrix2Xi pairs_of(const Bending& bending) {
   Eigen::Matrix2Xi pairs(2, 6 * bending.hinges.cols());
   Eigen::Index p = 0;

@@ -1,7 +1,7 @@
 // The surface resists bending across its edges [Grinspun et al. 2003, paper 3.3].
 #pragma once
 
-#include "meshing/algebra/block_matrix.h"
+#include "meshing/surface_energies/surface_energy.h"
 
 namespace testbed::meshing {
 
@@ -28,6 +28,9 @@ void add_forces(const Bending& bending, const Eigen::Matrix3Xd& x, Eigen::Matrix
 /// K += stiffness g g^T (N/m), g the gradient of what is squared in the energy: the Hessian at rest, positive
 /// semidefinite everywhere. K's pattern must hold pairs_of(bending).
 void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+
+/// The same to what need not have its pattern.
+void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, SurfaceHessian& H);
 
 /// Pairs of nodes that share a hinge, 2 x m.
 Eigen::Matrix2Xi pairs_of(const Bending& bending);

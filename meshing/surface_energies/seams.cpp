@@ -26,6 +26,15 @@ void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, BlockMatrix& K) {
   }
 }
 
+void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, SurfaceHessian& H) {
+  for (Eigen::Index s = 0; s < seams.E.cols(); ++s) {
+    const int a = seams.E(0, s), b = seams.E(1, s);
+    const Eigen::Matrix3d k = seams.stiffness(s) * Eigen::Matrix3d::Identity();
+    for (const int node : {a, b}) H.blocks.push_back({node, node, k});
+    H.blocks.push_back({a, b, -k});
+  }
+}
+
 Eigen::Matrix2Xi pairs_of(const Seams& seams) {
   return seams.E;
 }

@@ -1,7 +1,7 @@
 // Nodes tied to each other, as by stitches [paper 3.2].
 #pragma once
 
-#include "meshing/algebra/block_matrix.h"
+#include "meshing/surface_energies/surface_energy.h"
 
 namespace testbed::meshing {
 
@@ -19,6 +19,9 @@ void add_forces(const Seams& seams, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd&
 
 /// K += Hessian of the energy (N/m), the same at all positions.
 void add_hessian(const Seams& seams, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+
+/// The same to what need not have its pattern.
+void add_hessian(const Seams& seams, const Eigen::Matrix3Xd& x, SurfaceHessian& H);
 
 /// Pairs of nodes that are tied, 2 x m.
 Eigen::Matrix2Xi pairs_of(const Seams& seams);

@@ -16,7 +16,7 @@ void SurfaceHessian::clear() {
 void SurfaceHessian::scale(double factor) {
   for (Eigen::Matrix3d& block : diagonal) block *= factor;
   for (NearPair& pair : pairs) pair.stiffness *= factor;
-  for (HessianBlock& b : blocks) b.block *= factor;
+  for (SymmetricBlock& b : blocks) b.block *= factor;
   for (Eigen::Matrix3Xd& g : roots) g *= std::sqrt(factor);
   for (VolumeCurvature& c : curvatures) c.factor *= factor;
 }
@@ -41,13 +41,13 @@ void SurfaceHessian::add_diagonal(std::vector<Eigen::Matrix3d>& sum) const {
     for (int a = 0; a < 4; ++a)
       sum[pair.node[a]] +=
           pair.stiffness * pair.weight[a] * pair.weight[a] * pair.normal * pair.normal.transpose();
-  for (const HessianBlock& b : blocks)
+  for (const SymmetricBlock& b : blocks)
     if (b.i == b.j) sum[b.i] += b.block;
 }
 
 void SurfaceHessian::add_within(BlockMatrix& A) const {
   for (size_t i = 0; i < diagonal.size(); ++i) A.block[A.diagonal[i]] += diagonal[i];
-  for (const HessianBlock& b : blocks) {
+  for (const SymmetricBlock& b : blocks) {
     const int upper = A.find_any(b.i, b.j);
     if (upper < 0) continue;
     A.block[upper] += b.block;

@@ -19,12 +19,6 @@ struct NearPair {
   double stiffness = 0;    ///< N/m
 };
 
-/// A block (N/m) at nodes i and j of a symmetric matrix, which has its transpose at j and i.
-struct HessianBlock {
-  int i, j;
-  Eigen::Matrix3d block;
-};
-
 /// factor d2V/dx2 (N/m), V the volume enclosed by the straight triangles F at positions x.
 struct VolumeCurvature {
   double factor;              ///< Pa
@@ -36,7 +30,7 @@ struct VolumeCurvature {
 struct SurfaceHessian {
   std::vector<Eigen::Matrix3d> diagonal;  ///< a block per node; empty: none
   std::vector<NearPair> pairs;            ///< each adds stiffness (w_a n)(w_b n)^T between its nodes a and b
-  std::vector<HessianBlock> blocks;       ///< which add up
+  std::vector<SymmetricBlock> blocks;     ///< which add up
   std::vector<Eigen::Matrix3Xd> roots;    ///< each adds g g^T on the first nodes, all of which it couples
   std::vector<VolumeCurvature> curvatures;
 
@@ -53,7 +47,7 @@ struct SurfaceHessian {
   /// Adds its diagonal, and those of its blocks that the pattern of A has a place for.
   void add_within(BlockMatrix& A) const;
 
-  /// Calls visit(i, j, block) for blocks as HessianBlock whose sum it is, but for its roots.
+  /// Calls visit(i, j, block) for blocks as SymmetricBlock whose sum it is, but for its roots.
   template <class Visit>
   void for_each_block(const Visit& visit) const {
     for (size_t i = 0; i < diagonal.size(); ++i) visit(static_cast<int>(i), static_cast<int>(i), diagonal[i]);
@@ -63,7 +57,7 @@ struct SurfaceHessian {
           visit(pair.node[a], pair.node[b],
                 Eigen::Matrix3d(pair.stiffness * pair.weight[a] * pair.weight[b] * pair.normal *
                                 pair.normal.transpose()));
-    for (const HessianBlock& b : blocks) visit(b.i, b.j, b.block);
+    for (const SymmetricBlock& b : blocks) visit(b.i, b.j, b.block);
     for (const VolumeCurvature& c : curvatures)
       for (const auto& t : c.F->colwise()) {
         const EnclosedVolume v = enclosed_volume(c.x(Eigen::all, t));
@@ -88,11 +82,7 @@ struct SurfaceHessian {
         y.col(pair.node[a]).template head<3>() +=
             (pair.stiffness * closing * pair.weight[a] * pair.normal).template cast<Scalar>();
     }
-    for (const HessianBlock& b : blocks) {
-      const auto block = b.block.template cast<Scalar>();
-      y.col(b.i).template head<3>() += block * p.col(b.j).template head<3>();
-      if (b.i != b.j) y.col(b.j).template head<3>() += block.transpose() * p.col(b.i).template head<3>();
-    }
+    meshing::add_product(blocks, p, y);
   }
 
   /// y += H p, 3 x n.
@@ -138,6 +128,35 @@ class SurfaceEnergy {
 
   /// Whether rigid motions of the body leave the energy as it is.
   virtual bool is_invariant() const { return true; }
+};
+
+// Members of one name would hide these verbs.
+template <class Energy>
+double energy_of(const Energy& of, const Eigen::Matrix3Xd& x) {
+  return energy(of, x);
+}
+template <class Energy, class Sum>
+void add_forces_of(const Energy& of, const Eigen::Matrix3Xd& x, Sum& f) {
+  add_forces(of, x, f);
+}
+template <class Energy, class Sum>
+void add_hessian_of(const Energy& of, const Eigen::Matrix3Xd& x, Sum& H) {
+  add_hessian(of, x, H);
+}
+
+/// An energy of positions alone, with the verbs energy, add_forces and add_hessian, as one of the list.
+template <class Energy>
+class PlainEnergy : public SurfaceEnergy {
+ public:
+  explicit PlainEnergy(Energy of) : of_(std::move(of)) {}
+  double energy(const Eigen::Matrix3Xd& x) const override { return energy_of(of_, x); }
+  void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override { add_forces_of(of_, x, f); }
+  void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature) const override {
+    add_hessian_of(of_, x, H);
+  }
+
+ private:
+  Energy of_;
 };
 
 /// All that acts on a surface, in the order in which it is summed.

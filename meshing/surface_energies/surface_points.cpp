@@ -112,17 +112,17 @@ bool EnergyOfPoints::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
   constexpr int kMaxSweeps = 20;
   const Matrix3Xd from = at_points(x);
   for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
-    Matrix3Xd kept = at_points(y);
+    const Matrix3Xd before = y, at = at_points(y);
+    Matrix3Xd kept = at;
     if (!energy_->keep_out(from, kept)) return sweep > 0;
     for (int p = 0; p < W_.rows(); ++p) {
-      Eigen::Vector3d way = kept.col(p);
-      double squares = 0;
+      const Eigen::Vector3d way = kept.col(p) - at.col(p);
+      if (way.isZero(0)) continue;
+      const Eigen::Vector3d direction = way.normalized();
       for (SurfacePoints::InnerIterator a(W_, p); a; ++a) {
-        way -= a.value() * y.col(a.col());
-        squares += a.value() * a.value();
+        const double gone = (y.col(a.col()) - before.col(a.col())).dot(direction);
+        y.col(a.col()) += std::max(0., way.norm() - gone) * direction;
       }
-      if (squares == 0 || way.isZero(0)) continue;
-      for (SurfacePoints::InnerIterator a(W_, p); a; ++a) y.col(a.col()) += a.value() / squares * way;
     }
   }
   return true;

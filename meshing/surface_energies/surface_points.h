@@ -46,8 +46,8 @@ class EnergyOfPoints : public SurfaceEnergy {
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override {
     energy_->begin_step(t, h, at_points(x));
   }
-  /// Moves nodes by the least that takes each point in turn to where it should be [Kaczmarz 1937], until all
-  /// are.
+  /// Moves the nodes of a point by as much as it has to go, and again until all points are where they should be.
+  /// Faces that are met stay even so.
   bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const override;
   double energy(const Eigen::Matrix3Xd& x) const override { return energy_->energy(at_points(x)); }
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;

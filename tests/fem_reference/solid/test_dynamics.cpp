@@ -41,6 +41,7 @@ struct Bar {
       s.linearise = [this](const VectorXd& u, bool with_tangent) {
         return solid.linearise(u.reshaped(3, solid.X().cols()), 1, with_tangent);
       };
+    s.X = solid.X();
     return s;
   }
 };
@@ -353,6 +354,7 @@ TEST(TimeIntegrator, SpinsFreeBodiesAndKeepsTheirEnergyAndMomentumToSecondOrder)
     s.linearise = [&](const VectorXd& u, bool with_tangent) {
       return solid.linearise(u.reshaped(3, X.cols()), 1, with_tangent);
     };
+    s.X = X;
     TimeIntegrator motion(s, 6 * M_PI / kTurn / n_steps, kNewmark);
     motion.restart(VectorXd::Zero(start.size()), start);
     const auto momentum = [&] {

@@ -37,6 +37,30 @@ TEST(BlockMatrix, MultipliesAsADenseMatrix) {
   EXPECT_LT((y.reshaped() - dense * x.reshaped()).norm(), kRounding * dense.norm() * x.norm());
 }
 
+TEST(BlockMatrix, TakesBlocksWithinAndOutsideItsPattern) {
+  constexpr double kRounding = 1e-14;
+  constexpr int n = 5;
+  Eigen::Matrix2Xi pairs(2, 2);
+  pairs << 0, 1,  //
+      3, 2;
+  BlockMatrix A = make_block_matrix(n, pairs);
+  for (Eigen::Matrix3d& block : A.block) block.setRandom();
+  std::vector<SymmetricBlock> blocks;
+  for (const auto& [i, j] : {std::pair(3, 0), std::pair(4, 1), std::pair(2, 2), std::pair(4, 1)})
+    blocks.push_back({i, j, Eigen::Matrix3d::Random()});
+  blocks[2].block = (blocks[2].block + blocks[2].block.transpose()).eval();
+  EXPECT_EQ(A.find_any(4, 1), -1);
+  const BlockMatrix sum = with_blocks(A, blocks);
+  EXPECT_GE(sum.find_any(4, 1), 0);
+  EXPECT_GE(sum.find_any(1, 4), 0);
+  const Eigen::Matrix3Xd x = Eigen::Matrix3Xd::Random(3, n);
+  Eigen::Matrix3Xd expected, y;
+  multiply(A, x, expected);
+  add_product(blocks, x, expected);
+  multiply(sum, x, y);
+  EXPECT_LT((y - expected).norm(), kRounding * y.norm());
+}
+
 TEST(BlockMatrix, MirrorsTheUpperHalf) {
   Eigen::Matrix2Xi pairs(2, 4);
   pairs << 0, 1, 4, 1,  //

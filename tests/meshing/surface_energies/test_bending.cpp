@@ -50,6 +50,18 @@ TEST_F(BentSurface, ForceIsMinusEnergyGradientWhereTrianglesCrumple) {
   expect_minus_energy_gradient(large, f);
 }
 
+TEST_F(BentSurface, HessianInBlocksIsThatOfThePattern) {
+  BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(bending));
+  add_hessian(bending, x, K);
+  SurfaceHessian H;
+  add_hessian(bending, x, H);
+  const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 4);
+  Matrix3Xd expected, Kp = Matrix3Xd::Zero(3, x.cols());
+  multiply(K, p, expected);
+  H.add_product(p, Kp);
+  EXPECT_LT((Kp - expected).norm(), kRounding * Kp.norm());
+}
+
 TEST_F(BentSurface, HessianIsMinusForceGradientAtRest) {
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(bending));
   add_hessian(bending, ball.X, K);

@@ -35,5 +35,17 @@ TEST_F(SewnPoints, HessianIsMinusForceGradient) {
   EXPECT_TRUE(Kp.isApprox(forces(x) - forces(x + p), 1e-12));
 }
 
+TEST_F(SewnPoints, InAListAreWhatTheyAre) {
+  const PlainEnergy<Seams> listed(seams);
+  EXPECT_EQ(listed.energy(x), energy(seams, x));
+  Matrix3Xd f = Matrix3Xd::Zero(3, 6), Kp = f;
+  listed.add_forces(x, f);
+  EXPECT_EQ(f, forces(x));
+  SurfaceHessian H;
+  listed.add_hessian(x, H, Curvature::Exact);
+  H.add_product(p, Kp);
+  EXPECT_TRUE(Kp.isApprox(forces(x) - forces(x + p), 1e-12));
+}
+
 }  // namespace
 }  // namespace testbed::massspring
