@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
-#include <numeric>
 
 #include "fem_reference/solid/dynamics.h"
 #include "meshing/surface_energies/barrier.h"
@@ -37,15 +36,16 @@ std::shared_ptr<SurfaceEnergy> bag(const ElasticSolid& solid, double target) {
   return std::make_shared<VolumePenalty>(2e4, faces, target * volume_of(faces, solid.X()));
 }
 
-/// A barrier at points of quadrature of all faces.
+/// A barrier at points of quadrature of all faces, each with one square metre of them.
 std::shared_ptr<SurfaceEnergy> barrier_on_faces(const ElasticSolid& solid,
                                                 const std::vector<RigidBody>& bodies, double kappa) {
   Matrix3Xd places = Matrix3Xd::Constant(3, 3, 1. / 6);
   places.diagonal().setConstant(2. / 3);
   const SurfacePoints W = points_on(solid.faces(), places, solid.X().cols());
-  std::vector<int> points(W.rows());
-  std::iota(points.begin(), points.end(), 0);
-  return std::make_shared<EnergyOfPoints>(std::make_shared<Barrier>(solid.X(), points, kappa, bodies), W);
+  const Matrix3Xd& X = solid.X();
+  const double range = 1e-3 * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
+  return std::make_shared<EnergyOfPoints>(
+      std::make_shared<Barrier>(VectorXd::Ones(W.rows()), range, kappa, bodies), W);
 }
 
 /// What holds the six rigid motions of a box, and its lowest nodes above the floor.
