@@ -36,8 +36,8 @@ struct Bar {
   }
   Dynamics system() const {
     Dynamics s{solid.stiffness(), solid.mass(MassMatrix::Lumped), 0, 0, solid.load(), held, {}, {}};
+    s.X = solid.X();
     if (law != ElasticLaw::SmallStrain)
-      s.X = solid.X();
       s.linearise = [this](const VectorXd& u, bool with_tangent) {
         return solid.linearise(u.reshaped(3, solid.X().cols()), 1, with_tangent);
       };
