@@ -23,7 +23,7 @@ _OTHER_LAW = 'material.law = "neo_hookean"'
 _AS_NEAR = 1.1  # times the finite elements' error, at most: errors are equal
 _BEST = "node_averaged"
 _OF_A_QUARTER = ("uniform", "affine")  # models whose Poisson's ratio is 1/4 for any material
-_NOTICED_RESISTANCE = 0.2
+_NOTICED_RESISTANCE = 0.4
 _TARGET = 0.02  # of adaptive springs
 _ACROSS = 3  # edges that fit across a body
 # Seconds of a run over those of this one, roughly: springs adapted, triangles cut three times as fine, another law.

@@ -158,16 +158,18 @@ void check_surface(const Scene& scene, const Arguments& arguments) {
   std::cout << extent_of(scene, surface) << '\n';
 }
 
-/// Seconds of set-up and steps on one core of the 2020s, to a factor of two or so. Absent where the length of a step is
-/// known to a body alone that is set up.
-std::optional<double> foreseen_seconds(const Scene& scene, Eigen::Index n_nodes, bool has_links) {
+/// Seconds of set-up, diagnosis and steps on one core of the 2020s, to a factor of two or so. Absent where the length of
+/// a step is known to a body alone that is set up.
+std::optional<double> foreseen_seconds(const Scene& scene, Eigen::Index n_nodes, bool has_links,
+                                       bool is_diagnosed) {
   const auto n = static_cast<double>(n_nodes);
   const auto growth = [n](double exponent) { return std::pow(n / 2000, exponent); };  // of a node's share
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   const TimeOptions& time = scene.time;
   const bool is_static = time.mode == TimeMode::Static;
   // Floppy motions of links are counted where forces are linear or balanced.
-  const double set_up = n * (!has_links ? 3.5e-5 : is_static || is_linear ? 2e-4 : 0);
+  double set_up = n * (!has_links ? 3.5e-5 : is_static || is_linear ? 2e-4 : 0);
+  if (is_diagnosed && !has_links) set_up += n * 1e-4 * growth(0.6);
   if (is_static)
     return set_up + n * (is_linear ? 6e-5 * growth(0.6) : 1.5e-5 * growth(1.3) * time.load_steps);
   const bool is_explicit = find_integrator(time.integrator).is_explicit;
@@ -211,7 +213,8 @@ ExitStatus run(const Arguments& arguments) {
       add_estimate(estimate_error(scene, surface, network), network, session);
     }
   }
-  session.foresee(network.X.cols(), foreseen_seconds(scene, network.X.cols(), needs_links));
+  session.foresee(network.X.cols(),
+                  foreseen_seconds(scene, network.X.cols(), needs_links, !arguments.is_undiagnosed));
   session.start("setup");
   Simulation simulation(scene, network);
   session.timer.stop();  // what tells a user how far to trust the model is no part of what the model costs
