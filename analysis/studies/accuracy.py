@@ -322,11 +322,15 @@ def plot_ratios(rows: list[Row]) -> str:
     for kind, line in (("free", "-"), ("held", "--")):
         for method in (SPRINGS, FEM_P2):
             values = sorted(ratios([row for row in rows if row["kind"] == kind], method, LINEAR))
-            share = 100 * np.arange(1, len(values) + 1) / max(len(values), 1)
+            if not values:
+                continue
+            share = 100 * np.arange(1, len(values) + 1) / len(values)
             axis.semilogx(
                 values, share, line, color=style_of(method).colour, label=f"{label_of(method)}, {kind}"
             )
     axis.axvline(1, color=style_of(LINEAR).colour, label="linear finite elements")
+    axis.set_xscale("log")
+    axis.set_ylim(0, 100)
     axis.set_xlabel("error over that of linear finite elements on the same nodes")
     axis.set_ylabel("cases below (%)")
     number_logarithmic(axis.xaxis)

@@ -143,7 +143,8 @@ def main(arguments: argparse.Namespace) -> int:
     """./testbed study"""
     check_options(arguments)
     arguments.time_limit = arguments.time_limit or _TIME_LIMIT
-    folder = arguments.out or ROOT / "out" / "study" / arguments.name
+    # Scenes in it name files in it.
+    folder = (arguments.out or ROOT / "out" / "study" / arguments.name).resolve()
     measure = STUDIES[arguments.name].measure
     with reminders(arguments.name, arguments.quiet):
         result = measure(arguments, folder)

@@ -146,6 +146,7 @@ PLOTS = {
     "stability, quick": lambda: stability.plot(starts(("explicit_euler",))),
     "accuracy": lambda: accuracy.plot_ratios(published(2000)),
     "accuracy, quick": lambda: accuracy.plot_ratios(published(30)),
+    "accuracy, nothing": lambda: accuracy.plot_ratios([]),
     "networks": lambda: network_curves.section(on_networks(3)).figures["network_curves"][0],
     "networks, quick": lambda: network_curves.section(on_networks(1.001)).figures["network_curves"][0],
     "figure 9": lambda: paper.figure_9(),

@@ -5,6 +5,7 @@ import random
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,7 +110,7 @@ def test_ratios_are_drawn_as_shares_of_the_cases(drawn) -> None:
         row(SPRINGS, load, error) for load, error in (("smooth", 0.4), ("pressed", 0.1), ("held_moved", 0.3))
     ]
     drawn(accuracy)
-    free, _, held, _, unity = plot_ratios(rows).axes[0].lines
+    free, held, unity = plot_ratios(rows).axes[0].lines  # of quadratic elements there are none
     assert list(free.get_xdata()) == pytest.approx([0.5, 2])
     assert list(free.get_ydata()) == [50, 100]
     assert list(held.get_xdata()) == pytest.approx([1.5])
@@ -180,6 +181,7 @@ def test_method_that_fails_is_a_row_that_says_why(stand_ins, tmp_path):
 _STUDY = """
 import sys
 from pathlib import Path
+from pathlib import Path
 from analysis.points import Store
 from analysis.studies.accuracy import Bench, cases
 folder, programs = map(Path, sys.argv[1:])
@@ -227,7 +229,8 @@ def test_publishing_one_half_leaves_the_other(tmp_path, monkeypatch):
 
 def test_quick_study_leaves_a_report_and_publishes_nothing(tmp_path, monkeypatch, capsys) -> None:
     class StandIn:
-        def __init__(self, *_) -> None: ...
+        def __init__(self, folder: Path, *_) -> None:
+            assert folder.is_absolute()  # scenes in it name their bodies
 
         def measure(self, case: Case) -> list[dict[str, str]]:
             return [row(SPRINGS, case.load, 0.1), row(LINEAR, case.load, 0.4)]
@@ -237,7 +240,8 @@ def test_quick_study_leaves_a_report_and_publishes_nothing(tmp_path, monkeypatch
     monkeypatch.setattr(accuracy, "publish", None)
     out = tmp_path / "out"
     out.mkdir()
-    assert main(parse_arguments(["study", "accuracy", "--quick", "--out", str(out)])) == 0
+    monkeypatch.chdir(tmp_path)
+    assert main(parse_arguments(["study", "accuracy", "--quick", "--out", "out"])) == 0
     said = capsys.readouterr()
     assert "0.25 at nu = 0.25" in said.out and "[1/4]" in said.err and "h left" in said.err
     page = (out / "report.html").read_text()
