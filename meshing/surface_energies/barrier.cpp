@@ -162,8 +162,7 @@ std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodi
   const double range = kRange * (on.rowwise().maxCoeff() - on.rowwise().minCoeff()).norm();
   WeightedPoints points = contact_points(faces, X, is_held);
   return std::make_shared<EnergyOfPoints>(
-      std::make_shared<Barrier>(std::move(points.weights), range, kStiff * E / range, bodies),
-      std::move(points.W));
+      std::make_shared<Barrier>(std::move(points.weights), range, kStiff * E / range, bodies), points.W);
 }
 
 }  // namespace testbed::meshing

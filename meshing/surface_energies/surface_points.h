@@ -39,8 +39,8 @@ SurfaceHessian at_nodes(const SurfaceHessian& H, const SurfacePoints& W);
 /// An energy of points, as an energy of the nodes that they hang on. Where vertices are nodes none is needed.
 class EnergyOfPoints : public SurfaceEnergy {
  public:
-  EnergyOfPoints(std::shared_ptr<SurfaceEnergy> energy, SurfacePoints points)
-      : energy_(std::move(energy)), W_(std::move(points)) {}
+  EnergyOfPoints(std::shared_ptr<SurfaceEnergy> energy, const SurfacePoints& points)
+      : energy_(std::move(energy)), W_(points) {}
 
   void set_load_factor(double factor) override { energy_->set_load_factor(factor); }
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override {

@@ -247,7 +247,7 @@ def test_springs_without_a_reference_are_run_at_half_their_step_too(
     assert experiment.has_half_step == has_half_step
     *_, last = calls(home / "bin")
     assert (last.startswith("massspring") and "('time.step', '0.05')" in last) == has_half_step
-    half = experiment.comparison.as_json()["half_step_volume_change"]
+    half = compare(experiment).as_json()["half_step_volume_change"]
     assert half == (pytest.approx(-7 / 8) if has_half_step else None)
     assert ("half of it takes some 1 s (--time-limit 1)." in " ".join(experiment.notes)) != has_half_step
 

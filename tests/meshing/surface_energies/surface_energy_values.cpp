@@ -27,7 +27,6 @@ constexpr double kRange = 3e-3;
 
 /// A node above an oblique plane, pressed down and slid along it.
 json barrier_values() {
-  constexpr double range = kRange;
   constexpr double kKappa = 3e4, kArea = 0.7, kFriction = 0.4, kStep = 0.01;
   const Vector3d normal = Vector3d(1, 2, -2) / 3, along = Vector3d(2, -1, 0) / std::sqrt(5.),
                  point(0.3, -0.1, 2);
@@ -35,12 +34,12 @@ json barrier_values() {
   obstacle.shape = HalfSpace{point, normal};
   obstacle.friction = kFriction;
   const std::vector<RigidBody> bodies{RigidBody(obstacle)};
-  const double slip = 0.1 * range * kStep;  // 0.1 ranges a second
+  const double slip = 0.1 * kRange * kStep;  // 0.1 ranges a second
   json values;
   for (const double gap : {0.05, 0.3, 0.7, 0.99})
     for (const double slid : {0.2, 0.9, 3.}) {
-      Barrier barrier(Eigen::VectorXd::Constant(1, kArea), range, kKappa, bodies);
-      Matrix3Xd x = point + gap * range * normal;
+      Barrier barrier(Eigen::VectorXd::Constant(1, kArea), kRange, kKappa, bodies);
+      Matrix3Xd x = point + gap * kRange * normal;
       const double without_friction = barrier.energy(x);
       SurfaceHessian H;
       barrier.add_hessian(x, H, Curvature::Projected);
@@ -49,8 +48,8 @@ json barrier_values() {
       x.col(0) += slid * slip * along;
       barrier.add_forces(x, f);
       values.push_back({{"kappa", kKappa * kArea},
-                        {"range", range},
-                        {"gap", gap * range},
+                        {"range", kRange},
+                        {"gap", gap * kRange},
                         {"slip", slip},
                         {"slid", slid * slip},
                         {"friction", kFriction},

@@ -131,7 +131,7 @@ struct AboveAPlane {
   std::vector<RigidBody> bodies;
   Matrix3Xd x;
   std::shared_ptr<SurfaceEnergy> energy;
-  static constexpr double range = 1e-3 * M_SQRT2;
+  static constexpr double kRange = 1e-3 * M_SQRT2;
 
   explicit AboveAPlane(int n) {
     Obstacle plane;
@@ -140,9 +140,9 @@ struct AboveAPlane {
     bodies.emplace_back(plane);
     x = unit_square(n);
     energy = barrier_around(bodies, x, two_faces(n), 1e5, std::vector<char>(x.cols(), false));
-    x.row(2).array() += 0.5 * range;
-    x.row(2) += 0.2 * range * random_points(static_cast<int>(x.cols()), 1, 4).row(0);
-    x.row(2) -= 0.1 * range * x.row(0);  // no two points lie alike
+    x.row(2).array() += 0.5 * kRange;
+    x.row(2) += 0.2 * kRange * random_points(static_cast<int>(x.cols()), 1, 4).row(0);
+    x.row(2) -= 0.1 * kRange * x.row(0);  // no two points lie alike
   }
 };
 
@@ -185,11 +185,11 @@ TEST(EnergyOfPoints, StepsEndBeforeAPointWouldPassAndGuessesAreKeptOut) {
     EXPECT_TRUE(std::isfinite(above.energy->energy(above.x + part * dx)));
     EXPECT_TRUE(std::isinf(above.energy->energy(above.x + 2 * part * dx)));
     Matrix3Xd y = above.x;
-    y.row(2).array() -= 3 * above.range;
+    y.row(2).array() -= 3 * AboveAPlane::kRange;
     ASSERT_TRUE(std::isinf(above.energy->energy(y)));
     EXPECT_TRUE(above.energy->keep_out(above.x, y));
     EXPECT_TRUE(std::isfinite(above.energy->energy(y)));
-    EXPECT_LT((y - above.x).row(2).maxCoeff(), 3 * above.range);
+    EXPECT_LT((y - above.x).row(2).maxCoeff(), 3 * AboveAPlane::kRange);
     EXPECT_LT((y - above.x).topRows<2>().norm(), 1e-15);
     Matrix3Xd far = above.x;
     far.row(2).array() += 1;
