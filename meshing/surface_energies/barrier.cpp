@@ -158,8 +158,7 @@ std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodi
                                               const Eigen::MatrixXi& faces, double E,
                                               const std::vector<char>& is_held) {
   constexpr double kRange = 1e-3, kStiff = 1. / 50;
-  const Matrix3Xd on = X(Eigen::all, faces.reshaped());
-  const double range = kRange * (on.rowwise().maxCoeff() - on.rowwise().minCoeff()).norm();
+  const double range = kRange * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
   WeightedPoints points = contact_points(faces, X, is_held);
   return std::make_shared<EnergyOfPoints>(
       std::make_shared<Barrier>(std::move(points.weights), range, kStiff * E / range, bodies), points.W);

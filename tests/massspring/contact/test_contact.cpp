@@ -381,18 +381,6 @@ TEST(Barrier, ForceIsMinusEnergyGradientAndHessianItsDerivativeOnAPlane) {
   }
 }
 
-TEST(Barrier, ABodyAtRestWakesWhenAPistonReachesIt) {
-  Obstacle piston;  // 5 cm beside the cube until t = 0.1, then 2 m/s fast
-  piston.shape = HalfSpace{{1.05, 0, 0}, {-1, 0, 0}};
-  piston.motion = {{0, 0, 0, 0}, {0.1, 0, 0, 0}, {0.2, -0.2, 0, 0}};
-  Cube cube({0, 0, 0}, {piston}, 0);
-  IntegratorOptions options;
-  options.sleep_below = 1e-3;
-  TimeStepper stepper(cube.model, cube.forces, "minimising_euler", 1, options, cube.contacts);
-  for (int i = 0; i < 20; ++i) EXPECT_EQ(stepper.step(cube.state, 0.01).is_at_rest, i < 10) << i;
-  EXPECT_LT(cube.state.x.row(0).maxCoeff(), 0.851) << "the piston went through it";
-}
-
 // Friction is smoothed over a millionth of the body's size, and a node that comes too near takes an iteration
 // for every halving of its gap.
 TEST(Barrier, StepsThatLandSlideAndStopTakeFewNewtonIterations) {
