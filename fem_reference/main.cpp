@@ -70,7 +70,7 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
 double foreseen_seconds(const Simulation& simulation, const Scene& scene) {
   const auto n = static_cast<double>(simulation.X().cols());
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
-  if (!simulation.motion()) return n * (is_linear ? 1.6e-4 : 2.8e-4 * scene.time.load_steps);
+  if (!simulation.integrator()) return n * (is_linear ? 1.6e-4 : 2.8e-4 * scene.time.load_steps);
   const bool is_explicit = find_scheme(scene.reference.integrator).is_explicit();
   return simulation.n_steps() * n * (is_explicit ? 1e-6 : is_linear ? 6e-6 : 4e-5);
 }
@@ -78,7 +78,7 @@ double foreseen_seconds(const Simulation& simulation, const Scene& scene) {
 void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
   record["solver"] = simulation.solver();
   std::string failure = "not_converged";
-  if (const Motion* motion = simulation.motion()) {
+  if (const Integrator* integrator = simulation.integrator()) {
     const bool is_explicit = find_scheme(scene.reference.integrator).is_explicit();
     if (is_explicit) failure = name_of(meshing::Status::Diverged);
     record["integrator"] = scene.reference.integrator;
@@ -86,9 +86,10 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
     record["mass_damping"] = simulation.damping();
     record["step"] = simulation.step();
     record["n_steps"] = simulation.n_steps();
-    if (motion->n_newton_iterations() > 0) record["newton_iterations"] = motion->n_newton_iterations();
-    if (!is_explicit) record["factorisations"] = motion->n_factorisations();
-    record["time_reached"] = motion->t();
+    if (integrator->n_newton_iterations() > 0)
+      record["newton_iterations"] = integrator->n_newton_iterations();
+    if (!is_explicit) record["factorisations"] = integrator->n_factorisations();
+    record["time_reached"] = integrator->t();
   } else {
     const ElasticReport& equilibrium = simulation.equilibrium();
     record["newton_iterations"] = equilibrium.newton_iterations;
@@ -101,9 +102,9 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
 }
 
 void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann::ordered_json& record) {
-  std::vector<int> held;
-  for (const HeldComponent& h : solid.held()) held.push_back(3 * h.node + h.component);
-  const Modes modes = natural_modes(solid.stiffness(), solid.mass(mass), held, n);
+  std::vector<int> constrained;
+  for (const ConstrainedComponent& h : solid.constrained()) constrained.push_back(3 * h.node + h.component);
+  const Modes modes = natural_modes(solid.stiffness(), solid.mass(mass), constrained, n);
   record["natural_frequencies"] = std::vector<double>(modes.frequency.begin(), modes.frequency.end());
   record["n_zero_frequencies"] = modes.n_rigid;
 }

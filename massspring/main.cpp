@@ -48,7 +48,7 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
   record["geometry"] = model.linear ? "linear" : "full";
   if (const std::string& reason = simulation.report().full_geometry; !reason.empty())
     record["geometry_reason"] = reason;
-  record["mass"] = model.spread_mass ? "consistent" : "lumped";
+  record["mass"] = model.consistent_mass ? "consistent" : "lumped";
   record["mass_damping"] = simulation.forces().mass_damping;
   record["n_springs"] = model.springs ? model.springs->E.cols() : 0;
   record["n_patches"] = model.tet_springs ? model.tet_springs->n_patches() : 0;

@@ -24,15 +24,16 @@ SurfaceMesh surface_of(const SpringNetwork& network) {
 MassSpringModel model_of(const Scene& scene, const SurfaceProblem& problem, const SpringNetwork& network) {
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const double share = scene.network.link_share;
-  std::vector<int> held;
-  for (const auto& [vertices, support] : problem.held)
-    held.insert(held.end(), vertices.begin(), vertices.end());
-  MassSpringModel model = share > 0 ? calibrate_with_links(network, scene.material, calibration, share, held)
-                                    : calibrate(network, scene.material, calibration, held);
+  std::vector<int> constrained;
+  for (const auto& [vertices, support] : problem.constrained)
+    constrained.insert(constrained.end(), vertices.begin(), vertices.end());
+  MassSpringModel model = share > 0
+                              ? calibrate_with_links(network, scene.material, calibration, share, constrained)
+                              : calibrate(network, scene.material, calibration, constrained);
   const bool is_explicit_run =
       scene.time.mode == TimeMode::Dynamic && find_integrator(scene.time.integrator).is_explicit;
   if (model.tet_springs && scene.network.mass == MassMatrix::Consistent && !is_explicit_run)
-    model.spread_mass = spread_mass(network.X, network.T, scene.material.rho);
+    model.consistent_mass = consistent_mass(network.X, network.T, scene.material.rho);
   if (model.springs) {
     if (law_of(scene) != MaterialLaw::SmallStrain) model.springs->law = scene.network.spring_law;
     model.springs->damping = scene.network.spring_damping;
@@ -79,7 +80,7 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
       n_holding_(n_holding_at(scene, 0)) {
   const SurfaceMesh surface = surface_of(model_);
   contacts_ = contacts_of(scene, surface);
-  if (model_.spread_mass) lump(driven_nodes(forces_.constraints), *model_.spread_mass);
+  if (model_.consistent_mass) lump(driven_nodes(forces_.constraints), *model_.consistent_mass);
   state_ = initial_state(model_);
   state_.v = initial_velocity(scene, model_.network.X, model_.mass);
   filter(forces_.constraints, state_.v);

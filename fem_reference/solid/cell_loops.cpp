@@ -157,7 +157,7 @@ void ElasticSolid::Implementation::find_residual(const Matrix3Xd& at, double loa
   r = load_factor * load.reshaped(3, r.cols()) - r;
   for (const auto& energy : surface_at(load_factor)) energy->add_forces(nodes.X + at, r);
   for (Eigen::Index k = 0; k < r.size(); ++k)
-    if (is_held[k]) r.data()[k] = 0;
+    if (is_constrained[k]) r.data()[k] = 0;
 }
 
 double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_factor) {
@@ -215,23 +215,23 @@ template SurfaceHessian ElasticSolid::Implementation::fill(const TetBatches& on,
 
 namespace {
 
-/// Of held unknowns nothing is left.
-void hold_blocks(const std::vector<char>& is_held_row, std::vector<meshing::SymmetricBlock>& outside) {
+/// Of constrained unknowns nothing is left.
+void hold_blocks(const std::vector<char>& is_constrained_row, std::vector<meshing::SymmetricBlock>& outside) {
   for (meshing::SymmetricBlock& b : outside)
     for (int c = 0; c < 3; ++c) {
-      if (is_held_row[3 * b.i + c]) b.block.row(c).setZero();
-      if (is_held_row[3 * b.j + c]) b.block.col(c).setZero();
+      if (is_constrained_row[3 * b.i + c]) b.block.row(c).setZero();
+      if (is_constrained_row[3 * b.j + c]) b.block.col(c).setZero();
     }
 }
 
 }  // namespace
 
 void ElasticSolid::Implementation::hold(TwoLevelSolver::Stiffness& A) const {
-  meshing::hold(tets.pattern(), held_rows, A.blocks.data());
-  hold_blocks(held_rows, A.outside.blocks);
+  meshing::hold(tets.pattern(), constrained_rows, A.blocks.data());
+  hold_blocks(constrained_rows, A.outside.blocks);
   for (meshing::PaddedField& g : A.outside.roots)
-    for (size_t k = 0; k < held_rows.size(); ++k)
-      if (held_rows[k]) g(static_cast<Eigen::Index>(k % 3), static_cast<Eigen::Index>(k / 3)) = 0;
+    for (size_t k = 0; k < constrained_rows.size(); ++k)
+      if (constrained_rows[k]) g(static_cast<Eigen::Index>(k % 3), static_cast<Eigen::Index>(k / 3)) = 0;
 }
 
 TwoLevelSolver::Stiffness ElasticSolid::Implementation::stiffness_at(const Matrix3Xd& at, double load_factor,
@@ -241,17 +241,17 @@ TwoLevelSolver::Stiffness ElasticSolid::Implementation::stiffness_at(const Matri
   const SurfaceHessian outside = fill(tets, at, load_factor, curvature, A.blocks.data());
   A.outside.blocks = outside.blocks;
   for (const Matrix3Xd& g : outside.roots) pad(g, 1, A.outside.roots.emplace_back());
-  const auto fill_held = [=](const TetBatches& on, const std::vector<char>& is_held_row) {
-    return [=, &on, &is_held_row](meshing::BlockMatrix& B) {
+  const auto fill_constrained = [=](const TetBatches& on, const std::vector<char>& is_constrained_row) {
+    return [=, &on, &is_constrained_row](meshing::BlockMatrix& B) {
       double* blocks = B.block.data()->data();
       SurfaceHessian rest = fill(on, at, load_factor, curvature, blocks);
-      meshing::hold(B, is_held_row, blocks);
-      hold_blocks(is_held_row, rest.blocks);
+      meshing::hold(B, is_constrained_row, blocks);
+      hold_blocks(is_constrained_row, rest.blocks);
       return rest.blocks;
     };
   };
-  A.fill_fine = fill_held(tets, held_rows);
-  if (corners) A.fill_corners = fill_held(*corners, held_corner_rows);
+  A.fill_fine = fill_constrained(tets, constrained_rows);
+  if (corners) A.fill_corners = fill_constrained(*corners, constrained_corner_rows);
   return A;
 }
 

@@ -15,13 +15,13 @@ using Eigen::VectorXd;
 
 VectorXd inverse_of_free(const Dynamics& system) {
   VectorXd inverse = system.M.diagonal().cwiseInverse();
-  inverse(system.held).setZero();
+  inverse(system.constrained).setZero();
   return inverse;
 }
 
 }  // namespace
 
-CentralDifferences::CentralDifferences(Dynamics system, double h) : Motion(std::move(system), h) {
+CentralDifferences::CentralDifferences(Dynamics system, double h) : Integrator(std::move(system), h) {
   find_free();
   const auto n = system_.M.rows();
   restart(VectorXd::Zero(n), VectorXd::Zero(n));
@@ -58,7 +58,7 @@ void CentralDifferences::go_on(const VectorXd& u, const VectorXd& v) {
 
 bool CentralDifferences::step() {
   begin_step();
-  const HeldState held = held_at(t() + h_);
+  const ConstrainedState constrained = constrained_at(t() + h_);
   // Damping is taken at the mean of the velocities in the middle of two steps.
   meshing::for_each_chunk(f_.cols(), [&](Eigen::Index begin, Eigen::Index end) {
     const auto first = 3 * begin, m = 3 * (end - begin);
@@ -66,15 +66,15 @@ bool CentralDifferences::step() {
     v += h_ / 2 * (a_.segment(first, m) - system_.damping * v);
     u += h_ * v;
   });
-  u_(system_.held) = held.u;
+  u_(system_.constrained) = constrained.u;
   accelerate(h_ / 2);
-  v_(system_.held) = held.v;
+  v_(system_.constrained) = constrained.v;
   ++n_steps_;
   constexpr double kRunaway = 1e30;  // m/s: energies, areas and strains are still numbers
   return v_.squaredNorm() < kRunaway * kRunaway;
 }
 
-std::unique_ptr<Motion> make_central_differences(Dynamics system, double h, const ReferenceOptions&) {
+std::unique_ptr<Integrator> make_central_differences(Dynamics system, double h, const ReferenceOptions&) {
   return std::make_unique<CentralDifferences>(std::move(system), h);
 }
 

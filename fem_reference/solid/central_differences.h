@@ -7,7 +7,7 @@ namespace testbed::fem {
 
 /// Central differences [Newmark 1959] with beta = 0 and gamma = 1/2 [(7)]. No system of equations is solved,
 /// and angular momentum is kept at finite strain; steps beyond stable_step() grow without bound.
-class CentralDifferences : public Motion {
+class CentralDifferences : public Integrator {
  public:
   /// @param system  M diagonal and positive, no stiffness damping
   CentralDifferences(Dynamics system, double h);
@@ -20,8 +20,8 @@ class CentralDifferences : public Motion {
   void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
   void accelerate(double time);
 
-  Eigen::VectorXd inverse_mass_;  // 0 of held unknowns
-  Eigen::VectorXd a_;             // without damping, 0 of held unknowns
+  Eigen::VectorXd inverse_mass_;  // 0 of constrained unknowns
+  Eigen::VectorXd a_;             // without damping, 0 of constrained unknowns
   Eigen::Matrix3Xd f_;
 };
 

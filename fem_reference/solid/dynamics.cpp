@@ -41,12 +41,12 @@ Sparse restricted(const Sparse& A, const std::vector<int>& keep) {
   return part;
 }
 
-std::vector<int> all_but(const std::vector<int>& held, Eigen::Index n) {
-  std::vector<bool> is_held(n, false);
-  for (int i : held) is_held[i] = true;
+std::vector<int> all_but(const std::vector<int>& constrained, Eigen::Index n) {
+  std::vector<bool> is_constrained(n, false);
+  for (int i : constrained) is_constrained[i] = true;
   std::vector<int> rest;
   for (int i = 0; i < n; ++i)
-    if (!is_held[i]) rest.push_back(i);
+    if (!is_constrained[i]) rest.push_back(i);
   return rest;
 }
 
@@ -64,8 +64,9 @@ double diagonal_of(const Matrix3Xd& X) {
 
 }  // namespace
 
-Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std::vector<int>& held, int n) {
-  const std::vector<int> free = all_but(held, stiffness.rows());
+Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std::vector<int>& constrained,
+                    int n) {
+  const std::vector<int> free = all_but(constrained, stiffness.rows());
   const Sparse K = restricted(stiffness, free), M = restricted(full_mass, free);
   // Far below the first elastic eigenvalue, far above rounding.
   constexpr double kShift = 1e-8, kZero = 1e-12;
@@ -84,65 +85,66 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
   return modes;
 }
 
-TimeIntegrator::TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme)
-    : Motion(std::move(system), h), scheme_(scheme) {
+GeneralisedAlpha::GeneralisedAlpha(Dynamics system, double h, const TimeScheme& scheme)
+    : Integrator(std::move(system), h), scheme_(scheme) {
   const auto n = system_.K.rows();
   if (system_.linearise) energy_scale_ = system_.X.reshaped().dot(system_.K * system_.X.reshaped());
   find_free();
   restart(VectorXd::Zero(n), VectorXd::Zero(n));
 }
 
-std::string TimeIntegrator::solver() const {
+std::string GeneralisedAlpha::solver() const {
   const bool is_newmark = scheme_.alpha_m == 0 && scheme_.alpha_f == 0;
   return std::string(is_newmark ? "Newmark (average acceleration)" : "generalised-alpha") +
          (system_.linearise ? ", Newton" : "") + ", Cholesky";
 }
 
-std::unique_ptr<Motion> make_generalised_alpha(Dynamics system, double h, const ReferenceOptions& options) {
+std::unique_ptr<Integrator> make_generalised_alpha(Dynamics system, double h,
+                                                   const ReferenceOptions& options) {
   const auto& radius = options.spectral_radius;
-  return std::make_unique<TimeIntegrator>(std::move(system), h,
-                                          radius ? generalised_alpha(*radius) : kNewmark);
+  return std::make_unique<GeneralisedAlpha>(std::move(system), h,
+                                            radius ? generalised_alpha(*radius) : kNewmark);
 }
 
-void TimeIntegrator::find_free() {
-  free_ = all_but(system_.held, system_.K.rows());
+void GeneralisedAlpha::find_free() {
+  free_ = all_but(system_.constrained, system_.K.rows());
   factor_.reset();
   if (!factorise(system_.K)) refuse_indefinite();
 }
 
-Linearisation Motion::respond(const VectorXd& u, bool with_tangent) const {
+Linearisation Integrator::respond(const VectorXd& u, bool with_tangent) const {
   if (system_.linearise) return system_.linearise(u, with_tangent);
   const VectorXd force = system_.K * u;
   return {force, {}, {}, u.dot(force) / 2};
 }
 
-double Motion::potential_of(const VectorXd& u) const {
+double Integrator::potential_of(const VectorXd& u) const {
   return system_.potential ? system_.potential(u) : respond(u, false).energy;
 }
 
-void Motion::begin_step() {
+void Integrator::begin_step() {
   for (const auto& energy : system_.surface) energy->begin_step(t(), h_, at(u_));
 }
 
-VectorXd Motion::force_of(const VectorXd& u) const {
+VectorXd Integrator::force_of(const VectorXd& u) const {
   if (!system_.forces) return respond(u, false).force;
   Matrix3Xd force;
   system_.forces(u, force);
   return force.reshaped();
 }
 
-Motion::HeldState Motion::held_at(double t) const {
-  if (!system_.held_motion) {
-    const VectorXd zero = VectorXd::Zero(static_cast<Eigen::Index>(system_.held.size()));
-    return {u_(system_.held), zero, zero};
+Integrator::ConstrainedState Integrator::constrained_at(double t) const {
+  if (!system_.constrained_motion) {
+    const VectorXd zero = VectorXd::Zero(static_cast<Eigen::Index>(system_.constrained.size()));
+    return {u_(system_.constrained), zero, zero};
   }
-  const VectorXd before = system_.held_motion(t - h_), now = system_.held_motion(t),
-                 after = system_.held_motion(t + h_);
+  const VectorXd before = system_.constrained_motion(t - h_), now = system_.constrained_motion(t),
+                 after = system_.constrained_motion(t + h_);
   return {now, (after - before) / (2 * h_), (after - 2 * now + before) / (h_ * h_)};
 }
 
 /// Of the step's system for its acceleration.
-bool TimeIntegrator::factorise(const Sparse& tangent) {
+bool GeneralisedAlpha::factorise(const Sparse& tangent) {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
   Sparse A = ((1 - alpha_m) + (1 - alpha_f) * gamma * h_ * system_.damping) * system_.M +
              (1 - alpha_f) * beta * h_ * h_ * tangent;
@@ -154,31 +156,31 @@ bool TimeIntegrator::factorise(const Sparse& tangent) {
   else
     factor_.emplace(lower);
   if (!factor_->is_ok()) return false;
-  if (system_.linearise) rounded_ = factor_->rounded();
+  if (system_.linearise) single_ = factor_->single_precision();
   return true;
 }
 
-void Motion::hold(const std::vector<int>& held, std::function<VectorXd(double t)> motion) {
-  system_.held = held;
-  system_.held_motion = std::move(motion);
+void Integrator::hold(const std::vector<int>& constrained, std::function<VectorXd(double t)> motion) {
+  system_.constrained = constrained;
+  system_.constrained_motion = std::move(motion);
   find_free();
   const VectorXd u = u_, v = v_;
   go_on(u, v);
 }
 
-Motion::HeldState Motion::start_at(const VectorXd& u, const VectorXd& v) {
+Integrator::ConstrainedState Integrator::start_at(const VectorXd& u, const VectorXd& v) {
   u_ = u;
   v_ = v;
-  HeldState held = held_at(t());
-  u_(system_.held) = held.u;
-  v_(system_.held) = held.v;
-  return held;
+  ConstrainedState constrained = constrained_at(t());
+  u_(system_.constrained) = constrained.u;
+  v_(system_.constrained) = constrained.v;
+  return constrained;
 }
 
-void TimeIntegrator::go_on(const VectorXd& u, const VectorXd& v) {
-  const HeldState held = start_at(u, v);
+void GeneralisedAlpha::go_on(const VectorXd& u, const VectorXd& v) {
+  const ConstrainedState constrained = start_at(u, v);
   a_ = VectorXd::Zero(u.size());
-  a_(system_.held) = held.a;
+  a_(system_.constrained) = constrained.a;
   f_ = force_of(u_);
   const SparseCholesky mass(restricted(system_.M, free_));
   if (!mass.is_ok()) refuse_indefinite();
@@ -188,14 +190,14 @@ void TimeIntegrator::go_on(const VectorXd& u, const VectorXd& v) {
 }
 
 /// An acceleration at the end of a step, and what follows from it.
-struct TimeIntegrator::Trial {
+struct GeneralisedAlpha::Trial {
   VectorXd a, u, v, velocity, f;
 };
 
 /// (A + G G^T)^-1 r of the step's system on what is free [Woodbury 1950], by the factor in single precision.
-Matrix3Xd TimeIntegrator::direction(const Matrix3Xd& r) const {
+Matrix3Xd GeneralisedAlpha::direction(const Matrix3Xd& r) const {
   const VectorXd free = r.reshaped()(free_);
-  VectorXd x = rounded_.solve(field_of(free)).reshaped().head(free.size());
+  VectorXd x = single_.solve(field_of(free)).reshaped().head(free.size());
   if (roots_.cols() > 0) {
     const Eigen::MatrixXd capacity =
         Eigen::MatrixXd::Identity(roots_.cols(), roots_.cols()) + roots_.transpose() * solved_roots_;
@@ -207,7 +209,7 @@ Matrix3Xd TimeIntegrator::direction(const Matrix3Xd& r) const {
 }
 
 /// Whether the tangent at u is definite; else that at rest takes its place.
-bool TimeIntegrator::factorise_at(const VectorXd& u) {
+bool GeneralisedAlpha::factorise_at(const VectorXd& u) {
   const Linearisation at = respond(u, true);
   if (!system_.surface.empty()) factor_.reset();  // its pattern changes
   const bool is_definite = factorise(at.tangent);
@@ -221,27 +223,27 @@ bool TimeIntegrator::factorise_at(const VectorXd& u) {
   solved_roots_.resize(n, n_roots);
   for (Eigen::Index k = 0; k < n_roots; ++k) {
     roots_.col(k) = std::sqrt((1 - scheme_.alpha_f) * scheme_.beta) * h_ * at.roots[k](free_);
-    solved_roots_.col(k) = rounded_.solve(field_of(roots_.col(k))).reshaped().head(n);
+    solved_roots_.col(k) = single_.solve(field_of(roots_.col(k))).reshaped().head(n);
   }
   return is_definite;
 }
 
-bool TimeIntegrator::step() {
+bool GeneralisedAlpha::step() {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
   begin_step();
-  const HeldState held = held_at(t() + h_);
+  const ConstrainedState constrained = constrained_at(t() + h_);
   Trial trial;
   trial.a = a_;
-  trial.a(system_.held) = held.a;
+  trial.a(system_.constrained) = constrained.a;
   const bool is_linear = !system_.linearise;
   if (is_linear) {
-    follow(held, trial);
+    follow(constrained, trial);
     const VectorXd residual =
         system_.load - momentum_change(trial) -
         force_of((1 - alpha_f) * trial.u + alpha_f * u_ + system_.stiffness_damping * trial.velocity);
     trial.a(free_) += factor_->solve(residual(free_).eval());
-    follow(held, trial);
-  } else if (!find_acceleration(held, trial)) {
+    follow(constrained, trial);
+  } else if (!find_acceleration(constrained, trial)) {
     return false;
   }
   u_.swap(trial.u);
@@ -253,23 +255,23 @@ bool TimeIntegrator::step() {
 }
 
 /// Displacement and velocity that an acceleration leads to.
-void TimeIntegrator::follow(const HeldState& held, Trial& trial) const {
+void GeneralisedAlpha::follow(const ConstrainedState& constrained, Trial& trial) const {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
   trial.u = u_ + h_ * v_ + h_ * h_ * ((0.5 - beta) * a_ + beta * trial.a);
   trial.v = v_ + h_ * ((1 - gamma) * a_ + gamma * trial.a);
-  trial.u(system_.held) = held.u;
-  trial.v(system_.held) = held.v;
+  trial.u(system_.constrained) = constrained.u;
+  trial.v(system_.constrained) = constrained.v;
   trial.velocity = (1 - alpha_f) * trial.v + alpha_f * v_;
 }
 
 /// Forces of inertia and of the damping of mass (N).
-VectorXd TimeIntegrator::momentum_change(const Trial& trial) const {
+VectorXd GeneralisedAlpha::momentum_change(const Trial& trial) const {
   const double alpha_m = scheme_.alpha_m;
   return system_.M * ((1 - alpha_m) * trial.a + alpha_m * a_ + system_.damping * trial.velocity).eval();
 }
 
 /// Whose negative gradient by the displacement of free unknowns is the force out of balance (J).
-double TimeIntegrator::incremental_potential(const Trial& trial) const {
+double GeneralisedAlpha::incremental_potential(const Trial& trial) const {
   const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
   const VectorXd a = (1 - alpha_m) * trial.a + alpha_m * a_, way = trial.u - u_;
   double sum = beta * h_ * h_ / (2 * (1 - alpha_m)) * a.dot(system_.M * a) +
@@ -281,14 +283,14 @@ double TimeIntegrator::incremental_potential(const Trial& trial) const {
 }
 
 /// At finite strain, from the acceleration of the step before on. Whether there is one.
-bool TimeIntegrator::find_acceleration(const HeldState& held, Trial& trial) {
+bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Trial& trial) {
   const double alpha_f = scheme_.alpha_f, by_acceleration = scheme_.beta * h_ * h_;  // of displacement
   constexpr double kRounding = 1e-6, kSlow = 0.3, kLastStep = 1e-9;
   constexpr int kMaxIterations = 50, kMaxIterationsOfContact = 200, kMaxHalvings = 50;
   // Free unknowns that stay where they are strain the body no more than it is.
   VectorXd still = -(v_ / h_ + (0.5 - scheme_.beta) * a_) / scheme_.beta;
-  still(system_.held) = held.a;
-  follow(held, trial);
+  still(system_.constrained) = constrained.a;
+  follow(constrained, trial);
   const meshing::SurfaceEnergies& surface = system_.surface;
   if (!surface.empty()) {
     Matrix3Xd guess = at(trial.u);
@@ -296,13 +298,13 @@ bool TimeIntegrator::find_acceleration(const HeldState& held, Trial& trial) {
     for (const auto& energy : surface) is_moved |= energy->keep_out(at(u_), guess);
     if (is_moved) {
       trial.a(free_) += (guess - at(trial.u)).reshaped()(free_) / by_acceleration;
-      follow(held, trial);
+      follow(constrained, trial);
     }
   }
   for (int n = 0; !std::isfinite(potential_of(trial.u)); ++n) {
     if (n == kMaxHalvings) return false;
     trial.a = ((trial.a + still) / 2).eval();
-    follow(held, trial);
+    follow(constrained, trial);
   }
 
   Trial start = trial;
@@ -315,7 +317,7 @@ bool TimeIntegrator::find_acceleration(const HeldState& held, Trial& trial) {
     const VectorXd inertia = momentum_change(trial);
     size = system_.load.norm() + inertia.norm() + trial.f.norm();
     VectorXd residual = system_.load - inertia - (1 - alpha_f) * trial.f - alpha_f * f_;
-    residual(system_.held).setZero();
+    residual(system_.constrained).setZero();
     r = field_of(residual);
   };
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport&) {
@@ -336,7 +338,7 @@ bool TimeIntegrator::find_acceleration(const HeldState& held, Trial& trial) {
   };
   objective.move = [&](const Matrix3Xd& dx, double step) {
     trial.a = start.a + step / by_acceleration * dx.reshaped().head(trial.a.size());
-    follow(held, trial);
+    follow(constrained, trial);
   };
   objective.accept = [&] {
     for (const auto& energy : surface) energy->follow(at(start.u), at(trial.u));

@@ -21,10 +21,10 @@ struct Modes {
 };
 
 /// The n lowest vibrations by lowest_modes, fewer where there are no more. K may be singular, as that of a free
-/// body, M must be positive definite; the unknowns `held` (ascending) stay where they are.
+/// body, M must be positive definite; the unknowns `constrained` (ascending) stay where they are.
 /// @throws std::runtime_error when it does not converge.
 Modes natural_modes(const Eigen::SparseMatrix<double>& K, const Eigen::SparseMatrix<double>& M,
-                    const std::vector<int>& held, int n);
+                    const std::vector<int>& constrained, int n);
 
 /// Parameters of the generalised-alpha method [Chung & Hulbert 1993].
 struct TimeScheme {
@@ -44,10 +44,10 @@ struct Dynamics {
   double damping = 0;                ///< 1/s
   double stiffness_damping = 0;      ///< s
   Eigen::VectorXd load;              ///< N, constant in time
-  std::vector<int> held;             ///< unknowns whose motion is prescribed
+  std::vector<int> constrained;      ///< unknowns whose motion is prescribed
   /// Their displacement at a time (m), which gives velocity and
   /// acceleration by central differences over a step; empty: they stay.
-  std::function<Eigen::VectorXd(double t)> held_motion;
+  std::function<Eigen::VectorXd(double t)> constrained_motion;
   /// f and its tangent (if asked for) at finite strain; empty: K u.
   std::function<Linearisation(const Eigen::VectorXd& u, bool with_tangent)> linearise;
   /// The same f alone, not finite where its energy is not; empty: from the others.
@@ -60,9 +60,9 @@ struct Dynamics {
 };
 
 /// A body in motion by steps of h, from rest.
-class Motion {
+class Integrator {
  public:
-  virtual ~Motion() = default;
+  virtual ~Integrator() = default;
 
   /// Whether it found a state; else the motion has ended.
   virtual bool step() = 0;
@@ -73,8 +73,8 @@ class Motion {
     n_steps_ = 0;
     go_on(u, v);
   }
-  /// Goes on from here with other unknowns held, and their motion as in Dynamics.
-  void hold(const std::vector<int>& held, std::function<Eigen::VectorXd(double t)> motion);
+  /// Goes on from here with other unknowns constrained, and their motion as in Dynamics.
+  void hold(const std::vector<int>& constrained, std::function<Eigen::VectorXd(double t)> motion);
   double t() const { return n_steps_ * h_; }                            ///< s
   const Eigen::VectorXd& u() const { return u_; }                       ///< m
   const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
@@ -84,13 +84,13 @@ class Motion {
   int n_factorisations() const { return n_factorisations_; }
 
  protected:
-  Motion(Dynamics system, double h) : system_(std::move(system)), h_(h) {}
-  struct HeldState {
+  Integrator(Dynamics system, double h) : system_(std::move(system)), h_(h) {}
+  struct ConstrainedState {
     Eigen::VectorXd u, v, a;
   };
-  HeldState held_at(double t) const;
-  /// Takes over where a motion starts, but for what is held, whose state it returns.
-  HeldState start_at(const Eigen::VectorXd& u, const Eigen::VectorXd& v);
+  ConstrainedState constrained_at(double t) const;
+  /// Takes over where a motion starts, but for what is constrained, whose state it returns.
+  ConstrainedState start_at(const Eigen::VectorXd& u, const Eigen::VectorXd& v);
   Linearisation respond(const Eigen::VectorXd& u, bool with_tangent) const;
   /// f(u), not finite where the energy is not.
   Eigen::VectorXd force_of(const Eigen::VectorXd& u) const;
@@ -99,7 +99,7 @@ class Motion {
   Eigen::Matrix3Xd at(const Eigen::VectorXd& u) const { return system_.X + u.reshaped(3, system_.X.cols()); }
   /// A step begins for what acts on the surface.
   void begin_step();
-  /// Takes over what is held.
+  /// Takes over what is constrained.
   virtual void find_free() = 0;
   /// From a displacement and a velocity at t().
   virtual void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) = 0;
@@ -113,9 +113,9 @@ class Motion {
 /// The generalised-alpha method. Each step is solved by sparse Cholesky: with one factor where f is linear, else
 /// by Newton's method with a line search on the incremental potential, whose gradient is the step's equation, and
 /// a factor in single precision, renewed where iterations converge slowly.
-class TimeIntegrator : public Motion {
+class GeneralisedAlpha : public Integrator {
  public:
-  TimeIntegrator(Dynamics system, double h, const TimeScheme& scheme);
+  GeneralisedAlpha(Dynamics system, double h, const TimeScheme& scheme);
 
   bool step() override;
   std::string solver() const override;
@@ -127,10 +127,10 @@ class TimeIntegrator : public Motion {
   bool factorise(const Eigen::SparseMatrix<double>& tangent);
   bool factorise_at(const Eigen::VectorXd& u);
   Eigen::Matrix3Xd direction(const Eigen::Matrix3Xd& r) const;
-  void follow(const HeldState& held, Trial& trial) const;
+  void follow(const ConstrainedState& constrained, Trial& trial) const;
   Eigen::VectorXd momentum_change(const Trial& trial) const;
   double incremental_potential(const Trial& trial) const;
-  bool find_acceleration(const HeldState& held, Trial& trial);
+  bool find_acceleration(const ConstrainedState& constrained, Trial& trial);
 
   TimeScheme scheme_;
   Eigen::VectorXd a_, f_;  // f_: f(u_)
@@ -138,7 +138,7 @@ class TimeIntegrator : public Motion {
   std::optional<meshing::SparseCholesky> factor_;
   // At finite strain:
   double energy_scale_ = 0;  // of what a body as large as itself would take: for rounding (J)
-  meshing::RoundedFactor rounded_;
+  meshing::SinglePrecisionFactor single_;
   Eigen::MatrixXd roots_, solved_roots_;  // G, and what the factor makes of it, of a tangent with G G^T
 };
 

@@ -50,11 +50,11 @@ Eigen::VectorXd ElasticSolid::load() const {
 const meshing::SurfaceEnergies& ElasticSolid::surface() const {
   return self_->surface;
 }
-const std::vector<HeldComponent>& ElasticSolid::held() const {
-  return self_->held;
+const std::vector<ConstrainedComponent>& ElasticSolid::constrained() const {
+  return self_->constrained;
 }
-double ElasticSolid::held_displacement(int k, double load_factor) const {
-  return self_->held_displacement(k, load_factor);
+double ElasticSolid::constrained_displacement(int k, double load_factor) const {
+  return self_->constrained_displacement(k, load_factor);
 }
 
 void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
@@ -64,24 +64,25 @@ void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
   }
   const Eigen::MatrixXd R = rigid_motions(nodes.X + at);
   Eigen::Matrix<double, 6, 6> moved = Eigen::Matrix<double, 6, 6>::Zero();
-  for (const HeldComponent& h : held) {
+  for (const ConstrainedComponent& h : constrained) {
     const auto row = R.row(3 * h.node + h.component);
     moved += row.transpose() * row;
   }
   rigid = free_rigid_motions(R, moved);
 }
 
-double ElasticSolid::Implementation::held_displacement(int k, double load_factor) const {
-  return loads.motion ? loads.motion(k, load_factor) : load_factor * held[k].displacement;
+double ElasticSolid::Implementation::constrained_displacement(int k, double load_factor) const {
+  return loads.motion ? loads.motion(k, load_factor) : load_factor * constrained[k].displacement;
 }
 
 void ElasticSolid::Implementation::prescribe(double load_factor, Matrix3Xd& at) const {
-  for (size_t k = 0; k < held.size(); ++k)
-    at(held[k].component, held[k].node) = held_displacement(static_cast<int>(k), load_factor);
+  for (size_t k = 0; k < constrained.size(); ++k)
+    at(constrained[k].component, constrained[k].node) =
+        constrained_displacement(static_cast<int>(k), load_factor);
 }
 
 void ElasticSolid::assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
-                            const std::vector<HeldComponent>& held) {
+                            const std::vector<ConstrainedComponent>& constrained) {
   Implementation& s = *self_;
   s.material = material;
   s.law = law;
@@ -94,27 +95,27 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   }
   s.surface.insert(s.surface.end(), loads.surface.begin(), loads.surface.end());
   s.stepped_to.reset();
-  s.held = held;
+  s.constrained = constrained;
   s.u.setZero();
   s.factor = 0;
   s.path.emplace(s.u);
   s.constant.reset();
   s.stiffness_norm = 0;
   s.shrunk_at = -1;
-  s.is_held.assign(n_dofs(), false);
-  for (const HeldComponent& h : held) s.is_held[3 * h.node + h.component] = true;
+  s.is_constrained.assign(n_dofs(), false);
+  for (const ConstrainedComponent& h : constrained) s.is_constrained[3 * h.node + h.component] = true;
   const auto rows_of = [&](const TetBatches& on) {
     std::vector<char> rows(3 * on.rank().size());
-    for (size_t k = 0; k < rows.size(); ++k) rows[3 * on.rank()[k / 3] + k % 3] = s.is_held[k];
+    for (size_t k = 0; k < rows.size(); ++k) rows[3 * on.rank()[k / 3] + k % 3] = s.is_constrained[k];
     return rows;
   };
-  s.held_rows = rows_of(s.tets);
+  s.constrained_rows = rows_of(s.tets);
   s.tets.set_law(law, LameConstants(material), s.rule(s.degree));
   if (s.corners) {
-    s.held_corner_rows = rows_of(*s.corners);
+    s.constrained_corner_rows = rows_of(*s.corners);
     s.corners->set_law(law, LameConstants(material), s.rule(1));
   }
-  s.solver.hold(s.is_held);
+  s.solver.hold(s.is_constrained);
   s.find_rigid_motions(s.u);
   s.find_load();
 }
@@ -169,7 +170,7 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
       meshing::BlockMatrix part = tets.pattern();
       part.block.assign(part.column.size(), Eigen::Matrix3d::Zero());
       fill(tets, at, load_factor, meshing::Curvature::Projected, part.block.data()->data());
-      meshing::hold(part, held_rows, part.block.data()->data());
+      meshing::hold(part, constrained_rows, part.block.data()->data());
       stage("solve");
       linear = solve_distributed(nodes, space, part, tets.rank(), rigid, r, wanted, at);
     } else {
@@ -213,7 +214,7 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
   shrunk_at = -1;
   const auto restrict_to_free = [&](Matrix3Xd& y) {
     for (Eigen::Index k = 0; k < y.size(); ++k)
-      if (is_held[k]) y.data()[k] = 0;
+      if (is_constrained[k]) y.data()[k] = 0;
     y.reshaped() -= rigid * (rigid.transpose() * y.reshaped()).eval();
   };
   Matrix3Xd rest = r, solution = Matrix3Xd::Zero(3, r.cols());
@@ -256,13 +257,13 @@ bool ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd
   Matrix3Xd moved = x - u, r;
   if (moved.isZero(0)) return true;
   for (Eigen::Index k = 0; k < moved.size(); ++k)
-    if (!is_held[k] && moved.data()[k] != 0) return true;  // predicted from earlier equilibria
+    if (!is_constrained[k] && moved.data()[k] != 0) return true;  // predicted from earlier equilibria
   find_rigid_motions(u);
   find_residual(u, load_factor, r);
   TwoLevelSolver::Stiffness A = stiffness_at(u, load_factor, meshing::Curvature::Exact);
   solver.add_product(A, -1, moved, r);
   for (Eigen::Index k = 0; k < r.size(); ++k)
-    if (is_held[k]) r.data()[k] = 0;
+    if (is_constrained[k]) r.data()[k] = 0;
   hold(A);
   const LinearReport linear = solver.solve(A, rigid, r, kRough, x);
   report.solver = linear.solver;
@@ -284,7 +285,7 @@ void ElasticSolid::Implementation::keep_out(Matrix3Xd& x) const {
   bool is_moved = false;
   for (const auto& energy : surface) is_moved |= energy->keep_out(nodes.X + u, y);
   for (Eigen::Index k = 0; is_moved && k < x.size(); ++k)
-    if (!is_held[k]) x.data()[k] = y.data()[k] - nodes.X.data()[k];
+    if (!is_constrained[k]) x.data()[k] = y.data()[k] - nodes.X.data()[k];
 }
 
 bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, StageTimer* timer) {

@@ -28,12 +28,12 @@ struct ElasticLoads {
   /// Stress-free shrinkage s(x) at a load factor, eps* = -s I:
   /// the continuum form of collapsing rest lengths [paper eq. 8].
   std::function<double(const Eigen::Vector3d& x, double load_factor)> shrinkage;
-  /// Displacement (m) of the k-th held component at a load factor; absent: it grows with that.
+  /// Displacement (m) of the k-th constrained component at a load factor; absent: it grows with that.
   std::function<double(int k, double load_factor)> motion;
 };
 
 /// A component of a node's displacement that is prescribed, at full load factor (m).
-struct HeldComponent {
+struct ConstrainedComponent {
   int node, component;
   double displacement;
   int support = 0;  ///< of the scene, that prescribes it
@@ -56,7 +56,7 @@ struct SmallestJacobians {
   double at_points, at_nodes;
 };
 
-/// Internal forces of a displaced body and their gradient, of all components 3 node + c, nothing held.
+/// Internal forces of a displaced body and their gradient, of all components 3 node + c, nothing constrained.
 struct Linearisation {
   Eigen::VectorXd force;                ///< N, gradient of the elastic energy and of what acts on the surface
   Eigen::SparseMatrix<double> tangent;  ///< N/m
@@ -82,13 +82,13 @@ class ElasticSolid {
 
   /// Takes the problem over and assembles its loads.
   void assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
-                const std::vector<HeldComponent>& held);
+                const std::vector<ConstrainedComponent>& constrained);
   /// Adds to the load the inertia of the free rigid motions that it drives:
   /// what deforms a body that moves freely, seen from the body.
   void relieve_inertia();
   /// Residual, as in ElasticReport, at which solves stop: 1e-13 of small strain, 1e-10 of others unless set.
   void set_tolerance(double tolerance);
-  /// Number of rigid motions that the held components leave free; they are kept out of the solution.
+  /// Number of rigid motions that the constrained components leave free; they are kept out of the solution.
   int n_free_rigid_motions() const;
 
   /// Equilibrium at a load factor, from the one found before (at first: from rest). Small strain:
@@ -115,15 +115,15 @@ class ElasticSolid {
   /// The force alone, 3 x n_nodes.
   void find_forces(const Eigen::Ref<const Eigen::Matrix3Xd>& displacement, double load_factor,
                    Eigen::Matrix3Xd& force) const;
-  /// Stiffness at rest (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing held.
+  /// Stiffness at rest (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing constrained.
   Eigen::SparseMatrix<double> stiffness() const;
   /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
   Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;
   Eigen::VectorXd load() const;
   const meshing::SurfaceEnergies& surface() const;
-  const std::vector<HeldComponent>& held() const;
-  /// Displacement (m) of the k-th held component at a load factor.
-  double held_displacement(int k, double load_factor) const;
+  const std::vector<ConstrainedComponent>& constrained() const;
+  /// Displacement (m) of the k-th constrained component at a load factor.
+  double constrained_displacement(int k, double load_factor) const;
 
  private:
   struct Implementation;

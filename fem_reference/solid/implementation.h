@@ -36,10 +36,10 @@ struct ElasticSolid::Implementation {
   ElasticLoads loads;
   meshing::SurfaceEnergies surface;  // what acts on the surface
   std::optional<double> stepped_to;  // load factor of the step at hand of the surface
-  std::vector<HeldComponent> held;
-  std::vector<char> is_held;                      // 3 node + component
-  std::vector<char> held_rows, held_corner_rows;  // of the matrices
-  Eigen::VectorXd load;                           // N at full load, of component c of node i at 3 i + c
+  std::vector<ConstrainedComponent> constrained;
+  std::vector<char> is_constrained;                             // 3 node + component
+  std::vector<char> constrained_rows, constrained_corner_rows;  // of the matrices
+  Eigen::VectorXd load;   // N at full load, of component c of node i at 3 i + c
   Eigen::MatrixXd rigid;  // free rigid motions of the body as deformed, 3 node + component, orthonormal
 
   Matrix3Xd u;
@@ -52,7 +52,7 @@ struct ElasticSolid::Implementation {
   ElasticReport report;                               // of the solve at hand
 
   void find_rigid_motions(const Matrix3Xd& at);
-  double held_displacement(int k, double load_factor) const;
+  double constrained_displacement(int k, double load_factor) const;
   void prescribe(double load_factor, Matrix3Xd& at) const;
   void find_load();
   void shrink(double load_factor);
@@ -69,16 +69,16 @@ struct ElasticSolid::Implementation {
   void keep_out(Matrix3Xd& x) const;
   /// Whether forces of this size out of balance are none.
   bool is_balanced(const Matrix3Xd& at, double residual);
-  /// The tangent, nothing held; blocks are zero. Projected: that of the surface alone. What the pattern has no
+  /// The tangent, nothing constrained; blocks are zero. Projected: that of the surface alone. What the pattern has no
   /// place for is returned, over ranks.
   template <class Real>
   meshing::SurfaceHessian fill(const TetBatches& on, const Matrix3Xd& at, double load_factor,
                                meshing::Curvature curvature, Real* blocks) const;
-  /// The same with its factories, nothing held in its own blocks.
+  /// The same with its factories, nothing constrained in its own blocks.
   TwoLevelSolver::Stiffness stiffness_at(const Matrix3Xd& at, double load_factor,
                                          meshing::Curvature curvature) const;
   void hold(TwoLevelSolver::Stiffness& A) const;
-  /// Over nodes, nothing held.
+  /// Over nodes, nothing constrained.
   void find_tangent(const Matrix3Xd& at, double load_factor, meshing::Curvature curvature,
                     Linearisation& result) const;
 

@@ -68,18 +68,18 @@ ElasticLoads seen_from(const Eigen::Matrix3d& frame, const ElasticLoads& loads) 
   return seen;
 }
 
-/// Supports go into the loads where they move in time, and into `held`.
+/// Supports go into the loads where they move in time, and into `constrained`.
 /// @param boundaries  boundary triangles with the middles of their edges (6 nodes), from the coarsest mesh to
 /// the finest
-std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceProblem& problem,
-                                   const std::vector<Eigen::MatrixXi>& boundaries,
-                                   const Eigen::Matrix3d& frame, ElasticLoads& loads) {
-  constexpr double kHalf = 0.5;  // between the parts of an axis that are held, all of it or none
-  std::vector<HeldComponent> held;
-  for (size_t s = 0; s < problem.held.size(); ++s) {
-    const auto& [vertices, support] = problem.held[s];
+std::vector<ConstrainedComponent> constrained_by(const Scene& scene, const SurfaceProblem& problem,
+                                                 const std::vector<Eigen::MatrixXi>& boundaries,
+                                                 const Eigen::Matrix3d& frame, ElasticLoads& loads) {
+  constexpr double kHalf = 0.5;  // between the parts of an axis that are constrained, all of it or none
+  std::vector<ConstrainedComponent> constrained;
+  for (size_t s = 0; s < problem.constrained.size(); ++s) {
+    const auto& [vertices, support] = problem.constrained[s];
     Eigen::Vector3d part = Eigen::Vector3d::Zero();  // of each axis
-    for (const Eigen::Vector3d& direction : held_directions(support))
+    for (const Eigen::Vector3d& direction : constrained_directions(support))
       part += (frame.transpose() * direction).cwiseAbs2();
     std::set<int> nodes(vertices.begin(), vertices.end());
     for (const Eigen::MatrixXi& faces : boundaries)
@@ -89,12 +89,13 @@ std::vector<HeldComponent> held_by(const Scene& scene, const SurfaceProblem& pro
     for (int node : nodes)
       for (int c = 0; c < 3; ++c)
         if (part(c) > kHalf)
-          held.push_back({node, c, frame.col(c).dot(support.displacement), static_cast<int>(s)});
+          constrained.push_back({node, c, frame.col(c).dot(support.displacement), static_cast<int>(s)});
   }
-  loads.motion = [supports = scene.supports, time = scene.time, frame, held](int k, double t) {
-    return frame.col(held[k].component).dot(displacement_at(supports[held[k].support], time, t));
+  loads.motion = [supports = scene.supports, time = scene.time, frame, constrained](int k, double t) {
+    return frame.col(constrained[k].component)
+        .dot(displacement_at(supports[constrained[k].support], time, t));
   };
-  return held;
+  return constrained;
 }
 
 /// A refined boundary triangle's four children hold the middles of its edges.
@@ -151,9 +152,11 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   if (scene.reference.degree == 2) boundaries.push_back(solid.faces());
   const SurfaceProblem problem = discretise(scene, surface);
   ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
-  const std::vector<HeldComponent> held = held_by(scene, problem, boundaries, frame, loads);
+  const std::vector<ConstrainedComponent> constrained =
+      constrained_by(scene, problem, boundaries, frame, loads);
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
-  solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads, held);
+  solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads,
+                 constrained);
   if (scene.reference.inertia_relief) solid.relieve_inertia();
   solid.set_tolerance(scene.time.residual);
   return solid;

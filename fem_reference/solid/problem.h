@@ -13,7 +13,7 @@ namespace testbed::fem {
 std::string unmodelled_part(const Scene& scene);
 
 /// The scene's solid on `mesh` refined `scene.reference.refine` times, loads and supports assembled. Supports
-/// hold the surface's vertices in their region, and middles of boundary edges whose both ends are held. The
+/// hold the surface's vertices in their region, and middles of boundary edges whose both ends are constrained. The
 /// solid's coordinates are those along the axes of frame_of(scene.supports), which are x, y and z unless
 /// supports hold along others.
 /// @throws std::runtime_error when a region holds no node or triangle.

@@ -7,7 +7,7 @@
 
 namespace testbed::fem {
 
-MakeMotion make_generalised_alpha, make_central_differences;
+MakeIntegrator make_generalised_alpha, make_central_differences;
 LongestStep stable_step;
 
 const std::vector<Scheme>& schemes() {

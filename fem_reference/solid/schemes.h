@@ -10,7 +10,8 @@
 
 namespace testbed::fem {
 
-using MakeMotion = std::unique_ptr<Motion>(Dynamics system, double h, const ReferenceOptions& options);
+using MakeIntegrator = std::unique_ptr<Integrator>(Dynamics system, double h,
+                                                   const ReferenceOptions& options);
 /// Longest stable step of small motions about rest (s).
 using LongestStep = double(const Dynamics& system);
 
@@ -20,7 +21,7 @@ struct Scheme {
   bool has_spectral_radius;  ///< reference.spectral_radius is its parameter
   LongestStep*
       longest_step;  ///< of an explicit scheme, whose mass is lumped; null: steps of any length are stable
-  MakeMotion* make;
+  MakeIntegrator* make;
   bool is_explicit() const { return longest_step != nullptr; }
 };
 

@@ -24,38 +24,38 @@ MassMatrix Simulation::mass() const {
   return scheme().is_explicit() ? MassMatrix::Lumped : scene_.reference.mass;
 }
 
-/// The last of the held components of each unknown that supports hold at t.
-std::map<int, int> Simulation::held_at(double t) const {
-  std::map<int, int> held;
-  for (size_t k = 0; k < solid_.held().size(); ++k) {
-    const HeldComponent& h = solid_.held()[k];
-    if (holds_at(scene_.supports[h.support], t)) held[3 * h.node + h.component] = static_cast<int>(k);
+/// The last of the constrained components of each unknown that supports hold at t.
+std::map<int, int> Simulation::constrained_at(double t) const {
+  std::map<int, int> constrained;
+  for (size_t k = 0; k < solid_.constrained().size(); ++k) {
+    const ConstrainedComponent& h = solid_.constrained()[k];
+    if (holds_at(scene_.supports[h.support], t)) constrained[3 * h.node + h.component] = static_cast<int>(k);
   }
-  return held;
+  return constrained;
 }
 
 /// Of those unknowns; empty where they stay.
-std::function<Eigen::VectorXd(double t)> Simulation::motion_of(const std::map<int, int>& held) const {
+std::function<Eigen::VectorXd(double t)> Simulation::motion_of(const std::map<int, int>& constrained) const {
   const bool is_driven = std::any_of(scene_.supports.begin(), scene_.supports.end(), [](const Support& s) {
     return !s.motion.empty() || !s.displacement.isZero(0);
   });
   if (!is_driven) return {};
-  return [this, held](double t) {
-    Eigen::VectorXd u(static_cast<Eigen::Index>(held.size()));
+  return [this, constrained](double t) {
+    Eigen::VectorXd u(static_cast<Eigen::Index>(constrained.size()));
     Eigen::Index i = 0;
-    for (const auto& [unknown, k] : held) u(i++) = solid_.held_displacement(k, t);
+    for (const auto& [unknown, k] : constrained) u(i++) = solid_.constrained_displacement(k, t);
     return u;
   };
 }
 
 /// Where supports have ended, the motion goes on with those that are left.
 void Simulation::release_nodes() {
-  const auto held = held_at(motion_->t());
-  if (held.size() == n_held_) return;
-  n_held_ = held.size();
+  const auto constrained = constrained_at(integrator_->t());
+  if (constrained.size() == n_constrained_) return;
+  n_constrained_ = constrained.size();
   std::vector<int> unknowns;
-  for (const auto& [unknown, k] : held) unknowns.push_back(unknown);
-  motion_->hold(unknowns, motion_of(held));
+  for (const auto& [unknown, k] : constrained) unknowns.push_back(unknown);
+  integrator_->hold(unknowns, motion_of(constrained));
 }
 
 /// Full loads from t = 0 on.
@@ -68,15 +68,15 @@ void Simulation::set_in_motion() {
   system.stiffness_damping = scene_.material.stiffness_damping;
   system.load = solid_.load();
   system.tolerance = scene_.time.residual;
-  const std::map<int, int> held = held_at(0);
-  n_held_ = held.size();
-  for (const auto& [unknown, k] : held) system.held.push_back(unknown);
+  const std::map<int, int> constrained = constrained_at(0);
+  n_constrained_ = constrained.size();
+  for (const auto& [unknown, k] : constrained) system.constrained.push_back(unknown);
   if (scene_.material.damping_ratio > 0) {
-    const Modes modes = natural_modes(system.K, system.M, system.held, 1);
+    const Modes modes = natural_modes(system.K, system.M, system.constrained, 1);
     system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[0];
   }
   damping_ = system.damping;
-  system.held_motion = motion_of(held);
+  system.constrained_motion = motion_of(constrained);
   if (law_of(scene_) != MaterialLaw::SmallStrain || !solid_.surface().empty()) {
     system.linearise = [this](const Eigen::VectorXd& u, bool with_tangent) {
       return solid_.linearise(u.reshaped(3, solid_.X().cols()), 1, with_tangent);
@@ -97,18 +97,18 @@ void Simulation::set_in_motion() {
   system.forces = [this](const Eigen::VectorXd& u, Eigen::Matrix3Xd& force) {
     solid_.find_forces(u.reshaped(3, solid_.X().cols()), 1, force);
   };
-  motion_ = scheme().make(std::move(system), step_, scene_.reference);
+  integrator_ = scheme().make(std::move(system), step_, scene_.reference);
   if (scene_.initial.empty()) return;
   const Eigen::VectorXd mass = solid_.mass(MassMatrix::Lumped).diagonal();
   const Eigen::Matrix3Xd v =
       frame_.transpose() * initial_velocity(scene_, X(), mass(Eigen::seq(0, Eigen::last, 3)));
-  motion_->restart(Eigen::VectorXd::Zero(v.size()), v.reshaped());
+  integrator_->restart(Eigen::VectorXd::Zero(v.size()), v.reshaped());
 }
 
 bool Simulation::advance() {
-  if (motion_) {
+  if (integrator_) {
     release_nodes();
-    is_converged_ = motion_->step();
+    is_converged_ = integrator_->step();
   } else if (n_done_ == 0 || !is_proportional_) {
     const double factor = is_proportional_ ? 1 : static_cast<double>(n_done_ + 1) / n_steps_;
     const int n_newton = equilibrium_.newton_iterations, n_linear = equilibrium_.linear_iterations;
@@ -132,15 +132,15 @@ std::vector<std::pair<std::string, double>> Simulation::strains(const Eigen::Mat
 }
 
 Snapshot Simulation::snapshot() const {
-  if (motion_) {
-    const Eigen::Matrix3Xd u = motion_->u().reshaped(3, solid_.X().cols());
-    return {motion_->t(),
+  if (integrator_) {
+    const Eigen::Matrix3Xd u = integrator_->u().reshaped(3, solid_.X().cols());
+    return {integrator_->t(),
             1,
             frame_ * u,
-            motion_->kinetic_energy(),
-            motion_->elastic_energy(),
+            integrator_->kinetic_energy(),
+            integrator_->elastic_energy(),
             strains(u, solid_.max_strain(u)),
-            {{"velocity", frame_ * motion_->v().reshaped(3, u.cols())}}};
+            {{"velocity", frame_ * integrator_->v().reshaped(3, u.cols())}}};
   }
   const double scale = is_proportional_ ? load_factor() : 1;  // of the solution at full load
   return {load_factor(),
@@ -152,7 +152,7 @@ Snapshot Simulation::snapshot() const {
 }
 
 std::string Simulation::solver() const {
-  return motion_ ? motion_->solver() : equilibrium_.solver;
+  return integrator_ ? integrator_->solver() : equilibrium_.solver;
 }
 
 }  // namespace testbed::fem

@@ -28,24 +28,24 @@ class Simulation {
   int n_done() const { return n_done_; }  ///< that converged
   int n_steps() const { return n_steps_; }
   /// In [0, 1]: linear equilibria are in proportion to the first.
-  double progress() const { return !motion_ && is_proportional_ && n_done_ > 0 ? 1 : load_factor(); }
+  double progress() const { return !integrator_ && is_proportional_ && n_done_ > 0 ? 1 : load_factor(); }
   Snapshot snapshot() const;
 
   /// Its coordinates are those of assemble_scene.
   const ElasticSolid& solid() const { return solid_; }
   Eigen::Matrix3Xd X() const { return frame_ * solid_.X(); }  ///< 3 x n_nodes at rest, along x, y and z (m)
-  const ElasticReport& equilibrium() const { return equilibrium_; }  ///< of statics: sums over steps
-  const Motion* motion() const { return motion_.get(); }             ///< in time
-  double step() const { return step_; }                              ///< of time (s)
-  double damping() const { return damping_; }                        ///< mass-proportional (1/s)
+  const ElasticReport& equilibrium() const { return equilibrium_; }   ///< of statics: sums over steps
+  const Integrator* integrator() const { return integrator_.get(); }  ///< in time
+  double step() const { return step_; }                               ///< of time (s)
+  double damping() const { return damping_; }                         ///< mass-proportional (1/s)
   MassMatrix mass() const;
   std::string solver() const;
 
  private:
   std::vector<std::pair<std::string, double>> strains(const Eigen::Matrix3Xd& u, double max_strain) const;
   void set_in_motion();
-  std::map<int, int> held_at(double t) const;
-  std::function<Eigen::VectorXd(double t)> motion_of(const std::map<int, int>& held) const;
+  std::map<int, int> constrained_at(double t) const;
+  std::function<Eigen::VectorXd(double t)> motion_of(const std::map<int, int>& constrained) const;
   void release_nodes();
   const Scheme& scheme() const { return find_scheme(scene_.reference.integrator); }
   double load_factor() const { return static_cast<double>(n_done_) / n_steps_; }
@@ -56,10 +56,10 @@ class Simulation {
   ElasticSolid solid_;
   bool is_proportional_, is_converged_ = true;
   int n_steps_, n_done_ = 0;
-  size_t n_held_ = 0;  ///< unknowns in the step at hand
+  size_t n_constrained_ = 0;  ///< unknowns in the step at hand
   double step_ = 0, damping_ = 0;
   ElasticReport equilibrium_;
-  std::unique_ptr<Motion> motion_;
+  std::unique_ptr<Integrator> integrator_;
 };
 
 }  // namespace testbed::fem

@@ -8,7 +8,7 @@ namespace testbed::fem {
 
 /// Solves A x = b by conjugate gradients, preconditioned by
 /// algebraic multigrid with rigid motions as near-null space.
-/// @param part   this process' summand of A over ranks of nodes; the same unknowns are held in all
+/// @param part   this process' summand of A over ranks of nodes; the same unknowns are constrained in all
 /// @param rank   of each node
 /// @param rigid  free rigid motions (3 node + component), orthonormal columns; kept out of x
 /// @param b      3 x n over nodes, whole, as is x

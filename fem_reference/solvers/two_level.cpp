@@ -103,12 +103,12 @@ TwoLevelSolver::TwoLevelSolver(const Matrix3Xd& X, const Eigen::Matrix2Xi& edges
           corners->rank()[i < n_corners ? static_cast<int>(i) : edges(end, i - n_corners)];
 }
 
-void TwoLevelSolver::hold(const std::vector<char>& is_held) {
+void TwoLevelSolver::hold(const std::vector<char>& is_constrained) {
   const auto mask = [&](const TetBatches& tets, PaddedField& free) {
     const auto n = static_cast<Eigen::Index>(tets.rank().size());
     free.setZero(4, meshing::padded(n));
     for (Eigen::Index i = 0; i < n; ++i)
-      for (int c = 0; c < 3; ++c) free(c, tets.rank()[i]) = is_held[3 * i + c] ? 0.f : 1.f;
+      for (int c = 0; c < 3; ++c) free(c, tets.rank()[i]) = is_constrained[3 * i + c] ? 0.f : 1.f;
   };
   mask(fine_, free_);
   if (corners_) mask(*corners_, free_corners_);
@@ -165,7 +165,7 @@ bool TwoLevelSolver::factorise(const Stiffness& A, bool is_singular) {
   const auto n = static_cast<int>(tets.rank().size());
   if (is_whole_ || n <= kLargestCholesky) {
     if (!fem::factorise(tets.pattern(), fill, is_singular, cholesky_)) return false;
-    factor_ = cholesky_->rounded();
+    factor_ = cholesky_->single_precision();
     return true;
   }
   BlockMatrix matrix = tets.pattern();

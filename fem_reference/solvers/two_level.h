@@ -33,7 +33,7 @@ class TwoLevelSolver {
   };
   /// Fills a matrix in double precision, to be factorised, and returns the blocks outside its pattern.
   using Fill = std::function<std::vector<meshing::SymmetricBlock>(meshing::BlockMatrix& A)>;
-  /// A stiffness, and how to make it in double precision. Held unknowns are filled in.
+  /// A stiffness, and how to make it in double precision. Constrained unknowns are filled in.
   struct Stiffness {
     std::vector<float> blocks;  ///< of the fine pattern, and three numbers at the end
     Fill fill_fine, fill_corners;
@@ -46,8 +46,8 @@ class TwoLevelSolver {
   TwoLevelSolver(const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& edges, const TetBatches& fine,
                  const TetBatches* corners);
 
-  /// Takes over what is held (3 node + component), and drops what was made of other matrices.
-  void hold(const std::vector<char>& is_held);
+  /// Takes over what is constrained (3 node + component), and drops what was made of other matrices.
+  void hold(const std::vector<char>& is_constrained);
 
   /// Adds to x the solution of A x = r, both 3 x n over nodes; those of `rigid` (3 node + component,
   /// orthonormal) are kept out of it.
@@ -75,9 +75,9 @@ class TwoLevelSolver {
   const Eigen::Matrix3Xd& X_;
   const TetBatches &fine_, *corners_;
   Eigen::Matrix2Xi ends_;            // ranks among the corners of each row's edge, or twice its corner's
-  PaddedField free_, free_corners_;  // 1, and 0 where held
+  PaddedField free_, free_corners_;  // 1, and 0 where constrained
   std::optional<meshing::BlockCholesky> cholesky_;
-  std::optional<meshing::RoundedFactor> factor_;  // of cholesky_: of degree 1, or of the whole matrix
+  std::optional<meshing::SinglePrecisionFactor> factor_;  // of cholesky_: of degree 1, or of the whole matrix
   std::unique_ptr<AlgebraicMultigrid> multigrid_;
   bool is_ready_ = false, is_whole_ = false;
   int n_iterations_ = 0;  // of the first solve with the present factor

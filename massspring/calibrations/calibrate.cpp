@@ -58,7 +58,7 @@ void sort_springs(MassSpringModel& model) {
 template <const Blend& blend>
 void calibrate_coupled(MassSpringModel& model, const Eigen::Matrix2Xi&) {
   model.tet_springs =
-      couple_springs(model.network.X, model.network.T, lame_of(model.material), blend, model.held);
+      couple_springs(model.network.X, model.network.T, lame_of(model.material), blend, model.constrained);
 }
 
 }  // namespace
@@ -117,7 +117,7 @@ MaterialShares divide_material(const Material& material, const Calibration& cali
 }
 
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
-                          const Calibration& calibration, const std::vector<int>& held) {
+                          const Calibration& calibration, const std::vector<int>& constrained) {
   check_material(material, calibration);
   const auto refuse = [&](const char* missing) {
     throw std::runtime_error("network.calibration = '" + calibration.name + "': the network has no " +
@@ -129,7 +129,7 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
   model.network = {network.X, network.T, network.F, network.n_surface};
   model.cuts = network.cuts;
   model.material = material;
-  model.held = held;
+  model.constrained = constrained;
   model.mass = network.T.cols() > 0
                    ? lumped_mass(network.X, network.T, material.rho)
                    : masses_without_tetrahedra(network, material.rho * volume(network.X, network.F));
@@ -140,9 +140,9 @@ MassSpringModel calibrate(const SpringNetwork& network, const Material& material
 
 MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
                                      const Calibration& calibration, double share,
-                                     const std::vector<int>& held) {
+                                     const std::vector<int>& constrained) {
   const auto [coupled, linked] = divide_material(material, calibration, share);
-  MassSpringModel model = calibrate(network, coupled, calibration, held);
+  MassSpringModel model = calibrate(network, coupled, calibration, constrained);
   const MassSpringModel links = calibrate(network, linked, find_calibration("uniform"));
   model.springs = links.springs;
   model.material = material;

@@ -43,12 +43,12 @@ MaterialShares divide_material(const Material& material, const Calibration& cali
 /// calibration needs them. Coupled springs know the nodes that supports will hold. The model's springs follow an order of their own.
 /// @throws std::runtime_error when links or tetrahedra are missing or the calibration refuses the material.
 MassSpringModel calibrate(const SpringNetwork& network, const Material& material,
-                          const Calibration& calibration, const std::vector<int>& held = {});
+                          const Calibration& calibration, const std::vector<int>& constrained = {});
 
 /// The same with coupled springs, beside which the network's links stand, all of one stiffness.
 /// @throws std::runtime_error as calibrate and divide_material.
 MassSpringModel calibrate_with_links(const SpringNetwork& network, const Material& material,
                                      const Calibration& calibration, double share,
-                                     const std::vector<int>& held = {});
+                                     const std::vector<int>& constrained = {});
 
 }  // namespace testbed::massspring

@@ -71,10 +71,10 @@ Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface) {
 
 std::shared_ptr<SurfaceEnergy> barrier_around(const Contacts& contacts, const MassSpringModel& model,
                                               const std::vector<Constraint>& constraints) {
-  std::vector<char> is_held(model.network.X.cols(), false);
-  for (const Constraint& c : constraints) is_held[c.node] = c.S.isZero(0);
+  std::vector<char> is_constrained(model.network.X.cols(), false);
+  for (const Constraint& c : constraints) is_constrained[c.node] = c.S.isZero(0);
   return meshing::barrier_around(contacts.bodies, model.network.X, model.network.F, model.material.E,
-                                 is_held);
+                                 is_constrained);
 }
 
 void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd& v) {
@@ -98,8 +98,8 @@ void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd&
   }
 }
 
-void Touches::hold(const std::vector<RigidBody>& bodies, const State& state, double h,
-                   std::vector<Constraint>& constraints, Matrix3Xd& friction) const {
+void ActiveSet::hold(const std::vector<RigidBody>& bodies, const State& state, double h,
+                     std::vector<Constraint>& constraints, Matrix3Xd& friction) const {
   friction.setZero(3, state.x.cols());
   std::vector<Constraint*> of_node(state.x.cols(), nullptr);
   constraints.reserve(constraints.size() + touches_.size());
@@ -126,8 +126,8 @@ void Touches::hold(const std::vector<RigidBody>& bodies, const State& state, dou
   }
 }
 
-void Touches::settle(const std::vector<RigidBody>& bodies, const State& before, double h, const Matrix3Xd& r,
-                     Matrix3Xd& x, Matrix3Xd& v) {
+void ActiveSet::settle(const std::vector<RigidBody>& bodies, const State& before, double h,
+                       const Matrix3Xd& r, Matrix3Xd& x, Matrix3Xd& v) {
   std::vector<Touch> kept;
   std::vector<char> is_touching(x.cols(), false);
   for (Touch touch : touches_) {

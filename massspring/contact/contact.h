@@ -49,9 +49,9 @@ struct SlidingFriction : SurfaceEnergy {
   bool is_invariant() const override { return false; }
 };
 
-/// Linearised implicit scheme: nodes in touch move along their obstacle, or with it while friction holds
-/// them, until the force that keeps them there would pull.
-class Touches {
+/// The active set of the linearised implicit scheme: nodes in touch move along their obstacle, or with it while
+/// friction holds them, until the force that keeps them there would pull.
+class ActiveSet {
  public:
   /// Adds the constraints of the nodes in touch to `constraints`. Adds to `friction` (N, 3 x n)
   /// that of the nodes that slide, as known from the step before.

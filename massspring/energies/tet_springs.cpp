@@ -259,11 +259,11 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
 
 /// The nodes, and those that share a tetrahedron with them.
 std::vector<char> near(const std::vector<int>& nodes, Eigen::Index n_nodes, const Matrix4Xi& T) {
-  std::vector<char> is_held(n_nodes, 0);
-  for (const int i : nodes) is_held[i] = 1;
-  std::vector<char> is_near = is_held;
+  std::vector<char> is_constrained(n_nodes, 0);
+  for (const int i : nodes) is_constrained[i] = 1;
+  std::vector<char> is_near = is_constrained;
   for (const auto& corners : T.colwise())
-    if (std::any_of(corners.begin(), corners.end(), [&](int i) { return is_held[i] != 0; }))
+    if (std::any_of(corners.begin(), corners.end(), [&](int i) { return is_constrained[i] != 0; }))
       for (const int i : corners) is_near[i] = 1;
   return is_near;
 }
@@ -279,7 +279,7 @@ Lame lame_of(const Material& material) {
 }
 
 TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame, const Blend& blend,
-                          const std::vector<int>& held) {
+                          const std::vector<int>& constrained) {
   TetSprings springs;
   springs.mu = lame.mu;
   springs.first.push_back(0);
@@ -289,10 +289,10 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
   };
   Eigen::MatrixXd edges = everywhere(6, blend.edges), nodes = everywhere(4, blend.nodes);
   if (blend.nodes > 0) {
-    const std::vector<char> is_near = near(held, X.cols(), T);
+    const std::vector<char> is_near = near(constrained, X.cols(), T);
     for (Eigen::Index t = 0; t < T.cols(); ++t) {
       for (int k = 0; k < 4; ++k)
-        if (is_near[T(k, t)]) nodes(k, t) = kHeldNodes;
+        if (is_near[T(k, t)]) nodes(k, t) = kConstrainedNodes;
       edges.col(t).setConstant(1 - blend.tetrahedra - nodes.col(t).mean());
     }
   }

@@ -59,17 +59,17 @@ inline constexpr Blend kEdgeCoupled{1, 0, 0};
 /// circle_knot): error over that of P1 0.18 in the geometric mean, 0.28 for {0.3, 0, 0.7}; within 5 % of that
 /// for edges 0.8 to 1.
 inline constexpr Blend kNodeAveraged{0, 0.9, 0.1};
-/// The nodes' part of a blend that has one, at held nodes and at those that share a tetrahedron with them. A
+/// The nodes' part of a blend that has one, at constrained nodes and at those that share a tetrahedron with them. A
 /// patch that would average beyond the body finds less to average over there, and is stiffer. Chosen on 42
 /// clamped cases of generated bodies: error over that of P1 at Poisson's ratio 0.25 in the median 0.27 with
 /// the part of everywhere else, 0.16 with 0.3, 0.17 with 0.5, whose worst case is above 1.
-inline constexpr double kHeldNodes = 0.3;
+inline constexpr double kConstrainedNodes = 0.3;
 
 /// Patches of a blend, those of tetrahedra, edges and nodes in this order, each kind along a body that is large
 /// enough, and in the order of its subdomains. X 3 x n (m), T 4 x m of positive volume. With node patches,
 /// what lambda exceeds mu by acts on them alone [(14)]. Nodes that supports hold or move may be named.
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
-                          const Blend& blend, const std::vector<int>& held = {});
+                          const Blend& blend, const std::vector<int>& constrained = {});
 
 /// Elastic energy (J) at displacements u (3 x n, m), the rest shape of patch p shrunk by scale(p): its energy is
 /// scale^3 V psi(F / scale). An empty scale stands for ones.

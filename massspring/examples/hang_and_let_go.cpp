@@ -11,7 +11,7 @@ int main() {
   using namespace testbed;
   using namespace testbed::massspring;
 
-  // 1. The scene: a bar, held at x = 0, whose weight pulls along x.
+  // 1. The scene: a bar, constrained at x = 0, whose weight pulls along x.
   Scene scene;
   scene.material.E = 1e6;
   scene.surface.shape = "bar";
@@ -36,7 +36,7 @@ int main() {
   const double stretch = (state.x - model.network.X).row(0).maxCoeff();
   std::printf("it stretches by %.4f m, a bar by %.4f m\n", stretch, expected);
 
-  // 4. The support lets go: nothing is held from now on.
+  // 4. The support lets go: nothing is constrained from now on.
   forces.constraints.clear();
   TimeStepper stepper(model, forces, "midpoint", 1);
   const auto centre = [&] { return state.x.row(0).dot(model.mass) / model.mass.sum(); };

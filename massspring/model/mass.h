@@ -1,4 +1,4 @@
-// Mass spread over tetrahedra instead of lumped at their nodes.
+// The consistent mass of tetrahedra, beside that lumped at their nodes.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,23 +12,23 @@ namespace testbed::massspring {
 ///   M = diag(m) - R,  R = sum over edges ij of r (d_i - d_j)(d_i - d_j)^T, [(20)]
 /// r a twentieth of the mass of the tetrahedra around the edge. Total mass and momentum are the same; the
 /// inertia that nodes exaggerate, as they lie at the corners of what they stand for, is not.
-struct SpreadMass {
+struct ConsistentMass {
   Eigen::Matrix2Xi E;  ///< edges of the tetrahedra, 2 x m
   Eigen::VectorXd r;   ///< kg
 };
 
 /// X 3 x n (m), T 4 x m of positive volume, rho in kg/m3.
-SpreadMass spread_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho);
+ConsistentMass consistent_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho);
 
 /// Lumps at its nodes the mass of every edge that meets one of `nodes`, ascending. Implicit steps do not
 /// know the acceleration of nodes whose motion is prescribed, which mass between the nodes would pass on to
 /// their neighbours.
-void lump(const std::vector<int>& nodes, SpreadMass& spread);
+void lump(const std::vector<int>& nodes, ConsistentMass& mass);
 
 /// y += factor R p, 3 x n.
-void add_product(const SpreadMass& spread, double factor, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
+void add_product(const ConsistentMass& mass, double factor, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
 
 /// A += factor R; A's pattern must hold the edges.
-void add_blocks(const SpreadMass& spread, double factor, BlockMatrix& A);
+void add_blocks(const ConsistentMass& mass, double factor, BlockMatrix& A);
 
 }  // namespace testbed::massspring

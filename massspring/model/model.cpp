@@ -40,19 +40,19 @@ SurfaceMesh surface_of(const MassSpringModel& model) {
 }
 
 std::vector<Constraint> constraints_of(const SurfaceProblem& problem, const SurfaceMesh& surface, double t) {
-  struct Held {
+  struct Constrained {
     Constraint constraint;
     bool is_oblique, is_moved;
   };
-  std::map<int, Held> of_node;
-  for (const auto& [vertices, support] : problem.held) {
+  std::map<int, Constrained> of_node;
+  for (const auto& [vertices, support] : problem.constrained) {
     if (!holds_at(support, t)) continue;
     const auto motion = support.motion.empty() ? nullptr : std::make_shared<const Path>(support.motion);
     const bool is_oblique = support.normal || support.along;
     const bool is_moved = motion || !support.displacement.isZero(0);
     for (const int i : vertices) {
       const auto [found, is_first] = of_node.try_emplace(
-          i, Held{{i, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()}, is_oblique, is_moved});
+          i, Constrained{{i, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()}, is_oblique, is_moved});
       auto& [c, was_oblique, was_moved] = found->second;
       was_oblique |= is_oblique;
       was_moved |= is_moved;
@@ -62,7 +62,7 @@ std::vector<Constraint> constraints_of(const SurfaceProblem& problem, const Surf
              << ") m, one by normal or along, expected that neither moves it";
         throw std::runtime_error(what.str());
       }
-      for (const Eigen::Vector3d& direction : held_directions(support)) {
+      for (const Eigen::Vector3d& direction : constrained_directions(support)) {
         constexpr double kNone = 1e-6;  // of a direction that is still free
         const Eigen::Vector3d free = c.S * direction;
         if (free.norm() > kNone) c.S -= free * free.transpose() / free.squaredNorm();
@@ -75,7 +75,7 @@ std::vector<Constraint> constraints_of(const SurfaceProblem& problem, const Surf
     }
   }
   std::vector<Constraint> constraints;
-  for (const auto& [node, held] : of_node) constraints.push_back(held.constraint);
+  for (const auto& [node, constrained] : of_node) constraints.push_back(constrained.constraint);
   return constraints;
 }
 
@@ -138,7 +138,7 @@ void add_momenta(const MassSpringModel& model, double factor, const Eigen::Matri
     const Eigen::Index m = end - begin;
     p.middleCols(begin, m) += factor * v.middleCols(begin, m) * model.mass.segment(begin, m).asDiagonal();
   });
-  if (model.spread_mass) add_product(*model.spread_mass, -factor, v, p);
+  if (model.consistent_mass) add_product(*model.consistent_mass, -factor, v, p);
 }
 
 Eigen::Matrix3Xd momenta(const MassSpringModel& model, const Eigen::Matrix3Xd& v) {

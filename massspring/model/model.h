@@ -28,14 +28,14 @@ struct MassSpringModel {
   TetMesh network;  ///< the nodes, and tetrahedra where a part of the model needs them
   Cuts cuts;        ///< of their surface
   Material material;
-  std::vector<int> held;                    ///< nodes near which coupled springs are softer
-  Eigen::VectorXd mass;                     ///< kg per node
-  std::optional<SpreadMass> spread_mass;    ///< what of it lies between the nodes; coupled springs only
-  std::optional<Springs> springs;           ///< independent springs
-  std::optional<TetSprings> tet_springs;    ///< springs coupled within tetrahedra
-  std::optional<Bending> bending;           ///< of the skin
-  std::optional<LocalVolume> local_volume;  ///< of every tetrahedron
-  std::optional<Seams> seams;               ///< between parts of the surface
+  std::vector<int> constrained;                   ///< nodes near which coupled springs are softer
+  Eigen::VectorXd mass;                           ///< kg per node
+  std::optional<ConsistentMass> consistent_mass;  ///< what of it lies between the nodes; coupled springs only
+  std::optional<Springs> springs;                 ///< independent springs
+  std::optional<TetSprings> tet_springs;          ///< springs coupled within tetrahedra
+  std::optional<Bending> bending;                 ///< of the skin
+  std::optional<LocalVolume> local_volume;        ///< of every tetrahedron
+  std::optional<Seams> seams;                     ///< between parts of the surface
   std::shared_ptr<const LinearElasticity> linear;  ///< small strain; absent: full geometry
 };
 

@@ -36,7 +36,7 @@ NaturalFrequencies natural_frequencies(const MassSpringModel& model,
     highest = std::max(highest, K.block[K.diagonal[i]].trace() / model.mass(i));
   const double shift = kShift * highest;
   for (int i = 0; i < K.rows(); ++i) K.block[K.diagonal[i]].diagonal().array() += shift * model.mass(i);
-  if (model.spread_mass) add_blocks(*model.spread_mass, -shift, K);
+  if (model.consistent_mass) add_blocks(*model.consistent_mass, -shift, K);
   filter(constraints, K);
   const BlockCholesky factor(K);
   if (!factor.is_ok())

@@ -16,8 +16,8 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
     u_ *= load_factor / linear_factor_;
   else
     u_ = Matrix3Xd::Zero(3, state.x.cols());
-  if (rounded_K_.empty()) {
-    rounded_K_ = rounded(stiffness());
+  if (single_K_.empty()) {
+    single_K_ = single_precision(stiffness());
     x_ = model_.network.X;
   }
   prescribe(forces_.constraints, Matrix3Xd::Zero(3, u_.cols()), load_factor, 1, u_);

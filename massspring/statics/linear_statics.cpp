@@ -46,9 +46,9 @@ void apply(Multigrid& multigrid, const Matrix3Xd& r, Matrix3Xd& z) {
   const double scale = r.norm();
   z = Matrix3Xd::Zero(3, r.cols());
   if (scale == 0) return;
-  PaddedField rounded, answer;
-  pad(r, 1 / scale, rounded);
-  multigrid.apply(rounded, answer);
+  PaddedField single, answer;
+  pad(r, 1 / scale, single);
+  multigrid.apply(single, answer);
   add_unpadded(answer, scale, z);
 }
 
@@ -74,7 +74,8 @@ LinearStatics::LinearStatics(const MassSpringModel& model, const std::vector<Con
   const auto* factor = std::get_if<BlockCholesky>(&preconditioner_);
   if (factor && !factor->is_ok())
     throw std::runtime_error(
-        "the stiffness is not positive definite: too few directions are held, or the network is floppy");
+        "the stiffness is not positive definite: too few directions are constrained, or the network is "
+        "floppy");
 }
 
 SolveReport LinearStatics::solve(const Matrix3Xd& f, Matrix3Xd& u, double tolerance) {

@@ -22,7 +22,7 @@ std::vector<Constraint> hold_rigid_motion(const Eigen::Matrix3Xd& X);
 class LinearStatics {
  public:
   /// Constrained directions stay at rest.
-  /// @throws std::runtime_error when a factor finds K not positive definite: too few directions are held, or the
+  /// @throws std::runtime_error when a factor finds K not positive definite: too few directions are constrained, or the
   /// network is floppy.
   LinearStatics(const MassSpringModel& model, const std::vector<Constraint>& constraints);
 

@@ -18,13 +18,13 @@ using Eigen::Matrix3Xd;
 /// Those of X that leave every constrained direction at rest.
 Eigen::MatrixXd free_rigid_motions_of(const Matrix3Xd& X, const std::vector<Constraint>& constraints) {
   const Eigen::MatrixXd R = rigid_motions(X);
-  Eigen::Matrix<double, 6, 6> held = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 6> constrained = Eigen::Matrix<double, 6, 6>::Zero();
   for (const Constraint& c : constraints) {
     const Eigen::Matrix<double, 3, 6> moved =
         (Eigen::Matrix3d::Identity() - c.S) * R.middleRows<3>(3 * c.node);
-    held += moved.transpose() * moved;
+    constrained += moved.transpose() * moved;
   }
-  return free_rigid_motions(R, held);
+  return free_rigid_motions(R, constrained);
 }
 
 /// Orthonormal basis of the motions on which K does no work, 3n x m, by subspace iteration with K's shifted
@@ -100,27 +100,28 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
     : model_(model),
       forces_(forces),
       tolerance_(tolerance),
-      held_motions_(free_rigid_motions_of(model.network.X, forces.constraints)),
+      zero_energy_motions_(free_rigid_motions_of(model.network.X, forces.constraints)),
       K_(model.linear ? BlockMatrix() : stiffness_pattern(model)),
       solver_(LinearSolver::of_stiffness(!model.tet_springs)),
       path_(Matrix3Xd::Zero(3, model.network.X.cols())) {
-  n_free_rigid_motions_ = static_cast<int>(held_motions_.cols());
-  check_balance(model.network.X, held_motions_, forces.load, "more supports or balanced loads");
+  n_free_rigid_motions_ = static_cast<int>(zero_energy_motions_.cols());
+  check_balance(model.network.X, zero_energy_motions_, forces.load, "more supports or balanced loads");
   const State rest = initial_state(model);
   last_rest_ = {rest.rest_length, rest.patch_scale, rest.target_volume};
   if (!model.linear) add_stiffness(model, rest, K_);
   largest_stiffness_ = largest_diagonal(stiffness());
   if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
-    held_motions_ = zero_energy_motions(stiffness(), forces.constraints);
+    zero_energy_motions_ = zero_energy_motions(stiffness(), forces.constraints);
     const double load_norm = forces.load.norm();
     if (load_norm > 0)
-      floppy_load_share_ = (held_motions_.transpose() * forces.load.reshaped()).norm() / load_norm;
+      floppy_load_share_ = (zero_energy_motions_.transpose() * forces.load.reshaped()).norm() / load_norm;
   }
-  const Eigen::Index n = model.network.X.cols(), n_held = held_motions_.cols();
-  rounded_held_motions_.setZero(4 * padded(n), n_held);
-  for (Eigen::Index k = 0; k < n_held; ++k)
+  const Eigen::Index n = model.network.X.cols(), n_motions = zero_energy_motions_.cols();
+  single_zero_energy_motions_.setZero(4 * padded(n), n_motions);
+  for (Eigen::Index k = 0; k < n_motions; ++k)
     for (Eigen::Index i = 0; i < n; ++i)
-      rounded_held_motions_.col(k).segment<3>(4 * i) = held_motions_.col(k).segment<3>(3 * i).cast<float>();
+      single_zero_energy_motions_.col(k).segment<3>(4 * i) =
+          zero_energy_motions_.col(k).segment<3>(3 * i).cast<float>();
 }
 
 const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state) {
@@ -132,17 +133,17 @@ const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state)
 
 void QuasiStaticSolver::project(Matrix3Xd& y) const {
   filter(forces_.constraints, y);
-  if (held_motions_.cols() == 0) return;
+  if (zero_energy_motions_.cols() == 0) return;
   Eigen::Map<Eigen::VectorXd> flat(y.data(), y.size());
-  flat -= held_motions_ * (held_motions_.transpose() * flat).eval();
+  flat -= zero_energy_motions_ * (zero_energy_motions_.transpose() * flat).eval();
 }
 
 void QuasiStaticSolver::project(PaddedField& y) const {
   for (const Constraint& c : forces_.constraints)
     y.col(c.node).head<3>() = c.S.cast<float>() * y.col(c.node).head<3>().eval();
-  if (held_motions_.cols() == 0) return;
+  if (zero_energy_motions_.cols() == 0) return;
   Eigen::Map<Eigen::VectorXf> flat(y.data(), y.size());
-  flat -= rounded_held_motions_ * (rounded_held_motions_.transpose() * flat).eval();
+  flat -= single_zero_energy_motions_ * (single_zero_energy_motions_.transpose() * flat).eval();
 }
 
 /// The forces that are not balanced, and the size of those that should be, loads and internal ones.
@@ -160,8 +161,8 @@ void QuasiStaticSolver::set_stiffness(const State& state, double load_factor, Cu
   K_.set_zero();
   add_stiffness(model_, state, K_, curvature);
   surface_ = surface_hessian(forces_, state, curvature, load_factor);
-  rounded_K_ = rounded(K_);
-  rounded_roots_ = surface_.rounded_roots();
+  single_K_ = single_precision(K_);
+  single_roots_ = surface_.single_roots();
   x_ = state.x;
 }
 
@@ -173,9 +174,9 @@ void QuasiStaticSolver::product(const Matrix3Xd& p, Matrix3Xd& y) const {
 
 double QuasiStaticSolver::product(const PaddedField& p, PaddedField& y) const {
   y.setZero(4, p.cols());
-  double p_y = add_product(stiffness(), rounded_K_, p, y);
-  const bool is_all = surface_.empty() && held_motions_.cols() == 0;
-  surface_.add_product(rounded_roots_, p, y);
+  double p_y = add_product(stiffness(), single_K_, p, y);
+  const bool is_all = surface_.empty() && zero_energy_motions_.cols() == 0;
+  surface_.add_product(single_roots_, p, y);
   project(y);
   return is_all ? p_y : dot(p, y);
 }
@@ -183,9 +184,9 @@ double QuasiStaticSolver::product(const PaddedField& p, PaddedField& y) const {
 LinearSystem QuasiStaticSolver::system(const State& state) {
   LinearSystem A;
   A.product = [this](const Matrix3Xd& p, Matrix3Xd& y) { product(p, y); };
-  A.rounded_product = [this](const PaddedField& p, PaddedField& y) { return product(p, y); };
+  A.single_product = [this](const PaddedField& p, PaddedField& y) { return product(p, y); };
   A.filter = [this](Matrix3Xd& y) { project(y); };
-  A.rounded_filter = [this](PaddedField& y) { project(y); };
+  A.single_filter = [this](PaddedField& y) { project(y); };
   A.diagonal = [this](std::vector<Eigen::Matrix3d>& blocks) {
     blocks.clear();
     for (const int k : P_.diagonal) blocks.push_back(P_.block[k]);

@@ -20,7 +20,7 @@ namespace testbed::massspring {
 /// Nothing would stop the latter; the share of the load on them is reported.
 class QuasiStaticSolver {
  public:
-  /// @param tolerance  of the residual over the sum of load and internal forces, held components included,
+  /// @param tolerance  of the residual over the sum of load and internal forces, constrained components included,
   /// the largest met on the way, or else over rounding
   /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive: names
   /// force and torque.
@@ -40,7 +40,9 @@ class QuasiStaticSolver {
 
   int n_free_rigid_motions() const { return n_free_rigid_motions_; }
   /// Motions besides the rigid ones that cost no energy at rest.
-  int n_floppy_motions() const { return static_cast<int>(held_motions_.cols()) - n_free_rigid_motions_; }
+  int n_floppy_motions() const {
+    return static_cast<int>(zero_energy_motions_.cols()) - n_free_rigid_motions_;
+  }
   /// |part of the load on floppy motions| / |load|: what the solution does not carry.
   double floppy_load_share() const { return floppy_load_share_; }
 
@@ -67,17 +69,17 @@ class QuasiStaticSolver {
   const MassSpringModel& model_;
   const Forces& forces_;
   double tolerance_;
-  Eigen::MatrixXd held_motions_;          ///< orthonormal basis of the motions without energy, 3n x m
-  Eigen::MatrixXf rounded_held_motions_;  ///< as padded fields
+  Eigen::MatrixXd zero_energy_motions_;         ///< orthonormal basis of the motions without energy, 3n x m
+  Eigen::MatrixXf single_zero_energy_motions_;  ///< as padded fields
   int n_free_rigid_motions_ = 0;
   double floppy_load_share_ = 0;
   double largest_stiffness_;  ///< on the diagonal of the stiffness at rest (N/m)
 
   // The matrix at hand: K and what acts on the surface, at x.
   BlockMatrix K_;  ///< empty for a linear model, which has its own
-  std::vector<float> rounded_K_;
+  std::vector<float> single_K_;
   SurfaceHessian surface_;
-  std::vector<PaddedField> rounded_roots_;
+  std::vector<PaddedField> single_roots_;
   Eigen::Matrix3Xd x_;
 
   BlockMatrix P_;  ///< of which preconditioners are made

@@ -8,12 +8,12 @@ using Eigen::Matrix3Xd;
 
 constexpr int kMostNodes = 30'000;  // beyond, fill outgrows patience
 
-bool is_linear(const Motion& motion) {
+bool is_linear(const EquationOfMotion& motion) {
   return motion.model.linear && motion.contacts.bodies.empty() && motion.surface().empty();
 }
 
-ConstantMatrix::ConstantMatrix(const Motion& motion, ImplicitMatrix& A, LinearSolver& solver, bool keeps_step,
-                               std::size_t most_blocks)
+ConstantMatrix::ConstantMatrix(const EquationOfMotion& motion, ImplicitMatrix& A, LinearSolver& solver,
+                               bool keeps_step, std::size_t most_blocks)
     : motion_(motion),
       A_(A),
       solver_(solver),

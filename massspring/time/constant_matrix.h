@@ -10,7 +10,7 @@
 namespace testbed::massspring {
 
 /// Nothing but linear forces acts: steps solve linear systems of one matrix.
-bool is_linear(const Motion& motion);
+bool is_linear(const EquationOfMotion& motion);
 
 /// A = mass M + stiffness K + damping D about rest on the free directions. Where steps keep their length and
 /// its fill is affordable it is factorised, once; else systems are solved by LinearSolver.
@@ -23,7 +23,7 @@ class ConstantMatrix {
   /// @param keeps_step  its factors change but once or twice
   /// @param most_blocks  that are factorised. Of coupled springs, 12,000 nodes have 7e5, whose factor takes
   /// 0.7 GB.
-  ConstantMatrix(const Motion& motion, ImplicitMatrix& A, LinearSolver& solver, bool keeps_step,
+  ConstantMatrix(const EquationOfMotion& motion, ImplicitMatrix& A, LinearSolver& solver, bool keeps_step,
                  std::size_t most_blocks = 800'000);
 
   /// Solves A x = b (3 x n) on the free directions, b filtered.
@@ -32,7 +32,7 @@ class ConstantMatrix {
   const std::string& choice() const { return factor_ ? choice_ : solver_.choice(); }
 
  private:
-  const Motion& motion_;
+  const EquationOfMotion& motion_;
   ImplicitMatrix& A_;
   LinearSolver& solver_;
   bool is_factored_;

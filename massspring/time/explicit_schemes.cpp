@@ -9,7 +9,7 @@ using Eigen::Matrix3Xd;
 /// dv = h W f(x, v); dx = h v with the old velocity (explicit) or the new one (symplectic) [paper 3.4].
 class Euler : public Scheme {
  public:
-  Euler(const Motion& motion, bool is_symplectic)
+  Euler(const EquationOfMotion& motion, bool is_symplectic)
       : motion_(motion), is_symplectic_(is_symplectic), inverse_mass_(motion.model.mass.cwiseInverse()) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
@@ -31,7 +31,7 @@ class Euler : public Scheme {
   }
 
  private:
-  const Motion& motion_;
+  const EquationOfMotion& motion_;
   bool is_symplectic_;
   Eigen::VectorXd inverse_mass_;
   Matrix3Xd f_;
@@ -40,7 +40,7 @@ class Euler : public Scheme {
 /// The classical method of order four [Kutta 1901].
 class Rk4 : public Scheme {
  public:
-  explicit Rk4(const Motion& motion) : motion_(motion) {}
+  explicit Rk4(const EquationOfMotion& motion) : motion_(motion) {}
 
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     const Matrix3Xd a1 = acceleration(state);
@@ -71,18 +71,18 @@ class Rk4 : public Scheme {
     return stage;
   }
 
-  const Motion& motion_;
+  const EquationOfMotion& motion_;
 };
 
 }  // namespace
 
-std::unique_ptr<Scheme> make_explicit_euler(Motion& motion, const IntegratorOptions&) {
+std::unique_ptr<Scheme> make_explicit_euler(EquationOfMotion& motion, const IntegratorOptions&) {
   return std::make_unique<Euler>(motion, false);
 }
-std::unique_ptr<Scheme> make_symplectic_euler(Motion& motion, const IntegratorOptions&) {
+std::unique_ptr<Scheme> make_symplectic_euler(EquationOfMotion& motion, const IntegratorOptions&) {
   return std::make_unique<Euler>(motion, true);
 }
-std::unique_ptr<Scheme> make_rk4(Motion& motion, const IntegratorOptions&) {
+std::unique_ptr<Scheme> make_rk4(EquationOfMotion& motion, const IntegratorOptions&) {
   return std::make_unique<Rk4>(motion);
 }
 

@@ -21,7 +21,7 @@ std::unique_ptr<MassSpringModel> without(const MassSpringModel& model, const Gra
 
 }  // namespace
 
-ImplicitMatrix::ImplicitMatrix(const Motion& motion, const Gradients& gradients)
+ImplicitMatrix::ImplicitMatrix(const EquationOfMotion& motion, const Gradients& gradients)
     : motion_(motion),
       has_volume_(gradients.volume),
       reduced_(without(motion.model, gradients)),
@@ -34,7 +34,7 @@ ImplicitMatrix::ImplicitMatrix(const Motion& motion, const Gradients& gradients)
 
 void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
                          Curvature curvature) {
-  rounded_.reset();
+  single_.reset();
   mass_ = factors.mass * model_.mass;
   if (model_.springs && model_.springs->damping > 0)
     damping_ = damping_matrix(*model_.springs, motion_.damped_at(damped_at), factors.damping);
@@ -51,7 +51,7 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   for (Matrix3d& block : K_->block) block *= factors.stiffness;
   if (damping_) add_blocks(*model_.springs, *damping_, *K_);
   for (int i = 0; i < K_->rows(); ++i) K_->block[K_->diagonal[i]].diagonal().array() += mass_(i);
-  if (model_.spread_mass) add_blocks(*model_.spread_mass, -factors.mass, *K_);
+  if (model_.consistent_mass) add_blocks(*model_.consistent_mass, -factors.mass, *K_);
 }
 
 void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
@@ -66,18 +66,18 @@ void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
   filter(motion_.constraints, y);
 }
 
-void ImplicitMatrix::round() {
-  rounded_.emplace();
-  rounded_->mass = mass_.cast<float>();
-  if (springs_) rounded_->springs = rows_->in_rows(*springs_);
-  if (springs_ && damping_) rounded_->damping = rows_->in_rows(*damping_);
-  if (K_) rounded_->K = rounded(*K_);
-  rounded_->roots = surface_.rounded_roots();
+void ImplicitMatrix::make_single() {
+  single_.emplace();
+  single_->mass = mass_.cast<float>();
+  if (springs_) single_->springs = rows_->in_rows(*springs_);
+  if (springs_ && damping_) single_->damping = rows_->in_rows(*damping_);
+  if (K_) single_->K = single_precision(*K_);
+  single_->roots = surface_.single_roots();
 }
 
-double ImplicitMatrix::multiply_rounded(const PaddedField& p, PaddedField& y) {
-  if (!rounded_) round();
-  const Rounded& A = *rounded_;
+double ImplicitMatrix::multiply_single(const PaddedField& p, PaddedField& y) {
+  if (!single_) make_single();
+  const SinglePrecision& A = *single_;
   if (K_)
     y.setZero(4, p.cols());
   else
@@ -90,11 +90,11 @@ double ImplicitMatrix::multiply_rounded(const PaddedField& p, PaddedField& y) {
     if (damping_) rows_->add_product(A.damping, p, y);
     p_Ap = rows_->add_product(A.springs, p, y);
   }
-  filter_rounded(y);
+  filter_single(y);
   return p_Ap;
 }
 
-void ImplicitMatrix::filter_rounded(PaddedField& y) const {
+void ImplicitMatrix::filter_single(PaddedField& y) const {
   for (const Constraint& c : motion_.constraints)
     y.col(c.node).head<3>() = c.S.cast<float>() * y.col(c.node).head<3>().eval();
 }
@@ -133,9 +133,9 @@ const BlockMatrix& ImplicitMatrix::matrix() {
 
 LinearSystem ImplicitMatrix::system() {
   return {[this](const Matrix3Xd& p, Matrix3Xd& y) { multiply(p, y); },
-          [this](const PaddedField& p, PaddedField& y) { return multiply_rounded(p, y); },
+          [this](const PaddedField& p, PaddedField& y) { return multiply_single(p, y); },
           [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
-          [this](PaddedField& y) { filter_rounded(y); },
+          [this](PaddedField& y) { filter_single(y); },
           [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
           [this]() -> const BlockMatrix& { return matrix(); },
           &x_};

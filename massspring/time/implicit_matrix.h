@@ -2,7 +2,7 @@
 #pragma once
 
 #include "massspring/kernels/spring_rows.h"
-#include "massspring/time/motion.h"
+#include "massspring/time/equation_of_motion.h"
 #include "meshing/algebra/linear_solver.h"
 
 namespace testbed::massspring {
@@ -26,7 +26,7 @@ class ImplicitMatrix {
     }
   };
 
-  explicit ImplicitMatrix(const Motion& motion, const Gradients& gradients = {});
+  explicit ImplicitMatrix(const EquationOfMotion& motion, const Gradients& gradients = {});
 
   /// @param at         K is taken at its positions and rest lengths
   /// @param damped_at  positions (3 x n) that give the springs' directions in D
@@ -42,12 +42,12 @@ class ImplicitMatrix {
   const BlockMatrix& matrix();
 
  private:
-  void round();
-  void filter_rounded(PaddedField& y) const;
-  double multiply_rounded(const PaddedField& p, PaddedField& y);
+  void make_single();
+  void filter_single(PaddedField& y) const;
+  double multiply_single(const PaddedField& p, PaddedField& y);
   void diagonal(std::vector<Eigen::Matrix3d>& blocks) const;
 
-  const Motion& motion_;
+  const EquationOfMotion& motion_;
   bool has_volume_;
   std::unique_ptr<MassSpringModel> reduced_;  ///< without the parts whose gradients are dropped
   const MassSpringModel& model_;              ///< what the matrix knows of
@@ -59,14 +59,14 @@ class ImplicitMatrix {
   std::optional<BlockMatrix> A_;
 
   /// In single precision, where that is asked for.
-  struct Rounded {
+  struct SinglePrecision {
     Eigen::VectorXf mass;
     Eigen::Matrix4Xf springs, damping;  ///< in rows
     std::vector<float> K;
     std::vector<PaddedField> roots;  ///< of the surface
   };
   std::optional<SpringRows> rows_;
-  std::optional<Rounded> rounded_;
+  std::optional<SinglePrecision> single_;
 };
 
 }  // namespace testbed::massspring

@@ -11,12 +11,12 @@ using Eigen::Matrix3Xd;
 
 class StagedScheme : public Scheme {
  public:
-  StagedScheme(Motion& motion, const IntegratorOptions& options)
+  StagedScheme(EquationOfMotion& motion, const IntegratorOptions& options)
       : motion_(motion), stage_(motion, options.tolerance == 0, options.residual) {}
   std::string solver_choice() const override { return stage_.solver_choice(); }
 
  protected:
-  Motion& motion_;
+  EquationOfMotion& motion_;
   ImplicitStage stage_;
 };
 
@@ -93,7 +93,7 @@ class TrBdf2 : public StagedScheme {
     motion_.forces_at(state, f);
     filter(motion_.constraints, f);
     Matrix3Xd a = f * inverse_mass.asDiagonal();
-    if (!motion_.model.spread_mass) return a;
+    if (!motion_.model.consistent_mass) return a;
     const auto product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
       y = momenta(motion_.model, p);
       filter(motion_.constraints, y);
@@ -106,16 +106,16 @@ class TrBdf2 : public StagedScheme {
 
 }  // namespace
 
-std::unique_ptr<Scheme> make_minimising_euler(Motion& motion, const IntegratorOptions& options) {
+std::unique_ptr<Scheme> make_minimising_euler(EquationOfMotion& motion, const IntegratorOptions& options) {
   return std::make_unique<MinimisingEuler>(motion, options);
 }
-std::unique_ptr<Scheme> make_midpoint(Motion& motion, const IntegratorOptions& options) {
+std::unique_ptr<Scheme> make_midpoint(EquationOfMotion& motion, const IntegratorOptions& options) {
   return std::make_unique<Midpoint>(motion, options);
 }
-std::unique_ptr<Scheme> make_bdf2(Motion& motion, const IntegratorOptions& options) {
+std::unique_ptr<Scheme> make_bdf2(EquationOfMotion& motion, const IntegratorOptions& options) {
   return std::make_unique<Bdf2>(motion, options);
 }
-std::unique_ptr<Scheme> make_tr_bdf2(Motion& motion, const IntegratorOptions& options) {
+std::unique_ptr<Scheme> make_tr_bdf2(EquationOfMotion& motion, const IntegratorOptions& options) {
   return std::make_unique<TrBdf2>(motion, options);
 }
 

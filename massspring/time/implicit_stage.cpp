@@ -30,7 +30,7 @@ void bend(const SmallRotation& turn, double step, const Matrix3Xd& before, Matri
 
 }  // namespace
 
-ImplicitStage::ImplicitStage(Motion& motion, bool keeps_step, double residual)
+ImplicitStage::ImplicitStage(EquationOfMotion& motion, bool keeps_step, double residual)
     : motion_(motion),
       A_(motion),
       kept_(motion, keeps_step),

@@ -19,7 +19,7 @@ class ImplicitStage {
   /// @param keeps_step  steps have one length
   /// @param residual    that ends a step, as its last correction does: forces out of balance over load,
   /// inertia and forces. Contact is stiff, and steps with it end by the correction alone.
-  ImplicitStage(Motion& motion, bool keeps_step, double residual);
+  ImplicitStage(EquationOfMotion& motion, bool keeps_step, double residual);
 
   /// @param start  where damping directions, rest lengths and the first guess of v come from
   StepReport solve(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
@@ -33,7 +33,7 @@ class ImplicitStage {
   StepReport solve_linear(const State& start, double a, const Eigen::Matrix3Xd& y, const Eigen::Matrix3Xd& w,
                           Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
-  Motion& motion_;
+  EquationOfMotion& motion_;
   ImplicitMatrix A_;
   LinearSolver solver_;
   KeptFactor kept_;

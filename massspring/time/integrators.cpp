@@ -27,8 +27,9 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, con
     throw std::runtime_error("all nodes lie in one point, expected a body: its size tells far from near");
   check_contacts(integrator_, options.tolerance, !contacts.bodies.empty(),
                  contacts.self_thickness.has_value());
-  if (model.spread_mass && integrator_.is_explicit)
-    throw std::runtime_error("an explicit scheme, expected mass at nodes: spread mass has no simple inverse");
+  if (model.consistent_mass && integrator_.is_explicit)
+    throw std::runtime_error(
+        "an explicit scheme, expected mass at nodes: consistent mass has no simple inverse");
   if (!contacts.bodies.empty() && integrator_.minimises()) motion_.add_barrier();
   if (!contacts.bodies.empty() && integrator_.is_linearised) motion_.add_friction();
 }
@@ -131,7 +132,7 @@ StepReport TimeStepper::step_whole(State& state, double h) {
   }
   if (integrator_.is_linearised && !bodies.empty()) {
     motion_.constraints = supports_;
-    touches_.hold(bodies, state, h, motion_.constraints, motion_.friction->force);
+    active_set_.hold(bodies, state, h, motion_.constraints, motion_.friction->force);
     v_before_ = state.v;
   }
   motion_.constrain(state.v);
@@ -143,7 +144,7 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     Matrix3Xd f;
     motion_.forces_at(after, f);
     f = momenta(motion_.model, (v_ - v_before_) / h) - f;
-    touches_.settle(bodies, state, h, f, x_, v_);
+    active_set_.settle(bodies, state, h, f, x_, v_);
   } else if (integrator_.is_explicit) {
     push_out_(state, h, x_, v_);
   }

@@ -11,7 +11,7 @@ class TimeStepper {
  public:
   /// @param integrator  name among integrators()
   /// @param end  time at which prescribed displacements are complete (s)
-  /// @throws std::runtime_error as find_integrator and check_contacts; for spread mass with explicit schemes;
+  /// @throws std::runtime_error as find_integrator and check_contacts; for consistent mass with explicit schemes;
   /// for a body without extent
   TimeStepper(const MassSpringModel& model, const Forces& forces, const std::string& integrator, double end,
               const IntegratorOptions& options = {}, const Contacts& contacts = kNoContacts);
@@ -30,13 +30,13 @@ class TimeStepper {
   StepReport step_in_parts(State& state, double h);
   bool stays_at_rest(const State& state, double h) const;
 
-  Motion motion_;
+  EquationOfMotion motion_;
   const Integrator& integrator_;
   IntegratorOptions options_;
   double part_ = 0;  ///< length of the next part of a step (s)
   double end_;
   std::vector<Constraint> supports_;
-  Touches touches_;
+  ActiveSet active_set_;
   PushOut push_out_;
   double size_;       ///< of the body's box (m)
   double rest_norm_;  ///< of all positions at rest (m)

@@ -12,7 +12,7 @@ constexpr int kPatience = 50;  // of its cost that may be in vain
 
 /// Matrices of springs alone cost less than what they spare; and what a factorised matrix does not hold would
 /// make its directions poor.
-bool is_eligible(const Motion& motion) {
+bool is_eligible(const EquationOfMotion& motion) {
   const auto is_stiff = [](const auto& energy) { return energy->is_stiff(); };
   const SurfaceEnergies surface = motion.surface();
   return !is_springs_alone(motion.model) && motion.contacts.bodies.empty() && !motion.forces.volume &&
@@ -21,7 +21,7 @@ bool is_eligible(const Motion& motion) {
 
 }  // namespace
 
-KeptFactor::KeptFactor(const Motion& motion, bool keeps_step)
+KeptFactor::KeptFactor(const EquationOfMotion& motion, bool keeps_step)
     : credit_(keeps_step && is_eligible(motion) ? kPatience : 0) {}
 
 void KeptFactor::begin() {
@@ -43,7 +43,7 @@ void KeptFactor::renew(const std::function<void(Curvature curvature)>& set, Impl
   else
     cholesky_.emplace(matrix);
   is_sound_ = cholesky_->is_ok();
-  if (is_sound_) rounded_ = cholesky_->rounded();
+  if (is_sound_) single_ = cholesky_->single_precision();
 }
 
 bool KeptFactor::solve(const Eigen::Matrix3Xd& r, const ImplicitMatrix::Factors& factors,
@@ -61,7 +61,7 @@ bool KeptFactor::solve(const Eigen::Matrix3Xd& r, const ImplicitMatrix::Factors&
     is_new_ = true;
     if (is_out_ || !is_sound_) return false;
   }
-  dx = rounded_.solve(r);
+  dx = single_.solve(r);
   return true;
 }
 

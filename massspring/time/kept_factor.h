@@ -14,7 +14,7 @@ namespace testbed::massspring {
 class KeptFactor {
  public:
   /// @param keeps_step  steps have one length
-  KeptFactor(const Motion& motion, bool keeps_step);
+  KeptFactor(const EquationOfMotion& motion, bool keeps_step);
 
   /// A step begins.
   void begin();
@@ -35,7 +35,7 @@ class KeptFactor {
   double before_ = 0;    // size of the last gradient
   ImplicitMatrix::Factors factors_{};
   std::optional<BlockCholesky> cholesky_;
-  RoundedFactor rounded_;
+  SinglePrecisionFactor single_;
 };
 
 }  // namespace testbed::massspring

@@ -13,7 +13,7 @@ using Eigen::Matrix3Xd;
 /// h f_0 + M v - A v.
 class LinearisedEuler : public Scheme {
  public:
-  LinearisedEuler(const Motion& motion, const IntegratorOptions& options)
+  LinearisedEuler(const EquationOfMotion& motion, const IntegratorOptions& options)
       : motion_(motion),
         tolerance_(options.linear_tolerance),
         curvature_(options.curvature),
@@ -45,7 +45,7 @@ class LinearisedEuler : public Scheme {
   std::string solver_choice() const override { return solver_.choice(); }
 
  private:
-  const Motion& motion_;
+  const EquationOfMotion& motion_;
   double tolerance_;
   Curvature curvature_;
   ImplicitMatrix A_;
@@ -57,7 +57,7 @@ class LinearisedEuler : public Scheme {
 
 MakeScheme make_minimising_euler;
 
-std::unique_ptr<Scheme> make_implicit_euler(Motion& motion, const IntegratorOptions& options) {
+std::unique_ptr<Scheme> make_implicit_euler(EquationOfMotion& motion, const IntegratorOptions& options) {
   // Linear forces need no linearisation, and then the matrix stays.
   if (is_linear(motion) && options.linear_solver == Krylov::Cg) return make_minimising_euler(motion, options);
   return std::make_unique<LinearisedEuler>(motion, options);

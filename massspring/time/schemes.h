@@ -30,7 +30,7 @@ class Scheme {
   virtual std::string solver_choice() const { return {}; }
 };
 
-using MakeScheme = std::unique_ptr<Scheme>(Motion& motion, const IntegratorOptions& options);
+using MakeScheme = std::unique_ptr<Scheme>(EquationOfMotion& motion, const IntegratorOptions& options);
 
 /// What there is to know of a scheme before it steps. One that is neither explicit nor linearised minimises.
 struct Integrator {

@@ -90,22 +90,23 @@ template void symmetrise(const BlockMatrix& pattern, float* blocks);
 template void symmetrise(const BlockMatrix& pattern, double* blocks);
 
 template <class Real>
-void hold(const BlockMatrix& pattern, const std::vector<char>& is_held, Real* blocks) {
-  std::vector<char> has_held(pattern.rows());
+void hold(const BlockMatrix& pattern, const std::vector<char>& is_constrained, Real* blocks) {
+  std::vector<char> has_constrained(pattern.rows());
   for (int i = 0; i < pattern.rows(); ++i)
-    has_held[i] = is_held[3 * i] || is_held[3 * i + 1] || is_held[3 * i + 2];
+    has_constrained[i] = is_constrained[3 * i] || is_constrained[3 * i + 1] || is_constrained[3 * i + 2];
   for (int i = 0; i < pattern.rows(); ++i)
     for (int k = pattern.row_start[i]; k < pattern.row_start[i + 1]; ++k) {
       const int j = pattern.column[k];
-      if (!has_held[i] && !has_held[j]) continue;
+      if (!has_constrained[i] && !has_constrained[j]) continue;
       Real* block = blocks + 9 * static_cast<std::ptrdiff_t>(k);
       for (int d = 0; d < 3; ++d)
         for (int c = 0; c < 3; ++c)
-          if ((is_held[3 * i + c] || is_held[3 * j + d]) && (i != j || c != d)) block[3 * d + c] = 0;
+          if ((is_constrained[3 * i + c] || is_constrained[3 * j + d]) && (i != j || c != d))
+            block[3 * d + c] = 0;
     }
 }
-template void hold(const BlockMatrix& pattern, const std::vector<char>& is_held, float* blocks);
-template void hold(const BlockMatrix& pattern, const std::vector<char>& is_held, double* blocks);
+template void hold(const BlockMatrix& pattern, const std::vector<char>& is_constrained, float* blocks);
+template void hold(const BlockMatrix& pattern, const std::vector<char>& is_constrained, double* blocks);
 
 void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) {
   y.resize(3, A.rows());
@@ -118,7 +119,7 @@ void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd&
   });
 }
 
-std::vector<float> rounded(const BlockMatrix& A) {
+std::vector<float> single_precision(const BlockMatrix& A) {
   std::vector<float> blocks(9 * A.block.size() + 3);
   for (size_t k = 0; k < A.block.size(); ++k) Eigen::Matrix3f::Map(&blocks[9 * k]) = A.block[k].cast<float>();
   return blocks;

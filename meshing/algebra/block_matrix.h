@@ -61,17 +61,17 @@ void mirror(BlockMatrix& A);
 template <class Real>
 void symmetrise(const BlockMatrix& pattern, Real* blocks);
 
-/// Empties rows and columns of held unknowns (3 row + component) but for the diagonal.
+/// Empties rows and columns of constrained unknowns (3 row + component) but for the diagonal.
 template <class Real>
-void hold(const BlockMatrix& pattern, const std::vector<char>& is_held, Real* blocks);
+void hold(const BlockMatrix& pattern, const std::vector<char>& is_constrained, Real* blocks);
 
 /// y = A x for 3 x n fields of node vectors.
 void multiply(const BlockMatrix& A, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y);
 
 /// The blocks in single precision, by columns, and three floats at the end.
-std::vector<float> rounded(const BlockMatrix& A);
+std::vector<float> single_precision(const BlockMatrix& A);
 
-/// y += A p of rounded blocks; then p . y.
+/// y += A p of blocks in single precision; then p . y.
 double add_product(const BlockMatrix& pattern, const std::vector<float>& blocks, const PaddedField& p,
                    PaddedField& y);
 

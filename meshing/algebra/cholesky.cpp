@@ -76,14 +76,14 @@ Eigen::MatrixXd SparseCholesky::solve(const Eigen::MatrixXd& b) const {
   return factor_->llt.solve(b);
 }
 
-RoundedFactor SparseCholesky::rounded() const {
+SinglePrecisionFactor SparseCholesky::single_precision() const {
   const cholmod_factor& L = factor_->llt.factor();
   const auto* first = static_cast<const int*>(L.super);
   const auto* begin = static_cast<const int*>(L.pi);
   const auto* entries = static_cast<const int*>(L.px);
   const auto* row = static_cast<const int*>(L.s);
   const auto* permutation = static_cast<const int*>(L.Perm);
-  RoundedFactor result;
+  SinglePrecisionFactor result;
   std::size_t n_entries = 0;
   for (std::size_t k = 0; k < L.nsuper; ++k) {
     const int n_columns = first[k + 1] - first[k], n_rows = begin[k + 1] - begin[k];
@@ -94,7 +94,7 @@ RoundedFactor SparseCholesky::rounded() const {
   }
   result.entry.resize(n_entries);
   for (std::size_t k = 0; k < L.nsuper; ++k) {
-    const RoundedFactor::Supernode& s = result.supernodes[k];
+    const SinglePrecisionFactor::Supernode& s = result.supernodes[k];
     for (int j = 0; j < s.n_columns; ++j) {
       const double* from =
           static_cast<const double*>(L.x) + entries[k] + static_cast<std::size_t>(j) * s.n_rows;

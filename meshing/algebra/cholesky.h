@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "meshing/algebra/block_matrix.h"
-#include "meshing/algebra/rounded_factor.h"
+#include "meshing/algebra/single_precision_factor.h"
 
 namespace testbed::meshing {
 
@@ -30,7 +30,7 @@ class SparseCholesky {
   Eigen::MatrixXd solve(const Eigen::MatrixXd& b) const;
   /// The factor in single precision, which takes a third of the time of solve. Under the same condition. Three
   /// unknowns share a column of the fields that it solves for.
-  RoundedFactor rounded() const;
+  SinglePrecisionFactor single_precision() const;
 
  private:
   struct Factor;
@@ -49,7 +49,7 @@ class BlockCholesky {
   void solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const;
   /// A^-1 b for many columns at once, b of 3n x m.
   Eigen::MatrixXd solve_columns(const Eigen::MatrixXd& b) const { return factor_->solve(b); }
-  RoundedFactor rounded() const { return factor_->rounded(); }
+  SinglePrecisionFactor single_precision() const { return factor_->single_precision(); }
 
  private:
   std::size_t n_blocks_;

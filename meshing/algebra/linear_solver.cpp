@@ -39,16 +39,16 @@ struct OfSystem {
 
   double operator()(const PaddedField& r, PaddedField& z) const {
     apply(r, z);
-    A.rounded_filter(z);  // constraints may have come since
+    A.single_filter(z);  // constraints may have come since
     return dot(r, z);
   }
   void operator()(const Matrix3Xd& r, Matrix3Xd& z) const {
     const double size = r.norm();
-    PaddedField rounded_r, rounded_z;
-    pad(r, size > 0 ? 1 / size : 1, rounded_r);
-    (*this)(rounded_r, rounded_z);
+    PaddedField single_r, single_z;
+    pad(r, size > 0 ? 1 / size : 1, single_r);
+    (*this)(single_r, single_z);
     z = Matrix3Xd::Zero(3, r.cols());
-    add_unpadded(rounded_z, size, z);
+    add_unpadded(single_z, size, z);
   }
 };
 
@@ -68,7 +68,7 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
   SolveReport report;
   const double b_norm = b.norm();
   Matrix3Xd r, Ax;
-  PaddedField rounded, correction;
+  PaddedField single, correction;
   const auto measure = [&] {
     A.product(x, Ax);
     r = b - Ax;
@@ -84,10 +84,10 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
   }
   while (!report.is_converged && report.iterations < max_iterations) {
     const double before = report.residual, size = r.norm();
-    pad(r, 1 / size, rounded);
-    correction.setZero(4, rounded.cols());
+    pad(r, 1 / size, single);
+    correction.setZero(4, single.cols());
     const SolveReport inner =
-        conjugate_gradients(A.rounded_product, precondition, rounded, 1, correction,
+        conjugate_gradients(A.single_product, precondition, single, 1, correction,
                             std::max(kDeepest, kBelow * tolerance / before),
                             max_iterations - report.iterations, is_hard_ ? tolerance / before : kNoBound);
     report.iterations += inner.iterations;
@@ -166,7 +166,7 @@ SolveReport LinearSolver::solve_with(BlockJacobi& jacobi, const LinearSystem& A,
     n += report.iterations;
     return report;
   }
-  jacobi.rounded = pad(jacobi.inverse);
+  jacobi.single = pad(jacobi.inverse);
   const SolveReport first = iterate(A, jacobi, b, x, tolerance, patience_, n);
   if (!is_small) waste_ += std::max(0., first.iterations - kCycle * kCyclesADigit * digits(tolerance));
   const bool is_hard = !first.is_converged && first.iterations >= patience_;
@@ -196,7 +196,7 @@ SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, cons
       factor.cholesky.reset();
       return rest;
     }
-    if (b.cols() >= kSmallest && !is_floppy_) factor.rounded = factor.cholesky->rounded();
+    if (b.cols() >= kSmallest && !is_floppy_) factor.single = factor.cholesky->single_precision();
   }
   const auto exactly = [&](const Matrix3Xd& r, Matrix3Xd& z) {
     factor.cholesky->solve(r, z);
@@ -207,7 +207,7 @@ SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, cons
     report = conjugate_gradients(A.product, exactly, b, x, tolerance, kMaxIterations);
     n += report.iterations;
   } else {
-    const auto apply = [&](const PaddedField& r, PaddedField& z) { factor.rounded.solve(r, z); };
+    const auto apply = [&](const PaddedField& r, PaddedField& z) { factor.single.solve(r, z); };
     report = iterate(A, OfSystem{apply, A}, b, x, tolerance, kMaxIterations, n);
   }
   Service& service = factor.service;

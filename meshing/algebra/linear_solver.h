@@ -40,10 +40,10 @@ class LinearSolver {
   /// Preconditioner of the system at hand, in either precision.
   struct BlockJacobi {
     std::vector<Eigen::Matrix3d> inverse;  ///< of the diagonal blocks
-    SymmetricBlocks rounded;
+    SymmetricBlocks single;
 
     void operator()(const Matrix3Xd& r, Matrix3Xd& z) const;
-    double operator()(const PaddedField& r, PaddedField& z) const { return multiply(rounded, r, z); }
+    double operator()(const PaddedField& r, PaddedField& z) const { return multiply(single, r, z); }
   };
   /// How a preconditioner of an earlier system served.
   struct Service {
@@ -52,7 +52,7 @@ class LinearSolver {
   };
   struct Factor {
     std::unique_ptr<BlockCholesky> cholesky;  ///< of an earlier system; empty: to be made anew
-    RoundedFactor rounded;
+    SinglePrecisionFactor single;
     Service service;
   };
   struct RigidGroups {

@@ -68,7 +68,7 @@ Blocks<6, 6> inverse_diagonal(const Equations<6>& A) {
 }
 
 template <class Block>
-std::vector<float> rounded(const std::vector<Block>& blocks) {
+std::vector<float> single_precision(const std::vector<Block>& blocks) {
   constexpr int kEntries = Block::SizeAtCompileTime;
   std::vector<float> result(kEntries * blocks.size() + 2);
   for (size_t k = 0; k < blocks.size(); ++k)
@@ -78,8 +78,8 @@ std::vector<float> rounded(const std::vector<Block>& blocks) {
 }
 
 template <int D>
-BlockRows<D> rounded(const Equations<D>& A, const Blocks<D, D>& inverse) {
-  return {A.row_start, A.column, A.diagonal, rounded(A.block), rounded(inverse)};
+BlockRows<D> single_precision(const Equations<D>& A, const Blocks<D, D>& inverse) {
+  return {A.row_start, A.column, A.diagonal, single_precision(A.block), single_precision(inverse)};
 }
 
 /// The largest eigenvalue of A with its diagonal blocks scaled to ones, by power iteration.
@@ -100,9 +100,9 @@ double largest_eigenvalue(const BlockRows<D>& A) {
 }
 
 /// Group of each row: a row with all its neighbours where none is in a group yet; what is left joins the
-/// neighbour that it is tied to most. Rows that are held are in none.
+/// neighbour that it is tied to most. Rows that are constrained are in none.
 template <int D>
-std::vector<int> group(const Equations<D>& A, const std::vector<bool>& is_held, int& n_groups) {
+std::vector<int> group(const Equations<D>& A, const std::vector<bool>& is_constrained, int& n_groups) {
   constexpr double kWeak = D == 3 ? 0.02 : 0;
   std::vector<double> size(A.n_rows());
   for (int i = 0; i < A.n_rows(); ++i) size[i] = A.block[A.diagonal[i]].norm();
@@ -111,12 +111,12 @@ std::vector<int> group(const Equations<D>& A, const std::vector<bool>& is_held, 
     for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) {
       const int j = A.column[k];
       const double t = A.block[k].norm() / std::sqrt(size[i] * size[j]);
-      if (!is_held[i] && !is_held[j] && (t > kWeak || i == j)) tie[k] = t;
+      if (!is_constrained[i] && !is_constrained[j] && (t > kWeak || i == j)) tie[k] = t;
     }
   std::vector<int> group(A.n_rows(), -1);
   n_groups = 0;
   for (int i = 0; i < A.n_rows(); ++i) {
-    if (is_held[i]) continue;
+    if (is_constrained[i]) continue;
     bool is_free = true;
     for (int k = A.row_start[i]; k < A.row_start[i + 1] && is_free; ++k)
       is_free = tie[k] < 0 || group[A.column[k]] < 0;
@@ -127,7 +127,7 @@ std::vector<int> group(const Equations<D>& A, const std::vector<bool>& is_held, 
   }
   std::vector<int> joined = group;
   for (int i = 0; i < A.n_rows(); ++i) {
-    if (is_held[i] || group[i] >= 0) continue;
+    if (is_constrained[i] || group[i] >= 0) continue;
     double strongest = -1;
     for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
       if (tie[k] > strongest && group[A.column[k]] >= 0) {
@@ -152,10 +152,10 @@ template <int D>
 Prolongation<D> prolongation(const Equations<D>& A, const Blocks<D, D>& inverse, double omega,
                              const Matrix3Xd& X, const std::vector<Eigen::Matrix3d>& free) {
   const int n = A.n_rows();
-  std::vector<bool> is_held(n, false);
-  for (size_t i = 0; i < free.size(); ++i) is_held[i] = free[i].isZero(0);
+  std::vector<bool> is_constrained(n, false);
+  for (size_t i = 0; i < free.size(); ++i) is_constrained[i] = free[i].isZero(0);
   int n_groups;
-  const std::vector<int> groups = group(A, is_held, n_groups);
+  const std::vector<int> groups = group(A, is_constrained, n_groups);
   Prolongation<D> P;
   P.centre = Matrix3Xd::Zero(3, n_groups);
   Eigen::VectorXd size = Eigen::VectorXd::Zero(n_groups);
@@ -264,14 +264,14 @@ BodyEquations galerkin(const Equations<D>& A, const Prolongation<D>& P) {
 
 constexpr double kDamping = 4. / 3;  // over the largest eigenvalue [Vanek, Mandel & Brezina 1996]
 
-/// The rounded equations of a level and their prolongation, which is returned in double precision, too.
+/// Equations of a level and their prolongation in single precision, the latter returned in double precision, too.
 template <class Level, int D>
 Prolongation<D> fill(const Equations<D>& A, const Matrix3Xd& X, const std::vector<Eigen::Matrix3d>& free,
                      Level& level) {
   const Blocks<D, D> inverse = inverse_diagonal(A);
-  level.A = rounded(A, inverse);
+  level.A = single_precision(A, inverse);
   Prolongation<D> P = prolongation(A, inverse, kDamping / largest_eigenvalue(level.A), X, free);
-  level.P = {P.row_start, P.column, rounded(P.block)};
+  level.P = {P.row_start, P.column, single_precision(P.block)};
   return P;
 }
 

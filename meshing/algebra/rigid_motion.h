@@ -30,9 +30,10 @@ Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X);
 Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A);
 
 /// Orthonormal basis of the rigid motions that supports leave free, 3n x m, m <= 6.
-/// @param motions  of all points, see rigid_motions
-/// @param held     H^T H, 6 x 6, H what the supports hold of each motion
-Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions, const Eigen::Matrix<double, 6, 6>& held);
+/// @param motions      of all points, see rigid_motions
+/// @param constrained  H^T H, 6 x 6, H what the supports hold of each motion
+Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions,
+                                   const Eigen::Matrix<double, 6, 6>& constrained);
 
 /// That a load drives no free rigid motion.
 /// @param X         3 x n (m)

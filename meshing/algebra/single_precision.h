@@ -23,7 +23,7 @@ inline Eigen::Index padded(Eigen::Index n) {
   return (n + 3) / 4 * 4;
 }
 
-/// factor u, 3 x n, rounded.
+/// factor u, 3 x n, in single precision.
 void pad(const Eigen::Matrix3Xd& u, double factor, PaddedField& result);
 
 /// u += factor w.

@@ -54,17 +54,17 @@ bool is_driven(const Scene& scene) {
 }
 
 /// Whether supports without end hold every vertex of the surface in all directions.
-bool is_held_everywhere(const Scene& scene, const SurfaceMesh& surface) {
-  std::vector<Eigen::Matrix3d> held(surface.X.cols(), Eigen::Matrix3d::Zero());
+bool is_constrained_everywhere(const Scene& scene, const SurfaceMesh& surface) {
+  std::vector<Eigen::Matrix3d> constrained(surface.X.cols(), Eigen::Matrix3d::Zero());
   for (const Support& support : scene.supports) {
     if (support.end) continue;
     Eigen::Matrix3d projection = Eigen::Matrix3d::Zero();
-    for (const Eigen::Vector3d& direction : held_directions(support))
+    for (const Eigen::Vector3d& direction : constrained_directions(support))
       projection += direction * direction.transpose();
-    for (const int v : vertices_in(support.region, surface)) held[v] += projection;
+    for (const int v : vertices_in(support.region, surface)) constrained[v] += projection;
   }
   constexpr double kLeast = 1e-9;  // of what holds a direction: the square of its sine against the others
-  return std::all_of(held.begin(), held.end(), [](const Eigen::Matrix3d& h) {
+  return std::all_of(constrained.begin(), constrained.end(), [](const Eigen::Matrix3d& h) {
     return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(h, Eigen::EigenvaluesOnly).eigenvalues()(0) >
            kLeast;
   });
@@ -95,14 +95,15 @@ std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
 
 void check_supports(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
                     const std::string& file) {
-  if (problem.held.empty() || scene.time.mode == TimeMode::Dynamic || scene.reference.inertia_relief) return;
-  std::vector<bool> is_held(surface.X.cols(), false);
-  for (const auto& [vertices, support] : problem.held)
-    for (const int v : vertices) is_held[v] = true;
+  if (problem.constrained.empty() || scene.time.mode == TimeMode::Dynamic || scene.reference.inertia_relief)
+    return;
+  std::vector<bool> is_constrained(surface.X.cols(), false);
+  for (const auto& [vertices, support] : problem.constrained)
+    for (const int v : vertices) is_constrained[v] = true;
   const std::vector<std::vector<int>> parts = parts_of(surface);
   std::vector<int> loose;
   for (size_t p = 0; p < parts.size(); ++p)
-    if (std::none_of(parts[p].begin(), parts[p].end(), [&](int v) { return is_held[v]; }))
+    if (std::none_of(parts[p].begin(), parts[p].end(), [&](int v) { return is_constrained[v]; }))
       loose.push_back(static_cast<int>(p));
   if (loose.empty()) return;
   throw std::runtime_error(place_of(scene, "supports", file) + std::to_string(loose.size()) +
@@ -122,8 +123,8 @@ void check_motion(const Scene& scene, const SurfaceMesh& surface, const std::str
         "nothing moves the body, expected gravity, a load, a prescribed displacement, an "
         "initial motion, a collapse or a volume target, and other than zero");
   }
-  if (!is_prescribed(scene) && is_held_everywhere(scene, surface) &&
-      is_held_everywhere(scene, cut_across(surface, scene.surface.across).surface))
+  if (!is_prescribed(scene) && is_constrained_everywhere(scene, surface) &&
+      is_constrained_everywhere(scene, cut_across(surface, scene.surface.across).surface))
     throw std::runtime_error(
         place_of(scene, "supports", file) +
         "supports hold the whole surface in all directions, expected a part of it that is "

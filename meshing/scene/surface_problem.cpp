@@ -53,7 +53,7 @@ SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface) {
     const Support& support = scene.supports[s];
     std::vector<int> vertices = vertices_in(support.region, surface);
     if (vertices.empty()) refuse_empty(scene, "supports." + std::to_string(s) + ".region", "node", surface);
-    problem.held.push_back({std::move(vertices), support});
+    problem.constrained.push_back({std::move(vertices), support});
   }
   for (size_t k = 0; k < scene.seams.size(); ++k) add_stitches(scene, k, surface, problem.stitches);
   const Eigen::Index n = surface.F.cols();
@@ -88,7 +88,7 @@ Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time,
   return (time.mode == TimeMode::Dynamic ? t / time.end : t) * support.displacement;
 }
 
-std::vector<Eigen::Vector3d> held_directions(const Support& support) {
+std::vector<Eigen::Vector3d> constrained_directions(const Support& support) {
   if (support.normal) return {support.normal->normalized()};
   if (support.along) {
     const Eigen::Vector3d across = support.along->unitOrthogonal();
@@ -109,9 +109,10 @@ std::optional<Eigen::Matrix3d> frame_of(const std::vector<Support>& supports) {
   constexpr double kRounding = 1e-9;
   std::vector<Eigen::Vector3d> axes;
   for (const Support& support : supports) {
-    const std::vector<Eigen::Vector3d> held = held_directions(support);
-    if (held.size() == 3) continue;  // in every frame
-    const Eigen::Vector3d axis = held.size() == 1 ? held[0] : held[0].cross(held[1]);
+    const std::vector<Eigen::Vector3d> constrained = constrained_directions(support);
+    if (constrained.size() == 3) continue;  // in every frame
+    const Eigen::Vector3d axis =
+        constrained.size() == 1 ? constrained[0] : constrained[0].cross(constrained[1]);
     bool is_new = true;
     for (const Eigen::Vector3d& other : axes) {
       const double cosine = std::abs(axis.dot(other));
@@ -135,9 +136,9 @@ std::string bytes_of(const SurfaceProblem& problem) {
   const auto add = [&](const auto* values, size_t n) {
     bytes.append(reinterpret_cast<const char*>(values), n * sizeof *values);
   };
-  for (const auto& [vertices, support] : problem.held) {
+  for (const auto& [vertices, support] : problem.constrained) {
     add(vertices.data(), vertices.size());
-    for (const Eigen::Vector3d& direction : held_directions(support)) add(direction.data(), 3);
+    for (const Eigen::Vector3d& direction : constrained_directions(support)) add(direction.data(), 3);
     if (support.end) add(&*support.end, 1);
     add(support.displacement.data(), 3);
     for (const Eigen::Vector4d& point : support.motion) add(point.data(), 4);

@@ -8,11 +8,11 @@ namespace testbed::meshing {
 struct SurfaceProblem {
   /// A support and the vertices that it holds, ascending. Where several hold a component, the last prescribes
   /// it.
-  struct Held {
+  struct Constrained {
     std::vector<int> vertices;
     Support support;
   };
-  std::vector<Held> held;
+  std::vector<Constrained> constrained;
   /// Vertices tied to each other, and by how stiff a stitch (N/m).
   struct Stitch {
     int a, b;
@@ -39,7 +39,7 @@ SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface);
 Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time, double t);
 
 /// Orthonormal directions in which a support prescribes its nodes' displacement.
-std::vector<Eigen::Vector3d> held_directions(const Support& support);
+std::vector<Eigen::Vector3d> constrained_directions(const Support& support);
 
 /// Whether the support still prescribes in a step that begins at t (s).
 bool holds_at(const Support& support, double t);

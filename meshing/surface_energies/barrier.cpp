@@ -156,10 +156,10 @@ void Barrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
 
 std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Matrix3Xd& X,
                                               const Eigen::MatrixXi& faces, double E,
-                                              const std::vector<char>& is_held) {
+                                              const std::vector<char>& is_constrained) {
   constexpr double kRange = 1e-3, kStiff = 1. / 50;
   const double range = kRange * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
-  WeightedPoints points = contact_points(faces, X, is_held);
+  WeightedPoints points = contact_points(faces, X, is_constrained);
   return std::make_shared<EnergyOfPoints>(
       std::make_shared<Barrier>(std::move(points.weights), range, kStiff * E / range, bodies), points.W);
 }

@@ -59,9 +59,9 @@ class Barrier : public SurfaceEnergy {
 /// @param X  nodes at rest (3 x n, m)
 /// @param faces  3 or 6 nodes each
 /// @param E  Young's modulus (Pa)
-/// @param is_held  per node, whether nothing moves it but its supports
+/// @param is_constrained  per node, whether nothing moves it but its supports
 std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Eigen::Matrix3Xd& X,
                                               const Eigen::MatrixXi& faces, double E,
-                                              const std::vector<char>& is_held);
+                                              const std::vector<char>& is_constrained);
 
 }  // namespace testbed::meshing

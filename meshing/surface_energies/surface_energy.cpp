@@ -62,16 +62,16 @@ void SurfaceHessian::add_product(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y)
   for (const VolumeCurvature& c : curvatures) add_volume_curvature(c.factor, *c.F, c.x, p, y);
 }
 
-std::vector<PaddedField> SurfaceHessian::rounded_roots() const {
-  std::vector<PaddedField> rounded(roots.size());
-  for (size_t k = 0; k < roots.size(); ++k) pad(roots[k], 1, rounded[k]);
-  return rounded;
+std::vector<PaddedField> SurfaceHessian::single_roots() const {
+  std::vector<PaddedField> single(roots.size());
+  for (size_t k = 0; k < roots.size(); ++k) pad(roots[k], 1, single[k]);
+  return single;
 }
 
-void SurfaceHessian::add_product(const std::vector<PaddedField>& rounded, const PaddedField& p,
+void SurfaceHessian::add_product(const std::vector<PaddedField>& single, const PaddedField& p,
                                  PaddedField& y) const {
   add_sparse_product(p, y);
-  for (const PaddedField& g : rounded) add_scaled(static_cast<float>(dot(g, p)), g, y);
+  for (const PaddedField& g : single) add_scaled(static_cast<float>(dot(g, p)), g, y);
   if (curvatures.empty()) return;
   Eigen::Index n = 0;
   for (const VolumeCurvature& c : curvatures) n = std::max(n, c.x.cols());

@@ -88,9 +88,9 @@ struct SurfaceHessian {
   /// y += H p, 3 x n.
   void add_product(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
   /// The same in single precision.
-  /// @param rounded  of rounded_roots
-  void add_product(const std::vector<PaddedField>& rounded, const PaddedField& p, PaddedField& y) const;
-  std::vector<PaddedField> rounded_roots() const;
+  /// @param single  of single_roots
+  void add_product(const std::vector<PaddedField>& single, const PaddedField& p, PaddedField& y) const;
+  std::vector<PaddedField> single_roots() const;
 };
 
 /// An energy of the positions x (3 x n, m), in the order in which a step by Newton's method calls it.

@@ -58,15 +58,15 @@ SurfacePoints points_on(const Eigen::MatrixXi& faces, const Matrix3Xd& places, E
 }
 
 WeightedPoints contact_points(const Eigen::MatrixXi& faces, const Matrix3Xd& X,
-                              const std::vector<char>& is_held) {
+                              const std::vector<char>& is_constrained) {
   constexpr double kCorner = 1. / 20, kMiddle = 2. / 15, kCentroid = 9. / 20;
   std::vector<Eigen::Triplet<double>> entries;
   std::vector<double> weights;
-  std::map<std::pair<int, int>, int> shared;  // the point of a corner, twice, or of an edge; -1: held
+  std::map<std::pair<int, int>, int> shared;  // the point of a corner, twice, or of an edge; -1: constrained
   const auto add = [&](const Eigen::VectorXi& face, double r, double s, double weight) {
     const Matrix3Xd N = shape_functions(face.size(), r, s);
     bool is_free = false;
-    for (Eigen::Index a = 0; a < face.size(); ++a) is_free |= N(0, a) != 0 && !is_held[face(a)];
+    for (Eigen::Index a = 0; a < face.size(); ++a) is_free |= N(0, a) != 0 && !is_constrained[face(a)];
     if (!is_free) return -1;
     const int p = static_cast<int>(weights.size());
     for (Eigen::Index a = 0; a < face.size(); ++a)

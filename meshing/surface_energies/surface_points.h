@@ -26,12 +26,12 @@ struct WeightedPoints {
 
 /// Corners, middles of edges and centroids, at 1/20, 2/15 and 9/20 of a face's area: exact for polynomials of
 /// degree 3 [Abramowitz & Stegun 1964, 25.4], so that under uniform pressure corners of curved faces bear
-/// nothing. What faces share is one point. None hangs on held nodes alone.
+/// nothing. What faces share is one point. None hangs on constrained nodes alone.
 /// @param faces  3 or 6 nodes each
 /// @param X  nodes at rest (3 x n, m), edges straight
-/// @param is_held  per node
+/// @param is_constrained  per node
 WeightedPoints contact_points(const Eigen::MatrixXi& faces, const Eigen::Matrix3Xd& X,
-                              const std::vector<char>& is_held);
+                              const std::vector<char>& is_constrained);
 
 /// W^T H W: what the Hessian at points is at the nodes that they hang on.
 SurfaceHessian at_nodes(const SurfaceHessian& H, const SurfacePoints& W);

@@ -1,5 +1,5 @@
 // The springs of the paper's Table 1 beside Bullet's: same nodes, springs, stiffness, masses and step,
-// gravity, the lowest fifth held.
+// gravity, the lowest fifth constrained.
 #include <BulletCollision/BroadphaseCollision/btDbvtBroadphase.h>
 #include <BulletSoftBody/btDeformableBodySolver.h>
 #include <BulletSoftBody/btDeformableGravityForce.h>
@@ -21,7 +21,7 @@ using namespace testbed::massspring;
 constexpr double kGravity = -9.81, kSoft = 1e5, kStiff = 1e8;  // m/s2, Pa
 constexpr int kWarmUp = 3;
 
-bool is_held(const MassSpringModel& model, Eigen::Index i) {
+bool is_constrained(const MassSpringModel& model, Eigen::Index i) {
   const auto z = model.network.X.row(2);
   return z(i) < z.minCoeff() + (z.maxCoeff() - z.minCoeff()) / 5;
 }
@@ -38,7 +38,7 @@ void ours(benchmark::State& bench, const Table1& row, double E, bool is_implicit
   Forces forces;
   forces.load = Eigen::Vector3d(0, 0, kGravity) * model.mass.transpose();
   for (Eigen::Index i = 0; i < model.mass.size(); ++i)
-    if (is_held(model, i))
+    if (is_constrained(model, i))
       forces.constraints.push_back({static_cast<int>(i), Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
   const double h = step_of(model, is_implicit);
   TimeStepper stepper(model, forces, is_implicit ? "implicit_euler" : "symplectic_euler", 1, {1e-4});
@@ -75,7 +75,7 @@ void bullet(benchmark::State& bench, const Table1& row, double E, bool is_implic
       x[i] = btVector3(model.network.X(0, i), model.network.X(1, i), model.network.X(2, i));
     auto* body = new btSoftBody(&world.getWorldInfo(), n, x.data(), nullptr);
     for (const auto& s : model.springs->E.colwise()) body->appendLink(s(0), s(1));
-    for (int i = 0; i < n; ++i) body->setMass(i, is_held(model, i) ? 0 : model.mass(i));
+    for (int i = 0; i < n; ++i) body->setMass(i, is_constrained(model, i) ? 0 : model.mass(i));
     world.addSoftBody(body);
     return body;
   };

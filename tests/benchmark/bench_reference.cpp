@@ -50,7 +50,7 @@ Cost cost(const Run& run) {
 constexpr double kTimeLimit = 3600;  // s
 const std::string kScenes = SCENE_FOLDER;
 
-/// A body of a shape held at one end under its weight, or (ball under pressure) free.
+/// A body of a shape constrained at one end under its weight, or (ball under pressure) free.
 struct Case {
   std::string scene;
   Words sets;
@@ -80,7 +80,7 @@ void against_calculix(benchmark::State& bench, const Case& at) {
   const TemporaryFolder folder;
   CalculixJob job;
   job.material = scene.material;
-  job.held = solid.held();
+  job.constrained = solid.constrained();
   job.gravity = *scene.gravity;
   write_file(folder.path() / "job.inp", calculix_input(solid, job));
   const auto calculix = [&] {
@@ -131,8 +131,9 @@ void newmark_step(benchmark::State& bench, const Case& at) {
   system.K = solid.stiffness();
   system.M = solid.mass();
   system.load = solid.load();
-  for (const HeldComponent& h : solid.held()) system.held.push_back(3 * h.node + h.component);
-  TimeIntegrator motion(std::move(system), 1e-4, kNewmark);
+  for (const ConstrainedComponent& h : solid.constrained())
+    system.constrained.push_back(3 * h.node + h.component);
+  GeneralisedAlpha motion(std::move(system), 1e-4, kNewmark);
   for (auto _ : bench) motion.step();
   bench.counters["dofs"] = solid.n_dofs();
 }
@@ -209,7 +210,7 @@ void elements(benchmark::State& bench, bool is_tangent, int degree, ElasticLaw l
 /// Explicit steps of the box, which hangs on one of its faces, at small strain.
 void explicit_step(benchmark::State& bench, int degree) {
   ElasticSolid solid(box_tets(kCells, kCells, kCells, 1. / kCells, 0.2), degree);
-  std::vector<HeldComponent> clamp;
+  std::vector<ConstrainedComponent> clamp;
   for (int i = 0; i < solid.X().cols(); ++i)
     for (int c = 0; c < 3 && solid.X()(2, i) > 1 - 0.3 / kCells; ++c) clamp.push_back({i, c, 0});
   ElasticLoads gravity;
@@ -219,7 +220,7 @@ void explicit_step(benchmark::State& bench, int degree) {
   system.K = solid.stiffness();
   system.M = solid.mass(MassMatrix::Lumped);
   system.load = solid.load();
-  for (const HeldComponent& h : clamp) system.held.push_back(3 * h.node + h.component);
+  for (const ConstrainedComponent& h : clamp) system.constrained.push_back(3 * h.node + h.component);
   system.forces = [&](const Eigen::VectorXd& u, Eigen::Matrix3Xd& f) {
     solid.find_forces(u.reshaped(3, solid.X().cols()), 1, f);
   };

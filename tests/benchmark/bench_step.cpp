@@ -121,7 +121,7 @@ void scale_statics(benchmark::State& bench, int n_cells) {
     const std::clock_t begin = std::clock();
     MassSpringModel model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface},
                                       material, find_calibration("node_averaged"));
-    model.spread_mass = spread_mass(mesh.X, mesh.T, material.rho);
+    model.consistent_mass = consistent_mass(mesh.X, mesh.T, material.rho);
     linearise(model);
     Forces forces;
     forces.load = Eigen::Vector3d(0, 0, -9.81) * model.mass.transpose();
@@ -213,7 +213,7 @@ void solve(benchmark::State& bench, double E, bool is_eigens) {
   Forces forces = make_forces(model);
   forces.surface.clear();
   forces.volume.reset();
-  const Motion motion(model, forces);
+  const EquationOfMotion motion(model, forces);
   const State state = initial_state(model);
   constexpr double h = 1. / 60, kTolerance = 1e-6;
   ImplicitMatrix A(motion);

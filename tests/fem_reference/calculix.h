@@ -21,7 +21,7 @@ namespace testbed::fem {
 /// What CalculiX is asked about the nodes and cells of a solid.
 struct CalculixJob {
   Material material;
-  std::vector<HeldComponent> held;
+  std::vector<ConstrainedComponent> constrained;
   Eigen::Vector3d gravity{0, 0, 0};  ///< m/s2
   /// Boundary triangle, Pa: follows the surface at finite strain.
   std::vector<std::pair<int, double>> pressures;
@@ -73,7 +73,7 @@ inline std::string calculix_input(const ElasticSolid& solid, const CalculixJob& 
   out << "*MATERIAL, NAME=M\n*ELASTIC\n"
       << number(job.material.E) << ", " << number(job.material.nu) << "\n*DENSITY\n"
       << number(job.material.rho) << "\n*SOLID SECTION, ELSET=BODY, MATERIAL=M\n*BOUNDARY\n";
-  for (const HeldComponent& h : job.held)
+  for (const ConstrainedComponent& h : job.constrained)
     if (h.displacement == 0) out << h.node + 1 << ", " << h.component + 1 << '\n';
   if (job.n_frequencies > 0) {
     out << "*STEP\n*FREQUENCY\n" << job.n_frequencies << "\n*NODE FILE\nU\n*END STEP\n";
@@ -85,7 +85,7 @@ inline std::string calculix_input(const ElasticSolid& solid, const CalculixJob& 
   else
     out << "*STEP\n*STATIC\n";
   out << "*BOUNDARY\n";
-  for (const HeldComponent& h : job.held)
+  for (const ConstrainedComponent& h : job.constrained)
     if (h.displacement != 0)
       out << h.node + 1 << ", " << h.component + 1 << ", " << h.component + 1 << ", "
           << number(h.displacement) << '\n';

@@ -39,10 +39,10 @@ inline Forces hanging(const MassSpringModel& model, double gravity = 9.81) {
 
 /// Unknowns of nodes without a constraint.
 inline Eigen::VectorXi free_unknowns(const MassSpringModel& model, const Forces& forces) {
-  std::vector<int> held(model.network.X.cols(), 0), unknowns;
-  for (const Constraint& c : forces.constraints) held[c.node] = 1;
+  std::vector<int> constrained(model.network.X.cols(), 0), unknowns;
+  for (const Constraint& c : forces.constraints) constrained[c.node] = 1;
   for (int i = 0; i < model.network.X.cols(); ++i)
-    for (int c = 0; c < 3 && !held[i]; ++c) unknowns.push_back(3 * i + c);
+    for (int c = 0; c < 3 && !constrained[i]; ++c) unknowns.push_back(3 * i + c);
   return Eigen::VectorXi::Map(unknowns.data(), static_cast<Eigen::Index>(unknowns.size()));
 }
 

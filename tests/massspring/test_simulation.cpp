@@ -95,8 +95,8 @@ TEST(InitialMotion, IsOverruledBySupports) {
     box.scene.time.integrator = integrator;
     box.scene.time.step = 1e-5;
     Simulation simulation(box.scene, box.network);
-    const int held = simulation.forces().constraints.at(0).node;
-    EXPECT_EQ(simulation.state().v.col(held), Vector3d(0, kVelocity.y(), 0));
+    const int constrained = simulation.forces().constraints.at(0).node;
+    EXPECT_EQ(simulation.state().v.col(constrained), Vector3d(0, kVelocity.y(), 0));
     EXPECT_EQ(simulation.state().v.rightCols(1), kVelocity);
     for (int n = 0; n < 10; ++n) simulation.advance();
     for (const Constraint& c : simulation.forces().constraints) {
@@ -127,14 +127,14 @@ TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
         box.scene.time.mode = is_static ? TimeMode::Static : TimeMode::Dynamic;
         if (!is_static) box.scene.time.integrator = integrator;
         box.scene.material.law = law;
-        const Vector3d held = is_axis ? Vector3d(0, 1, 0) : Vector3d(0, 0, 1);
-        Scene by_components = rolling(box.scene, identity, held, is_axis);
+        const Vector3d constrained = is_axis ? Vector3d(0, 1, 0) : Vector3d(0, 0, 1);
+        Scene by_components = rolling(box.scene, identity, constrained, is_axis);
         Support& roller = by_components.supports[1];
         roller.normal.reset();
         roller.along.reset();
         roller.fixed = {{is_axis, false, true}};
         const Matrix3Xd expected = turn * last_of(by_components, box.network);
-        const Matrix3Xd found = last_of(rolling(box.scene, turn, held, is_axis), turned);
+        const Matrix3Xd found = last_of(rolling(box.scene, turn, constrained, is_axis), turned);
         constexpr double kSolved = 1e-4;  // linearised steps solve to 1e-6 each
         EXPECT_LT((found - expected).norm(), kSolved * expected.norm()) << integrator << is_axis;
       }

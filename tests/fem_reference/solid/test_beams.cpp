@@ -24,16 +24,16 @@ ElasticSolid cantilever(int length, const Material& material, double end_force, 
                         int degree = 2) {
   const TetMesh mesh = box_tets(length * per_side, per_side, per_side, 1.0 / per_side);
   ElasticSolid solid(mesh, degree);
-  std::vector<HeldComponent> held;
+  std::vector<ConstrainedComponent> constrained;
   for (int i = 0; i < solid.X().cols(); ++i)
-    for (int c = 0; c < 3 && solid.X()(0, i) == 0; ++c) held.push_back({i, c, 0});
+    for (int c = 0; c < 3 && solid.X()(0, i) == 0; ++c) constrained.push_back({i, c, 0});
   ElasticLoads loads;
   const Eigen::Matrix3Xd areas = area_vectors(mesh.X, mesh.F);
   loads.traction = [mesh, areas, length, end_force](const Vector3d& x, int f) -> Vector3d {
     const bool is_end = areas(0, f) > 0.5 * areas.col(f).norm() && x(0) > length - 1e-9;
     return {0, is_end ? end_force : 0, 0};
   };
-  solid.assemble(material, ElasticLaw::SmallStrain, loads, held);
+  solid.assemble(material, ElasticLaw::SmallStrain, loads, constrained);
   return solid;
 }
 
@@ -108,9 +108,9 @@ double cantilever_frequency(double length, const Material& m) {
 TEST(Cantilever, VibratesAsTimoshenkosBeam) {
   const Material material{1000, 0, 1, 0};
   const ElasticSolid solid = cantilever(10, material, 0);
-  std::vector<int> held;
-  for (const HeldComponent& h : solid.held()) held.push_back(3 * h.node + h.component);
-  const double f = natural_modes(solid.stiffness(), solid.mass(), held, 2).frequency(0);
+  std::vector<int> constrained;
+  for (const ConstrainedComponent& h : solid.constrained()) constrained.push_back(3 * h.node + h.component);
+  const double f = natural_modes(solid.stiffness(), solid.mass(), constrained, 2).frequency(0);
   EXPECT_NEAR(f / cantilever_frequency(10, material), 1, 1e-3);
 }
 
@@ -126,14 +126,14 @@ struct ThickPlate {
     box.X = Vector3d(10.0 / n, 10.0 / n, 0.5).asDiagonal() * box.X;
     return box;
   }
-  /// Frequencies with the components held for which is_held(x, component).
-  template <class IsHeld>
-  Eigen::VectorXd frequencies(int n, IsHeld is_held) const {
-    std::vector<int> held;
+  /// Frequencies with the components constrained for which is_constrained(x, component).
+  template <class IsConstrained>
+  Eigen::VectorXd frequencies(int n, IsConstrained is_constrained) const {
+    std::vector<int> constrained;
     for (int i = 0; i < solid.X().cols(); ++i)
       for (int c = 0; c < 3; ++c)
-        if (is_held(Vector3d(solid.X().col(i)), c)) held.push_back(3 * i + c);
-    return natural_modes(solid.stiffness(), solid.mass(), held, n).frequency;
+        if (is_constrained(Vector3d(solid.X().col(i)), c)) constrained.push_back(3 * i + c);
+    return natural_modes(solid.stiffness(), solid.mass(), constrained, n).frequency;
   }
 };
 
@@ -187,7 +187,7 @@ TEST(ThickPlate, VibratesInItsPlaneAsNafemsFv52) {
   EXPECT_NEAR(f(4) / 193.59, 1, 0.01);
 }
 
-// Held over its edge faces instead. Only the first is further from the benchmark's closed form, of a plate
+// Constrained over its edge faces instead. Only the first is further from the benchmark's closed form, of a plate
 // whose edges cannot twist: solid elements elsewhere have 0.976 of it (OptiStruct OS-V 0455).
 TEST(ThickPlate, VibratesAsNafemsFv52) {
   const Eigen::VectorXd f = ThickPlate(8).frequencies(

@@ -29,14 +29,14 @@ class AgainstCalculix : public testing::TestWithParam<int> {
 };
 INSTANTIATE_TEST_SUITE_P(Degree, AgainstCalculix, testing::Values(1, 2));
 
-/// Nodes with the least x held, in place or moved.
-std::vector<HeldComponent> clamp(const ElasticSolid& solid, double from, double to,
-                                 const Vector3d& displacement = Vector3d::Zero()) {
-  std::vector<HeldComponent> held;
+/// Nodes with the least x constrained, in place or moved.
+std::vector<ConstrainedComponent> clamp(const ElasticSolid& solid, double from, double to,
+                                        const Vector3d& displacement = Vector3d::Zero()) {
+  std::vector<ConstrainedComponent> constrained;
   for (int i = 0; i < solid.X().cols(); ++i)
     for (int c = 0; c < 3 && solid.X()(0, i) >= from && solid.X()(0, i) <= to; ++c)
-      held.push_back({i, c, displacement(c)});
-  return held;
+      constrained.push_back({i, c, displacement(c)});
+  return constrained;
 }
 
 /// Pressure p on the triangles whose outward normal has a positive y.
@@ -59,7 +59,7 @@ ElasticLoads loads_of(const CalculixJob& job, const TetMesh& mesh) {
 }
 
 Matrix3Xd solve(ElasticSolid& solid, ElasticLaw law, const CalculixJob& job) {
-  solid.assemble(job.material, law, loads_of(job, solid.mesh()), job.held);
+  solid.assemble(job.material, law, loads_of(job, solid.mesh()), job.constrained);
   EXPECT_TRUE(solid.solve().is_converged);
   return solid.displacement();
 }
@@ -73,8 +73,8 @@ TEST_P(AgainstCalculix, SagsAndBendsAlike) {
   ElasticSolid solid(mesh, GetParam());
   CalculixJob job;
   job.material = kMaterial;
-  job.held = clamp(solid, -1, 0.1);
-  for (const HeldComponent& h : clamp(solid, 2.9, 4, {0.1, 0, 0.02})) job.held.push_back(h);
+  job.constrained = clamp(solid, -1, 0.1);
+  for (const ConstrainedComponent& h : clamp(solid, 2.9, 4, {0.1, 0, 0.02})) job.constrained.push_back(h);
   job.gravity = {0, -9.81, 1};
   job.pressures = pressure_from_above(mesh, 3);
   EXPECT_LT(difference(solve(solid, ElasticLaw::SmallStrain, job), run_calculix(solid, job).u), kPrinted);
@@ -86,7 +86,7 @@ TEST_P(AgainstCalculix, DeformsARealMeshAlike) {
   CalculixJob job;
   job.material = kMaterial;
   const double low = mesh.X.row(0).minCoeff(), size = mesh.X.row(0).maxCoeff() - low;
-  job.held = clamp(solid, low, low + 0.2 * size);
+  job.constrained = clamp(solid, low, low + 0.2 * size);
   job.gravity = {0, -1, 0};
   job.pressures = pressure_from_above(mesh, 2);
   EXPECT_LT(difference(solve(solid, ElasticLaw::SmallStrain, job), run_calculix(solid, job).u), kPrinted);
@@ -122,13 +122,13 @@ TEST_P(AgainstCalculix, VibratesAlikeWithItsMass) {
   ElasticSolid solid(mesh, GetParam());
   CalculixJob job;
   job.material = kMaterial;
-  job.held = clamp(solid, -1, 0.1);
+  job.constrained = clamp(solid, -1, 0.1);
   job.n_frequencies = 8;
-  solid.assemble(job.material, ElasticLaw::SmallStrain, {}, job.held);
-  std::vector<int> held;
-  for (const HeldComponent& h : job.held) held.push_back(3 * h.node + h.component);
-  const Modes modes =
-      natural_modes(solid.stiffness(), mass_of_few_points(solid, kMaterial.rho), held, job.n_frequencies);
+  solid.assemble(job.material, ElasticLaw::SmallStrain, {}, job.constrained);
+  std::vector<int> constrained;
+  for (const ConstrainedComponent& h : job.constrained) constrained.push_back(3 * h.node + h.component);
+  const Modes modes = natural_modes(solid.stiffness(), mass_of_few_points(solid, kMaterial.rho), constrained,
+                                    job.n_frequencies);
   const std::vector<double> expected = run_calculix(solid, job).frequencies;
   ASSERT_EQ(static_cast<int>(expected.size()), job.n_frequencies);
   for (int k = 0; k < job.n_frequencies; ++k)
@@ -141,7 +141,7 @@ TEST_P(AgainstCalculix, BendsFarAlikeAtFiniteStrain) {
   CalculixJob job;
   job.material = kMaterial;
   job.is_finite_strain = true;
-  job.held = clamp(solid, -1, 0.1);
+  job.constrained = clamp(solid, -1, 0.1);
   job.gravity = {0, -1.5, 0.3};
   const Matrix3Xd u = solve(solid, ElasticLaw::StVenantKirchhoff, job);
   EXPECT_GT(u.cwiseAbs().maxCoeff(), 0.5);  // an eighth of the length: far from small
@@ -157,12 +157,12 @@ TEST_P(AgainstCalculix, InflatesAlikeUnderAPressureThatFollows) {
   job.material = kMaterial;
   job.is_finite_strain = true;
   job.increment = GetParam() == 1 ? 0.004 : 0.04;
-  job.held = clamp(solid, -1, 0.1);
+  job.constrained = clamp(solid, -1, 0.1);
   for (int f = 0; f < mesh.F.cols(); ++f) job.pressures.push_back({f, -75});
   ElasticLoads loads = loads_of(job, mesh);
   loads.traction = nullptr;
   loads.follower_pressure = [](int) { return -75.0; };
-  solid.assemble(job.material, ElasticLaw::StVenantKirchhoff, loads, job.held);
+  solid.assemble(job.material, ElasticLaw::StVenantKirchhoff, loads, job.constrained);
   const ElasticReport report = solid.solve();
   ASSERT_TRUE(report.is_converged);
   const double strain = largest_stretch(solid.X(), solid.cells(), solid.displacement());

@@ -22,20 +22,20 @@ const Material kMaterial{1000, 0.3, 1, 0};
 struct Bar {
   ElasticSolid solid;
   ElasticLaw law;
-  std::vector<int> held;
+  std::vector<int> constrained;
   Bar(ElasticLaw law, int degree, bool is_free = false) : solid(box_tets(4, 1, 1, 0.5), degree), law(law) {
     ElasticLoads gravity;
     if (!is_free) gravity.body_force = [](const Vector3d&) { return Vector3d(0, -1, 0); };
-    std::vector<HeldComponent> clamp;
+    std::vector<ConstrainedComponent> clamp;
     for (int i = 0; i < solid.X().cols() && !is_free; ++i)
       for (int c = 0; c < 3 && solid.X()(0, i) == 0; ++c) {
         clamp.push_back({i, c, 0});
-        held.push_back(3 * i + c);
+        constrained.push_back(3 * i + c);
       }
     solid.assemble(kMaterial, law, gravity, clamp);
   }
   Dynamics system() const {
-    Dynamics s{solid.stiffness(), solid.mass(MassMatrix::Lumped), 0, 0, solid.load(), held, {}, {}};
+    Dynamics s{solid.stiffness(), solid.mass(MassMatrix::Lumped), 0, 0, solid.load(), constrained, {}, {}};
     s.X = solid.X();
     if (law != ElasticLaw::SmallStrain)
       s.linearise = [this](const VectorXd& u, bool with_tangent) {
@@ -55,7 +55,7 @@ INSTANTIATE_TEST_SUITE_P(Degree, CentralDifferencesOf, testing::Values(1, 2));
 double highest_frequency(const Dynamics& s) {
   std::vector<int> free;
   for (int k = 0; k < s.K.rows(); ++k)
-    if (std::find(s.held.begin(), s.held.end(), k) == s.held.end()) free.push_back(k);
+    if (std::find(s.constrained.begin(), s.constrained.end(), k) == s.constrained.end()) free.push_back(k);
   const MatrixXd K = MatrixXd(s.K)(free, free), M = MatrixXd(s.M)(free, free);
   return std::sqrt(Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(K, M, Eigen::EigenvaluesOnly)
                        .eigenvalues()
@@ -95,7 +95,7 @@ TEST_P(CentralDifferencesOf, ModeOfABarHasThePeriodOfTheScheme) {
   const Bar bar(ElasticLaw::SmallStrain, GetParam());
   Dynamics s = bar.system();
   s.load.setZero();
-  const Modes modes = natural_modes(s.K, s.M, s.held, 2);
+  const Modes modes = natural_modes(s.K, s.M, s.constrained, 2);
   for (int k = 0; k < 2; ++k) {
     const double w = 2 * M_PI * modes.frequency(k), h = 0.9 * stable_step(s);
     CentralDifferences motion(s, h);
@@ -136,7 +136,7 @@ TEST(CentralDifferences, MoveADampedOscillatorByTheSchemesRecurrence) {
 double error_of(const Bar& bar, double h, double end) {
   CentralDifferences motion(bar.system(), h);
   constexpr int kFiner = 8;
-  TimeIntegrator exact(bar.system(), h / kFiner, kNewmark);
+  GeneralisedAlpha exact(bar.system(), h / kFiner, kNewmark);
   double error = 0, size = 0;
   while (motion.t() < end) {
     EXPECT_TRUE(motion.step());
@@ -198,17 +198,17 @@ TEST_P(CentralDifferencesOf, AFreeBodyThatSpinsKeepsItsAngularMomentum) {
   EXPECT_LT((momentum() - before).norm(), 1e-11 * before.norm());
 }
 
-TEST(CentralDifferences, HeldUnknownsMoveAsPrescribed) {
+TEST(CentralDifferences, ConstrainedUnknownsMoveAsPrescribed) {
   const Bar bar(ElasticLaw::SmallStrain, 1);
   Dynamics s = bar.system();
   const auto at = [](double t) { return 0.1 * std::sin(t); };
-  s.held_motion = [&](double t) {
-    return VectorXd::Constant(static_cast<int>(bar.held.size()), at(t)).eval();
+  s.constrained_motion = [&](double t) {
+    return VectorXd::Constant(static_cast<int>(bar.constrained.size()), at(t)).eval();
   };
   const double h = 0.5 * stable_step(s);
   CentralDifferences motion(s, h);
   for (int n = 0; n < 50; ++n) ASSERT_TRUE(motion.step());
-  for (const int k : bar.held) {
+  for (const int k : bar.constrained) {
     EXPECT_EQ(motion.u()(k), at(motion.t()));
     EXPECT_NEAR(motion.v()(k), 0.1 * std::cos(motion.t()), h * h);
   }

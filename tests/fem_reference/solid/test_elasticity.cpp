@@ -36,18 +36,20 @@ ElasticLoads tractions(const StressField& stress, const TetMesh& mesh) {
 }
 
 ElasticReport solve(ElasticSolid& solid, const ElasticLoads& loads,
-                    const std::vector<HeldComponent>& held = {}, ElasticLaw law = ElasticLaw::SmallStrain) {
-  solid.assemble(kMaterial, law, loads, held);
+                    const std::vector<ConstrainedComponent>& constrained = {},
+                    ElasticLaw law = ElasticLaw::SmallStrain) {
+  solid.assemble(kMaterial, law, loads, constrained);
   const ElasticReport report = solid.solve();
   EXPECT_TRUE(report.is_converged);
   return report;
 }
 
-std::vector<HeldComponent> hold(const ElasticSolid& solid, const std::set<int>& nodes, const Field& u) {
-  std::vector<HeldComponent> held;
+std::vector<ConstrainedComponent> hold(const ElasticSolid& solid, const std::set<int>& nodes,
+                                       const Field& u) {
+  std::vector<ConstrainedComponent> constrained;
   for (int i : nodes)
-    for (int c = 0; c < 3; ++c) held.push_back({i, c, u(solid.X().col(i))(c)});
-  return held;
+    for (int c = 0; c < 3; ++c) constrained.push_back({i, c, u(solid.X().col(i))(c)});
+  return constrained;
 }
 
 std::set<int> boundary_nodes(const ElasticSolid& solid) {
@@ -201,7 +203,7 @@ TEST(ElasticSolid, NamesTheRigidMotionsThatLoadsDrive) {
   ElasticSolid solid(box_tets(2, 1, 1, 1), 2);
   ElasticLoads gravity;
   gravity.body_force = [](const Vector3d&) { return Vector3d(0, -1, 0); };
-  std::vector<HeldComponent> only_x;  // holds the shift along x and the turns about y and z
+  std::vector<ConstrainedComponent> only_x;  // holds the shift along x and the turns about y and z
   for (int i = 0; i < solid.X().cols(); ++i)
     if (solid.X()(0, i) == 0) only_x.push_back({i, 0, 0});
   try {

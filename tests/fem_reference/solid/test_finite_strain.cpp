@@ -32,12 +32,12 @@ ElasticLoads pull(const TetMesh& mesh, double t) {
 }
 
 /// Rollers on x = 0, y = 0 and z = 0.
-std::vector<HeldComponent> rollers(const ElasticSolid& solid) {
-  std::vector<HeldComponent> held;
+std::vector<ConstrainedComponent> rollers(const ElasticSolid& solid) {
+  std::vector<ConstrainedComponent> constrained;
   for (int i = 0; i < solid.X().cols(); ++i)
     for (int c = 0; c < 3; ++c)
-      if (solid.X()(c, i) == 0) held.push_back({i, c, 0});
-  return held;
+      if (solid.X()(c, i) == 0) constrained.push_back({i, c, 0});
+  return constrained;
 }
 
 /// Traction that stretches a bar by `stretch` with free sides: the side stretch is found by bisection.
@@ -202,13 +202,13 @@ TEST(FiniteStrain, TendsToSmallStrainWithTheLoad) {
   const TetMesh mesh = box_tets(4, 1, 1, 0.5);
   const auto sag = [&](ElasticLaw law, double force) {
     ElasticSolid solid(mesh, 2);
-    std::vector<HeldComponent> held;
+    std::vector<ConstrainedComponent> constrained;
     for (int i = 0; i < solid.X().cols(); ++i)
       for (int c = 0; c < 3; ++c)
-        if (solid.X()(0, i) == 0) held.push_back({i, c, 0});
+        if (solid.X()(0, i) == 0) constrained.push_back({i, c, 0});
     ElasticLoads loads;
     loads.body_force = [force](const Vector3d&) { return Vector3d(force, -force, 0); };
-    solid.assemble(kMaterial, law, loads, held);
+    solid.assemble(kMaterial, law, loads, constrained);
     EXPECT_TRUE(solid.solve().is_converged);
     return Eigen::Matrix3Xd(solid.displacement() / force);
   };
@@ -242,17 +242,17 @@ TEST(FiniteStrain, ElementsMayBeTurnedInsideOutBetweenThePointsOfTheirEnergy) {
 TEST(FiniteStrain, MovesPrescribedNodesAllTheWay) {
   const TetMesh mesh = box_tets(4, 1, 1, 0.5);
   ElasticSolid solid(mesh, 2);
-  std::vector<HeldComponent> held;
+  std::vector<ConstrainedComponent> constrained;
   for (int i = 0; i < solid.X().cols(); ++i)
     for (int c = 0; c < 3; ++c) {
-      if (solid.X()(0, i) == 0) held.push_back({i, c, 0});
-      if (solid.X()(0, i) == 2) held.push_back({i, c, c == 1 ? 1.0 : 0});
+      if (solid.X()(0, i) == 0) constrained.push_back({i, c, 0});
+      if (solid.X()(0, i) == 2) constrained.push_back({i, c, c == 1 ? 1.0 : 0});
     }
-  solid.assemble(kMaterial, ElasticLaw::NeoHookean, {}, held);
+  solid.assemble(kMaterial, ElasticLaw::NeoHookean, {}, constrained);
   ElasticReport report;
   for (int n = 1; n <= 10; ++n) report = solid.solve(n / 10.0);
   ASSERT_TRUE(report.is_converged);
-  for (const HeldComponent& h : held)
+  for (const ConstrainedComponent& h : constrained)
     EXPECT_NEAR(solid.displacement()(h.component, h.node), h.displacement, 1e-12);
   const double strain = largest_stretch(solid.X(), solid.cells(), solid.displacement());
   EXPECT_GT(strain, 0.1);
@@ -264,16 +264,16 @@ TEST(FiniteStrain, StaysAtRestWhereNothingMovesIt) {
   const TetMesh mesh = box_tets(4, 2, 2, 0.5, 0.1);
   for (int degree : {1, 2}) {
     ElasticSolid solid(mesh, degree);
-    std::vector<HeldComponent> held;
+    std::vector<ConstrainedComponent> constrained;
     for (int i = 0; i < solid.X().cols(); ++i)
       for (int c = 0; c < 3; ++c)
         if (std::abs(solid.X()(0, i) - 1) > 0.8)
-          held.push_back({i, c, c == 0 && solid.X()(0, i) > 1 ? 0.3 : 0});
+          constrained.push_back({i, c, c == 0 && solid.X()(0, i) > 1 ? 0.3 : 0});
     ElasticLoads loads;
     loads.motion = [&](int k, double t) {
-      return std::min(1., 2 * t) * held[k].displacement;
+      return std::min(1., 2 * t) * constrained[k].displacement;
     };  // and then rests
-    solid.assemble({1e5, 0.45, 1, 0}, ElasticLaw::NeoHookean, loads, held);
+    solid.assemble({1e5, 0.45, 1, 0}, ElasticLaw::NeoHookean, loads, constrained);
     Eigen::Matrix3Xd at_pause;
     for (double t : {0., 0.25, 0.5, 0.75, 1.}) {
       const ElasticReport report = solid.solve(t);
@@ -354,12 +354,12 @@ TEST(FiniteStrain, InflatesASlenderBarInFewIterations) {
   const TetMesh mesh = box_tets(8, 2, 2, 0.5);
   for (int degree : {1, 2}) {
     ElasticSolid solid(mesh, degree);
-    std::vector<HeldComponent> held;
+    std::vector<ConstrainedComponent> constrained;
     for (int i = 0; i < solid.X().cols(); ++i)
-      for (int c = 0; c < 3 && solid.X()(0, i) == 0; ++c) held.push_back({i, c, 0});
+      for (int c = 0; c < 3 && solid.X()(0, i) == 0; ++c) constrained.push_back({i, c, 0});
     ElasticLoads loads;
     loads.follower_pressure = [](int) { return -250; };
-    solid.assemble(kMaterial, ElasticLaw::NeoHookean, loads, held);
+    solid.assemble(kMaterial, ElasticLaw::NeoHookean, loads, constrained);
     const ElasticReport report = solid.solve();
     EXPECT_TRUE(report.is_converged);
     const double strain = largest_stretch(solid.X(), solid.cells(), solid.displacement());

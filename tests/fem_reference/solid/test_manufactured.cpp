@@ -27,16 +27,16 @@ struct Wave {
   }
 };
 
-/// On a cube of n^3 boxes of six tetrahedra, its boundary held.
+/// On a cube of n^3 boxes of six tetrahedra, its boundary constrained.
 FieldError error_on(int n, int degree, const Wave& wave) {
   ElasticSolid solid(box_tets(n, n, n, 1.0 / n), degree);
-  std::vector<HeldComponent> held;
+  std::vector<ConstrainedComponent> constrained;
   std::set<int> boundary(solid.faces().data(), solid.faces().data() + solid.faces().size());
   for (int i : boundary)
-    for (int c = 0; c < 3; ++c) held.push_back({i, c, wave.displacement(solid.X().col(i))(c)});
+    for (int c = 0; c < 3; ++c) constrained.push_back({i, c, wave.displacement(solid.X().col(i))(c)});
   ElasticLoads loads;
   loads.body_force = [&](const Vector3d& x) { return wave.body_force(x); };
-  solid.assemble(wave.material, ElasticLaw::SmallStrain, loads, held);
+  solid.assemble(wave.material, ElasticLaw::SmallStrain, loads, constrained);
   EXPECT_TRUE(solid.solve().is_converged);
   return field_error(
       solid.X(), solid.cells(), solid.displacement(), [&](const Vector3d& x) { return wave.displacement(x); },

@@ -33,8 +33,8 @@ struct FreeBox {
 
 Vector3d angular_momentum(const Simulation& simulation) {
   const Matrix3Xd& X = simulation.solid().X();
-  const Eigen::VectorXd p = simulation.solid().mass() * simulation.motion()->v();
-  const Matrix3Xd x = X + simulation.motion()->u().reshaped(3, X.cols());
+  const Eigen::VectorXd p = simulation.solid().mass() * simulation.integrator()->v();
+  const Matrix3Xd x = X + simulation.integrator()->u().reshaped(3, X.cols());
   Vector3d sum = Vector3d::Zero();
   for (Eigen::Index i = 0; i < x.cols(); ++i) sum += x.col(i).cross(p.segment<3>(3 * i));
   return sum;
@@ -71,7 +71,7 @@ TEST(InitialMotion, SpinsAStiffBodyThatKeepsItsAngularMomentum) {
     const Matrix3Xd& X = simulation.solid().X();
     const Vector3d centre(0.5, 0.25, 0.25);
     const Eigen::Matrix3d turn =
-        Eigen::AngleAxisd(kSpin.norm() * simulation.motion()->t(), kSpin.normalized()).matrix();
+        Eigen::AngleAxisd(kSpin.norm() * simulation.integrator()->t(), kSpin.normalized()).matrix();
     const Matrix3Xd turned = (turn * (X.colwise() - centre)).colwise() + centre;
     EXPECT_LT((X + simulation.snapshot().u - turned).norm(), 0.1 * (turned - X).norm());
   }
@@ -87,12 +87,13 @@ TEST(InitialMotion, IsOverruledBySupports) {
   face.fixed = {{true, false, true}};
   box.scene.supports = {face};
   Simulation simulation = box.simulation();
-  const auto velocity = [&](int node) { return Vector3d(simulation.motion()->v().segment<3>(3 * node)); };
-  const int held = simulation.solid().held().at(0).node, free = static_cast<int>(box.mesh.X.cols()) - 1;
-  EXPECT_EQ(velocity(held), Vector3d(0, kVelocity.y(), 0));
+  const auto velocity = [&](int node) { return Vector3d(simulation.integrator()->v().segment<3>(3 * node)); };
+  const int constrained = simulation.solid().constrained().at(0).node,
+            free = static_cast<int>(box.mesh.X.cols()) - 1;
+  EXPECT_EQ(velocity(constrained), Vector3d(0, kVelocity.y(), 0));
   EXPECT_EQ(velocity(free), kVelocity);
   for (int n = 0; n < 10; ++n) simulation.advance();
-  for (const HeldComponent& h : simulation.solid().held()) {
+  for (const ConstrainedComponent& h : simulation.solid().constrained()) {
     EXPECT_EQ(simulation.snapshot().u(h.component, h.node), 0);
     EXPECT_EQ(velocity(h.node)(h.component), 0);
   }
@@ -119,9 +120,9 @@ TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
           box.scene.material.law = law;
           FreeBox other = box;
           other.mesh.X = turn * box.mesh.X;
-          const Vector3d held = is_axis ? Vector3d(0, 1, 0) : Vector3d(0, 0, 1);
-          other.scene = rolling(box.scene, turn, held, is_axis);
-          box.scene = rolling(box.scene, Eigen::Matrix3d::Identity(), held, is_axis);
+          const Vector3d constrained = is_axis ? Vector3d(0, 1, 0) : Vector3d(0, 0, 1);
+          other.scene = rolling(box.scene, turn, constrained, is_axis);
+          box.scene = rolling(box.scene, Eigen::Matrix3d::Identity(), constrained, is_axis);
           Support& roller = box.scene.supports[1];
           roller.normal.reset();
           roller.along.reset();
@@ -172,12 +173,12 @@ TEST(Supports, LetGoAtTheirEnd) {
       Simulation simulation = box.simulation();
       while (!simulation.has_ended()) {
         simulation.advance();
-        const double t = simulation.motion()->t(), fall = std::max(0., t - kEnd);
+        const double t = simulation.integrator()->t(), fall = std::max(0., t - kEnd);
         const Matrix3Xd u = simulation.snapshot().u;
         const Matrix3Xd expected = Vector3d(0, 0, -kGravity * fall * fall / 2).replicate(1, u.cols());
         ASSERT_LT((u - expected).norm(), 1e-9) << t;
       }
-      EXPECT_NEAR(simulation.motion()->t(), box.scene.time.end, 1e-12);
+      EXPECT_NEAR(simulation.integrator()->t(), box.scene.time.end, 1e-12);
     }
 }
 

@@ -49,12 +49,12 @@ std::shared_ptr<SurfaceEnergy> barrier_on_faces(const ElasticSolid& solid,
 }
 
 /// What holds the six rigid motions of a box, and its lowest nodes above the floor.
-std::vector<HeldComponent> rollers(const Matrix3Xd& X) {
-  std::vector<HeldComponent> held;
+std::vector<ConstrainedComponent> rollers(const Matrix3Xd& X) {
+  std::vector<ConstrainedComponent> constrained;
   for (int i = 0; i < X.cols(); ++i)
     for (int c = 0; c < 3; ++c)
-      if (X(c, i) == 0) held.push_back({i, c, 0});
-  return held;
+      if (X(c, i) == 0) constrained.push_back({i, c, 0});
+  return constrained;
 }
 
 class OnSurfaces : public testing::TestWithParam<int> {
@@ -92,7 +92,7 @@ TEST_P(OnSurfaces, EntriesOutsideThePatternCountInStatics) {
   ElasticLoads loads;
   loads.body_force = [](const Vector3d& x) { return Vector3d(300 * x(1), 100, -500); };
   loads.surface = {seam_across(1.0 * X, kStiffness)};
-  std::vector<HeldComponent> clamp;
+  std::vector<ConstrainedComponent> clamp;
   for (int i = 0; i < X.cols(); ++i)
     for (int c = 0; c < 3 && X(0, i) == 0; ++c) clamp.push_back({i, c, 0});
   solid.assemble(kMaterial, ElasticLaw::SmallStrain, loads, clamp);
@@ -118,7 +118,7 @@ TEST_P(OnSurfaces, EntriesOutsideThePatternCountInStatics) {
     f(3 * low + c) += way(c);
     f(3 * high + c) -= way(c);
   }
-  for (const HeldComponent& h : clamp) {
+  for (const ConstrainedComponent& h : clamp) {
     const int k = 3 * h.node + h.component;
     K.row(k).setZero();
     K.col(k).setZero();
@@ -158,14 +158,14 @@ std::vector<RigidBody> plate(double by) {
   return {RigidBody(obstacle)};
 }
 
-// Where a plate presses a box evenly, its strain is that of a box whose top is held where it came to lie.
+// Where a plate presses a box evenly, its strain is that of a box whose top is constrained where it came to lie.
 TEST_P(OnSurfaces, APlateThatComesDownPressesABoxEvenly) {
   const std::vector<RigidBody> bodies = plate(0.3);
-  ElasticSolid pressed = box(2), held = box(2);
+  ElasticSolid pressed = box(2), constrained = box(2);
   const Matrix3Xd X = pressed.X();
   ElasticLoads loads;
   loads.surface = {barrier_on_faces(pressed, bodies, 1e4)};
-  std::vector<HeldComponent> floor = rollers(X);
+  std::vector<ConstrainedComponent> floor = rollers(X);
   pressed.assemble(kMaterial, ElasticLaw::NeoHookean, loads, floor);
   ElasticReport report;
   for (int n = 1; n <= 3; ++n) {
@@ -176,12 +176,13 @@ TEST_P(OnSurfaces, APlateThatComesDownPressesABoxEvenly) {
   for (int i = 0; i < X.cols(); ++i)
     if (X(2, i) == 1) top = pressed.displacement()(2, i);
   EXPECT_NEAR(top, -0.3, 1e-3);
-  std::vector<HeldComponent> between = floor;
+  std::vector<ConstrainedComponent> between = floor;
   for (int i = 0; i < X.cols(); ++i)
     if (X(2, i) == 1) between.push_back({i, 2, top});
-  held.assemble(kMaterial, ElasticLaw::NeoHookean, {}, between);
-  for (int n = 1; n <= 3; ++n) ASSERT_TRUE(held.solve(n / 3.).is_converged);
-  EXPECT_LT((pressed.displacement() - held.displacement()).norm(), 1e-6 * held.displacement().norm());
+  constrained.assemble(kMaterial, ElasticLaw::NeoHookean, {}, between);
+  for (int n = 1; n <= 3; ++n) ASSERT_TRUE(constrained.solve(n / 3.).is_converged);
+  EXPECT_LT((pressed.displacement() - constrained.displacement()).norm(),
+            1e-6 * constrained.displacement().norm());
 }
 
 // Thrown at an angle onto a floor without friction it bounces and keeps its momentum along the floor.
@@ -202,7 +203,7 @@ TEST_P(OnSurfaces, AThrownBoxBouncesOffAFloorAndKeepsItsMomentumAlongIt) {
     s.potential = [&](const VectorXd& u) { return solid.energy(u.reshaped(3, X.cols())); };
     s.X = X;
     s.surface = solid.surface();
-    TimeIntegrator motion(s, 0.01, generalised_alpha(0));
+    GeneralisedAlpha motion(s, 0.01, generalised_alpha(0));
     const VectorXd start = Vector3d(0.5, 0, -0.3).replicate(1, X.cols()).reshaped();
     motion.restart(VectorXd::Zero(start.size()), start);
     const auto momentum = [&](int c) {

@@ -122,12 +122,12 @@ TEST_P(Problem, HoldsEveryNodeOfARegionAndNoOther) {
   support.fixed = {{true, false, true}};
   scene.supports = {support};
   const ElasticSolid solid = assembled();
-  std::set<std::pair<int, int>> expected, held;
+  std::set<std::pair<int, int>> expected, constrained;
   for (int i = 0; i < solid.X().cols(); ++i)
     if (solid.X()(0, i) == 2) expected.insert({{i, 0}, {i, 2}});
-  for (const HeldComponent& h : solid.held()) held.insert({h.node, h.component});
-  EXPECT_GT(held.size(), 0u);
-  EXPECT_EQ(held, expected);
+  for (const ConstrainedComponent& h : solid.constrained()) constrained.insert({h.node, h.component});
+  EXPECT_GT(constrained.size(), 0u);
+  EXPECT_EQ(constrained, expected);
 }
 
 TEST(ProblemOfAScene, MovesSupportsEvenlyToTheEndOrAlongTheirPath) {
@@ -141,11 +141,12 @@ TEST(ProblemOfAScene, MovesSupportsEvenlyToTheEndOrAlongTheirPath) {
   for (TimeMode mode : {TimeMode::Static, TimeMode::Dynamic}) {
     box.scene.time.mode = mode;
     const ElasticSolid solid = box.solid(1, 0);
-    const int n = static_cast<int>(solid.held().size());
+    const int n = static_cast<int>(solid.constrained().size());
     ASSERT_EQ(n, 2 * 3 * 4);
-    EXPECT_NEAR(solid.held_displacement(1, 0.5), 0.2 * 0.5 / (mode == TimeMode::Static ? 1 : 4), kRounding);
-    EXPECT_NEAR(solid.held_displacement(n / 2, 0.5), 0.2, kRounding);  // on its way to 0.4 m
-    EXPECT_NEAR(solid.held_displacement(n / 2, 2), 0.2, kRounding);    // and on its way back
+    EXPECT_NEAR(solid.constrained_displacement(1, 0.5), 0.2 * 0.5 / (mode == TimeMode::Static ? 1 : 4),
+                kRounding);
+    EXPECT_NEAR(solid.constrained_displacement(n / 2, 0.5), 0.2, kRounding);  // on its way to 0.4 m
+    EXPECT_NEAR(solid.constrained_displacement(n / 2, 2), 0.2, kRounding);    // and on its way back
   }
 }
 

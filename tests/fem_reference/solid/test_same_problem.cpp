@@ -65,9 +65,9 @@ TEST(SameProblem, SupportsHoldTheSameComponentsAndMoveThemAlike) {
     for (const massspring::Constraint& c : box.springs().constraints)
       for (int k = 0; k < 3; ++k)
         if (c.S(k, k) == 0) springs[{c.node, k}] = prescribed(c, t, 1)(k);
-    for (size_t k = 0; k < solid.held().size(); ++k)  // the last support prescribes
-      elements[{solid.held()[k].node, solid.held()[k].component}] =
-          solid.held_displacement(static_cast<int>(k), t);
+    for (size_t k = 0; k < solid.constrained().size(); ++k)  // the last support prescribes
+      elements[{solid.constrained()[k].node, solid.constrained()[k].component}] =
+          solid.constrained_displacement(static_cast<int>(k), t);
     ASSERT_EQ(springs.size(), 9u * 3 + 6 * 2);  // the end, and what else the underside's half has
     EXPECT_EQ(springs, elements) << t;
   }

@@ -194,7 +194,7 @@ struct Column {
 
 // The support drives the node down a slope of 45 degrees, the floor holds it: it goes along the floor at the
 // speed whose part along the support is the support's.
-TEST(Touches, ANodeInTouchFollowsItsSupportAlongTheFloor) {
+TEST(ActiveSet, ANodeInTouchFollowsItsSupportAlongTheFloor) {
   Column column(0);
   const Vector3d p = Vector3d(1, -1, 0) / std::sqrt(2.0);
   constexpr double h = 0.01, kBegin = 0.1, kSpeed = 0.2;
@@ -215,7 +215,7 @@ TEST(Touches, ANodeInTouchFollowsItsSupportAlongTheFloor) {
   }
 }
 
-TEST(Touches, ANodeThatHasNotSlippedAtAllSticks) {
+TEST(ActiveSet, ANodeThatHasNotSlippedAtAllSticks) {
   constexpr double kFriction = 0.5, kWeight = 30;
   Column column(kFriction);
   TimeStepper stepper(column.model, column.forces, "implicit_euler", 1, {1e-13}, column.contacts);
@@ -232,7 +232,7 @@ TEST(Touches, ANodeThatHasNotSlippedAtAllSticks) {
   EXPECT_GT(state.x(0, 0), 0.01);
 }
 
-TEST(Touches, ANodeThatIsPulledUpLeavesTheFloor) {
+TEST(ActiveSet, ANodeThatIsPulledUpLeavesTheFloor) {
   Column column(0.5);
   TimeStepper stepper(column.model, column.forces, "implicit_euler", 1, {1e-13}, column.contacts);
   State state = initial_state(column.model);

@@ -38,13 +38,13 @@ double soft_energy_density(const Matrix3d& F) {
 struct NamedBlend {
   const char* name;
   Blend blend;
-  std::vector<int> held = {};
+  std::vector<int> constrained = {};
 };
 
 class EveryBlend : public testing::TestWithParam<NamedBlend> {
  protected:
   TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.15);
-  TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, GetParam().blend, GetParam().held);
+  TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, GetParam().blend, GetParam().constrained);
   const Eigen::VectorXd no_scale;
   /// Of each patch, half as large to half again as large.
   const Eigen::VectorXd scales = Eigen::VectorXd::Ones(springs.n_patches()) +
@@ -61,7 +61,7 @@ class EveryBlend : public testing::TestWithParam<NamedBlend> {
 INSTANTIATE_TEST_SUITE_P(TetSprings, EveryBlend,
                          testing::Values(NamedBlend{"EdgeCoupled", kEdgeCoupled},
                                          NamedBlend{"NodeAveraged", kNodeAveraged},
-                                         NamedBlend{"NodeAveragedNearHeldNodes", kNodeAveraged, {0}},
+                                         NamedBlend{"NodeAveragedNearConstrainedNodes", kNodeAveraged, {0}},
                                          NamedBlend{"ThreeKinds", Blend{0.3, 0.3, 0.4}}),
                          [](const auto& info) { return info.param.name; });
 
@@ -126,7 +126,7 @@ TEST_P(EveryBlend, HessianIsAddedToWhatIsThere) {
 TEST_P(EveryBlend, HessiansOfTwoSetsOfSpringsAddUpInOneMatrix) {
   const Matrix3Xd u = random_field(mesh.X.cols(), 0.1, 2);
   const TetSprings reversed =
-      couple_springs(mesh.X, mesh.T.rowwise().reverse(), kSoft, GetParam().blend, GetParam().held);
+      couple_springs(mesh.X, mesh.T.rowwise().reverse(), kSoft, GetParam().blend, GetParam().constrained);
   BlockMatrix K = make_block_matrix(static_cast<int>(u.cols()), pairs_of(springs));
   add_hessian(springs, u, K);
   const Eigen::MatrixXd once = dense(K);
@@ -223,9 +223,9 @@ TEST_P(EveryBlend, NodeOrderDoesNotMatter) {
   TetMesh permuted = mesh;
   permuted.X = mesh.X * order.transpose();  // node i becomes node order(i)
   for (int& i : permuted.T.reshaped()) i = order.indices()[i];
-  std::vector<int> held = GetParam().held;
-  for (int& i : held) i = order.indices()[i];
-  const TetSprings again = couple_springs(permuted.X, permuted.T, kSoft, GetParam().blend, held);
+  std::vector<int> constrained = GetParam().constrained;
+  for (int& i : constrained) i = order.indices()[i];
+  const TetSprings again = couple_springs(permuted.X, permuted.T, kSoft, GetParam().blend, constrained);
   const Matrix3Xd x = mesh.X + random_field(n, 0.1, 9), f = force_at(x);
   Matrix3Xd f_again = Matrix3Xd::Zero(3, n);
   add_forces(again, (x - mesh.X) * order.transpose(), f_again);
@@ -315,11 +315,11 @@ TEST(CoupleSprings, ANodeOfNoTetrahedronHasNoEnergy) {
 TEST(CoupleSprings, AveragedGradientsByBruteForce) {
   const TetMesh mesh = box_tets(4, 2, 1, 1, 0.2);
   const Blend blend{0, 0.6, 0.4};
-  const int held = 0;
-  const TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, blend, {held});
+  const int constrained = 0;
+  const TetSprings springs = couple_springs(mesh.X, mesh.T, kSoft, blend, {constrained});
   const auto part = [&](int node) {
     for (const auto& t : mesh.T.colwise())
-      if ((t.array() == held).any() && (t.array() == node).any()) return kHeldNodes;
+      if ((t.array() == constrained).any() && (t.array() == node).any()) return kConstrainedNodes;
     return blend.nodes;
   };
   const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), 0.3, 3);

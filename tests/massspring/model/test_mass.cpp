@@ -15,16 +15,16 @@ using Eigen::Matrix3Xd;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 
-/// A bar, its mass spread.
+/// A bar of consistent mass.
 MassSpringModel bar(double jitter = 0.1) {
   const TetMesh mesh = box_tets(2, 3, 5, 0.1, jitter);
   MassSpringModel model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface}, {},
                                     find_calibration("node_averaged"));
-  model.spread_mass = spread_mass(mesh.X, mesh.T, model.material.rho);
+  model.consistent_mass = consistent_mass(mesh.X, mesh.T, model.material.rho);
   return model;
 }
 
-TEST(SpreadMass, IsTheConsistentMatrix) {
+TEST(ConsistentMass, IsTheConsistentMatrix) {
   const MassSpringModel model = bar();
   const Matrix3Xd v = random_points(static_cast<int>(model.mass.size()), 1, 3);
   const Matrix3Xd expected = (consistent_mass(model) * v.reshaped()).reshaped(3, v.cols());
@@ -33,11 +33,11 @@ TEST(SpreadMass, IsTheConsistentMatrix) {
 
   BlockMatrix M = stiffness_pattern(model);
   for (int i = 0; i < M.rows(); ++i) M.block[M.diagonal[i]].diagonal().array() += model.mass(i);
-  add_blocks(*model.spread_mass, -1, M);
+  add_blocks(*model.consistent_mass, -1, M);
   EXPECT_LT((dense(M) - consistent_mass(model)).norm(), 1e-14 * dense(M).norm());
 }
 
-TEST(SpreadMass, TurnsWithTheInertiaOfTheSolid) {
+TEST(ConsistentMass, TurnsWithTheInertiaOfTheSolid) {
   MassSpringModel model = bar(0);
   const Matrix3Xd& X = model.network.X;
   const Vector3d size = X.rowwise().maxCoeff() - X.rowwise().minCoeff(),
@@ -47,11 +47,11 @@ TEST(SpreadMass, TurnsWithTheInertiaOfTheSolid) {
   Matrix3Xd v(3, X.cols());
   for (Eigen::Index i = 0; i < X.cols(); ++i) v.col(i) = Vector3d::UnitZ().cross(X.col(i) - centre);
   EXPECT_NEAR(kinetic_energy(model, v) / exact, 1, 1e-12);
-  model.spread_mass.reset();
+  model.consistent_mass.reset();
   EXPECT_GT(kinetic_energy(model, v) / exact, 1.1);
 }
 
-TEST(SpreadMass, EveryImplicitSchemeSwingsByIt) {
+TEST(ConsistentMass, EveryImplicitSchemeSwingsByIt) {
   MassSpringModel model = bar();
   const Matrix3Xd& X = model.network.X;
   const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(dense_stiffness(model),
@@ -75,22 +75,22 @@ TEST(SpreadMass, EveryImplicitSchemeSwingsByIt) {
   constexpr double kImplicitError = 0.012;
   for (const char* integrator : {"midpoint", "tr_bdf2", "bdf2", "minimising_euler", "implicit_euler"})
     EXPECT_LT(phase_error(integrator, 100), kImplicitError) << integrator;
-  model.spread_mass.reset();
+  model.consistent_mass.reset();
   EXPECT_GT(phase_error("midpoint", 100), 0.5);
 }
 
-TEST(SpreadMass, GatheredAtHeldNodesLeavesTheOthersTheirWholeInertia) {
+TEST(ConsistentMass, GatheredAtConstrainedNodesLeavesTheOthersTheirWholeInertia) {
   MassSpringModel model = bar();
-  const std::vector<int> held{0, 3, 7};
+  const std::vector<int> constrained{0, 3, 7};
   Matrix3Xd v = Vector3d(1, 2, 3).replicate(1, model.mass.size());
-  for (int i : held) v.col(i).setZero();
+  for (int i : constrained) v.col(i).setZero();
   const Matrix3Xd at_nodes = v * model.mass.asDiagonal();
   EXPECT_GT((momenta(model, v) - at_nodes).norm(), 0.01 * at_nodes.norm());
-  lump(held, *model.spread_mass);
+  lump(constrained, *model.consistent_mass);
   EXPECT_LT((momenta(model, v) - at_nodes).norm(), 1e-14 * at_nodes.norm());
 }
 
-TEST(SpreadMass, ExplicitSchemesRefuseIt) {
+TEST(ConsistentMass, ExplicitSchemesRefuseIt) {
   const MassSpringModel model = bar();
   const Forces forces = no_forces(model);
   EXPECT_THROW(TimeStepper(model, forces, "symplectic_euler", 1), std::runtime_error);

@@ -41,9 +41,9 @@ TEST(NaturalFrequencies, AreThoseOfADenseSolver) {
   expect_those_of(model, model.mass.replicate(1, 3).transpose().reshaped().asDiagonal());
 }
 
-TEST(NaturalFrequencies, OfSpreadMassAreThoseOfTheConsistentMatrix) {
+TEST(NaturalFrequencies, OfConsistentMassAreThoseOfTheConsistentMatrix) {
   MassSpringModel model = bar();
-  model.spread_mass = spread_mass(model.network.X, model.network.T, model.material.rho);
+  model.consistent_mass = consistent_mass(model.network.X, model.network.T, model.material.rho);
   expect_those_of(model, consistent_mass(model));
 }
 
@@ -88,7 +88,7 @@ TEST(NaturalFrequencies, DampingOfARatioLetsTheLowestVibrationDieByIt) {
   EXPECT_NEAR(left / std::exp(-kRatio * omega * 2 * M_PI / damped), 1, 1e-4);
 }
 
-TEST(NaturalFrequencies, OfAnOscillatorWhoseOtherDirectionsAreHeld) {
+TEST(NaturalFrequencies, OfAnOscillatorWhoseOtherDirectionsAreConstrained) {
   constexpr double kMass = 2, omega = 3;
   MassSpringModel model;
   model.network.X.setZero(3, 2);

@@ -85,7 +85,7 @@ TEST(QuasiStatic, CountsMoreMotionsThatCostNoEnergyThanItLooksForAtFirst) {
   EXPECT_EQ(n_floppy_motions(model, {}), kBodies * kOfOne - 6);
 }
 
-TEST(QuasiStatic, SpringCarriesTheLoadAlongItAndFloppyMotionsAreHeld) {
+TEST(QuasiStatic, SpringCarriesTheLoadAlongItAndFloppyMotionsAreConstrained) {
   const MassSpringModel model = tied_node(1);
   Forces forces = no_load(model);
   for (int i : {0, 1, 2, 3})
@@ -143,18 +143,18 @@ MassSpringModel box_of(const std::string& calibration, int m, double jitter) {
 TEST(QuasiStatic, WithoutAnyLoadABodyStaysAtRest) {
   for (const char* calibration : {"van_gelder", "moment", "edge_coupled", "node_averaged"})
     for (const double offset : {0., 0.3, 20.})
-      for (const bool is_held : {false, true}) {
+      for (const bool is_constrained : {false, true}) {
         MassSpringModel model = box_of(calibration, 1, 0.2);
         model.network.X.array() += offset;
         Forces forces = no_load(model);
-        for (int i = 0; is_held && i < 12; i += 3)
+        for (int i = 0; is_constrained && i < 12; i += 3)
           forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
         QuasiStaticSolver solver(model, forces);
         State state = initial_state(model);
         for (const double load_factor : {0., 0.5, 1.}) {
           const StepReport report = solver.solve(load_factor, state);
           EXPECT_EQ(report.status, Status::Ok)
-              << calibration << ' ' << offset << ' ' << is_held << report.reason;
+              << calibration << ' ' << offset << ' ' << is_constrained << report.reason;
           EXPECT_LE(report.residual, TimeOptions().residual);
           EXPECT_LT((state.x - model.network.X).norm(), kRounding * model.network.X.norm());
         }
@@ -239,7 +239,7 @@ TEST(QuasiStatic, StartsWhereTheLastEquilibriaPointAndEndsWhereOneStepDoes) {
   EXPECT_LE(iterations.back(), 1);
 }
 
-/// A beam of 540 nodes that bends by half its length under its own weight, held at one end.
+/// A beam of 540 nodes that bends by half its length under its own weight, constrained at one end.
 struct SoftBeam {
   MassSpringModel model;
   Forces forces;

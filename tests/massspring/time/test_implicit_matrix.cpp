@@ -36,7 +36,7 @@ TEST(ImplicitMatrix, AppliesOnFreeDirectionsWhatItWouldForm) {
   MassSpringModel model = small_model();
   model.springs->damping = 3;
   const Forces forces = some_constraints(model);
-  const Motion motion(model, forces);
+  const EquationOfMotion motion(model, forces);
   State state = initial_state(model);
   state.x *= 0.8;
   ImplicitMatrix A(motion);
@@ -54,7 +54,7 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
     Forces forces = some_constraints(model);
     add_volume_penalty(70, model, forces);
     forces.surface.push_back(std::make_shared<FollowerPressure>(40, Faces{model.network.F}));
-    const Motion motion(model, forces);
+    const EquationOfMotion motion(model, forces);
     State state =
         initial_state(model);  // at its target volume, where the Hessian of the volume force has rank one
     state.v = random_points(5, 1, 4);
@@ -85,7 +85,7 @@ struct TwoContacts {
   MassSpringModel model = crossing_triangles(0.07, 2);  // so nearly parallel that their contact is smoothed
   Forces forces = no_forces(model);
   Contacts contacts;
-  std::optional<Motion> motion;
+  std::optional<EquationOfMotion> motion;
   State state = initial_state(model);
 
   TwoContacts() {
@@ -145,10 +145,10 @@ TEST(ImplicitMatrix, DiagonalAndSinglePrecisionAreThoseOfTheProductWithContactsT
         EXPECT_LT((diagonal[i].col(c) - y.col(i)).norm(), kRounding * y.norm()) << i << ' ' << c;
         PaddedField single_p, single_y;
         pad(p, 1, single_p);
-        system.rounded_product(single_p, single_y);
-        Matrix3Xd rounded_y = Matrix3Xd::Zero(3, 6);
-        add_unpadded(single_y, 1, rounded_y);
-        EXPECT_LT((rounded_y - y).norm(), kSingleRounding * y.norm());
+        system.single_product(single_p, single_y);
+        Matrix3Xd y_of_single = Matrix3Xd::Zero(3, 6);
+        add_unpadded(single_y, 1, y_of_single);
+        EXPECT_LT((y_of_single - y).norm(), kSingleRounding * y.norm());
       }
   }
 }
@@ -159,22 +159,22 @@ TEST(ImplicitMatrix, IsInSinglePrecisionTheSameToItsRounding) {
     Forces forces = some_constraints(model);
     add_volume_penalty(70, model, forces);
     forces.surface.push_back(std::make_shared<FollowerPressure>(40, Faces{model.network.F}));
-    const Motion motion(model, forces);
+    const EquationOfMotion motion(model, forces);
     State state = initial_state(model);
     state.x *= 0.8;
     ImplicitMatrix A(motion);
     A.set(state, state.x, {2, 0.3, 0.1}, Curvature::Exact);
-    Matrix3Xd p = random_points(5, 1, 6), y, rounded_y;
+    Matrix3Xd p = random_points(5, 1, 6), y, y_of_single;
     filter(forces.constraints, p);
     PaddedField single_p, single_y;
     pad(p, 1, single_p);
     const LinearSystem system = A.system();
     system.product(p, y);
-    const double p_y = system.rounded_product(single_p, single_y);
-    rounded_y = Matrix3Xd::Zero(3, 5);
-    add_unpadded(single_y, 1, rounded_y);
+    const double p_y = system.single_product(single_p, single_y);
+    y_of_single = Matrix3Xd::Zero(3, 5);
+    add_unpadded(single_y, 1, y_of_single);
     ASSERT_GT(y.norm(), 1);
-    EXPECT_LT((rounded_y - y).norm(), kSingleRounding * y.norm());
+    EXPECT_LT((y_of_single - y).norm(), kSingleRounding * y.norm());
     EXPECT_NEAR(p_y, p.cwiseProduct(y).sum(), kSingleRounding * p.norm() * y.norm());
     EXPECT_EQ(single_y.row(3).norm() + single_y.rightCols(3).norm(), 0);
   }

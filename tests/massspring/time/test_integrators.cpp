@@ -273,10 +273,11 @@ TEST(Integrators, SupportsFollowTheirMotion) {
   const MassSpringModel model = small_model();
   Forces forces = no_forces(model);
   const Path path{{0, 0, 0, 0}, {0.01, 0.1, 9, 0}, {0.03, 0.05, 9, 0}};
-  Constraint held{0, Eigen::Matrix3d::Identity() - Eigen::Vector3d::UnitX() * Eigen::RowVector3d::UnitX(),
-                  Eigen::Vector3d::Zero()};
-  held.motion[0] = std::make_shared<const Path>(path);
-  forces.constraints.push_back(held);
+  Constraint constrained{0,
+                         Eigen::Matrix3d::Identity() - Eigen::Vector3d::UnitX() * Eigen::RowVector3d::UnitX(),
+                         Eigen::Vector3d::Zero()};
+  constrained.motion[0] = std::make_shared<const Path>(path);
+  forces.constraints.push_back(constrained);
   constexpr double h = 0.001;
   for (const Integrator& row : integrators()) {
     const std::string& integrator = row.name;

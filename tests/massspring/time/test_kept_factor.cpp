@@ -41,7 +41,7 @@ struct Kept {
   }
   MassSpringModel model;
   Forces forces;
-  Motion motion;
+  EquationOfMotion motion;
   ImplicitMatrix A;
   KeptFactor factor;
   int n_set = 0;
@@ -110,7 +110,7 @@ TEST(ImplicitStage, FindsTheSameStepsByAFactorThatItKeeps) {
   for (const char* calibration : {"edge_coupled", "node_averaged"}) {
     const MassSpringModel model = full_box(calibration, 1, 2e4);
     const Forces forces = hanging(model);
-    Motion motion(model, forces);
+    EquationOfMotion motion(model, forces);
     motion.constraints = forces.constraints;
     ImplicitStage keeping(motion, true, 1e-10), renewing(motion, false, 1e-10);
     State kept = initial_state(model), renewed = kept;
@@ -139,7 +139,7 @@ TEST(ImplicitStage, EndsAStepAtTheResidualThatIsAskedFor) {
   constexpr double h = 0.004, kLoose = 1e-3;
   const MassSpringModel model = full_box("edge_coupled", 1, 2e4);
   const Forces forces = hanging(model);
-  Motion motion(model, forces);
+  EquationOfMotion motion(model, forces);
   motion.constraints = forces.constraints;
   const auto move = [&](double residual, int& n_iterations) {
     ImplicitStage stage(motion, true, residual);

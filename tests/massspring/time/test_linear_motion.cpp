@@ -22,10 +22,10 @@ constexpr double kClose = 1e-9;  // of direct solves, over displacements
 
 /// A box with consistent mass, damped; independent springs at nodes, damped along themselves.
 struct Swinging {
-  explicit Swinging(const std::string& calibration, bool is_spread = true)
+  explicit Swinging(const std::string& calibration, bool is_consistent = true)
       : model(linear_box(calibration, 1)) {
-    if (is_spread && model.tet_springs)
-      model.spread_mass = spread_mass(model.network.X, model.network.T, model.material.rho);
+    if (is_consistent && model.tet_springs)
+      model.consistent_mass = consistent_mass(model.network.X, model.network.T, model.material.rho);
     if (model.springs) model.springs->damping = 3;  // N s/m
     forces = hanging(model);
     forces.mass_damping = 5;  // 1/s
@@ -217,7 +217,7 @@ TEST(LinearMotion, TakesOneFactorForItsStepsAndAnotherWhereTheirLengthChanges) {
 
 TEST(LinearMotion, MatrixIsSolvedWithByItsFactorOrByIterations) {
   const Swinging s("node_averaged");
-  const Motion motion(s.model, s.forces);
+  const EquationOfMotion motion(s.model, s.forces);
   ImplicitMatrix A(motion);
   LinearSolver iterations;
   const ImplicitMatrix::Factors factors{3e4, 1, 1e2};
@@ -266,10 +266,10 @@ TEST(LinearMotion, IsWhereNothingButLinearForcesActs) {
   Forces following = dead, bagged = dead;
   following.surface.push_back(std::make_shared<FollowerPressure>(1, Faces{linear.network.F}));
   add_volume_penalty(1, linear, bagged);
-  EXPECT_TRUE(is_linear(Motion(linear, dead)));
-  EXPECT_FALSE(is_linear(Motion(full, dead)));
-  EXPECT_FALSE(is_linear(Motion(linear, following)));
-  EXPECT_FALSE(is_linear(Motion(linear, bagged)));
+  EXPECT_TRUE(is_linear(EquationOfMotion(linear, dead)));
+  EXPECT_FALSE(is_linear(EquationOfMotion(full, dead)));
+  EXPECT_FALSE(is_linear(EquationOfMotion(linear, following)));
+  EXPECT_FALSE(is_linear(EquationOfMotion(linear, bagged)));
 }
 
 }  // namespace

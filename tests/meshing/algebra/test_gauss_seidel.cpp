@@ -55,7 +55,7 @@ TEST(GaussSeidel, SweepsAreTriangularSolves) {
   const VectorXd b = flat(r, n);
   std::vector<int> first_row(16, n);
   first_row[0] = 0;
-  const std::vector<float> blocks = rounded(A);
+  const std::vector<float> blocks = single_precision(A);
   const GaussSeidel sweeps(A, blocks, first_row);
 
   sweeps.sweep_down(r, z);
@@ -79,12 +79,12 @@ TEST(BlockMatrix, SumsWhatBelongsToAPairAndHoldsUnknowns) {
   symmetrise(A, A.block.data()->data());
   EXPECT_LT((dense(A) - whole).norm(), 1e-14 * whole.norm());
 
-  std::vector<char> is_held(3 * n);
-  for (const int k : {0, 1, 2, 10, 26}) is_held[k] = true;
-  hold(A, is_held, A.block.data()->data());
+  std::vector<char> is_constrained(3 * n);
+  for (const int k : {0, 1, 2, 10, 26}) is_constrained[k] = true;
+  hold(A, is_constrained, A.block.data()->data());
   MatrixXd expected = whole;
   for (int k = 0; k < 3 * n; ++k)
-    if (is_held[k]) {
+    if (is_constrained[k]) {
       const double diagonal = whole(k, k);
       expected.row(k).setZero();
       expected.col(k).setZero();

@@ -49,12 +49,12 @@ LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd
             multiply(A, p, y);
             y += g.cwiseProduct(p).sum() * g;
           },
-          [&A, &g, A_rounded = rounded(A)](const PaddedField& p, PaddedField& y) {
+          [&A, &g, A_single = single_precision(A)](const PaddedField& p, PaddedField& y) {
             y.setZero(4, p.cols());
             PaddedField root;
             pad(g, 1, root);
             add_scaled(static_cast<float>(dot(root, p)), root, y);
-            return add_product(A, A_rounded, p, y);
+            return add_product(A, A_single, p, y);
           },
           [](Matrix3Xd&) {},
           [](PaddedField&) {},
@@ -218,9 +218,9 @@ TEST(LinearSolver, AFactorServesOnWhereConstraintsHaveComeSince) {
   solver.solve(system_of(A, none, none), b, x, kSolverTolerance);
   ASSERT_EQ(solver.choice().rfind("Cholesky", 0), 0u) << solver.choice();
 
-  const std::vector<int> held{0, 120, 250};
+  const std::vector<int> constrained{0, 120, 250};
   const auto filter = [&](Matrix3Xd& y) {
-    for (int i : held) y.col(i).setZero();
+    for (int i : constrained) y.col(i).setZero();
   };
   LinearSystem system = system_of(A, none, none);
   system.product = [&](const Matrix3Xd& p, Matrix3Xd& y) {
@@ -232,7 +232,7 @@ TEST(LinearSolver, AFactorServesOnWhereConstraintsHaveComeSince) {
   x.setZero();
   EXPECT_TRUE(solver.solve(system, b, x, kSolverTolerance).is_converged);
   Eigen::MatrixXd D = dense(A);
-  for (int i : held) {
+  for (int i : constrained) {
     D.middleRows<3>(3 * i).setZero();
     D.middleCols<3>(3 * i).setZero();
     D.block<3, 3>(3 * i, 3 * i).setIdentity();

@@ -17,11 +17,11 @@ using Eigen::Matrix3Xd;
 
 constexpr double kSingleRounding = 1e-5;
 
-/// A cube of 1 m, m tetrahedra's edges wide, held on its underside: the system of a step of 0.1 s.
+/// A cube of 1 m, m tetrahedra's edges wide, constrained on its underside: the system of a step of 0.1 s.
 struct Step {
   MassSpringModel model;
   Forces forces;
-  std::optional<Motion> motion;
+  std::optional<EquationOfMotion> motion;
   std::optional<ImplicitMatrix> A;
   std::vector<Eigen::Matrix3d> inverse;
 
@@ -50,12 +50,12 @@ struct Step {
 
 /// z of apply, widened, of a right-hand side of any size.
 void apply(Multigrid& multigrid, const Matrix3Xd& r, Matrix3Xd& z) {
-  PaddedField rounded_r, rounded_z;
-  pad(r, 1, rounded_r);
-  const double r_z = multigrid.apply(rounded_r, rounded_z);
-  EXPECT_NEAR(r_z, dot(rounded_r, rounded_z), kSingleRounding * r_z);
+  PaddedField single_r, single_z;
+  pad(r, 1, single_r);
+  const double r_z = multigrid.apply(single_r, single_z);
+  EXPECT_NEAR(r_z, dot(single_r, single_z), kSingleRounding * r_z);
   z = Matrix3Xd::Zero(3, r.cols());
-  add_unpadded(rounded_z, 1, z);
+  add_unpadded(single_z, 1, z);
 }
 
 class MultigridOf : public testing::TestWithParam<const char*> {};

@@ -23,11 +23,12 @@ TEST(RigidMotion, OfAPointIsTheTranslationAndTheRotationTimesItsOffset) {
   EXPECT_LT((cross_product_matrix(rotation) * d - rotation.cross(d)).norm(), kRounding);
 }
 
-// Two points held in all directions leave the turn about the line through them.
-TEST(RigidMotion, FreeOnesKeepAllDistancesAndWhatIsHeld) {
+// Two points constrained in all directions leave the turn about the line through them.
+TEST(RigidMotion, FreeOnesKeepAllDistancesAndWhatIsConstrained) {
   const Matrix3Xd X = random_points(n, 1, 2);
   const Eigen::MatrixXd R = rigid_motions(X);
-  const Eigen::MatrixXd held = R.topRows<6>(), free = free_rigid_motions(R, held.transpose() * held);
+  const Eigen::MatrixXd constrained = R.topRows<6>(),
+                        free = free_rigid_motions(R, constrained.transpose() * constrained);
   ASSERT_EQ(free.cols(), 1);
   EXPECT_NEAR(free.norm(), 1, kRounding);
   const Matrix3Xd u = free.reshaped(3, n);

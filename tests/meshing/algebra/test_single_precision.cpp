@@ -92,7 +92,7 @@ TEST_P(OddNodes, BlocksAndFactorsOfNodesApplyAsInDoublePrecision) {
   expect_field(z, u * factor.asDiagonal());
 }
 
-TEST(SinglePrecision, SpringsInRowsAndRoundedBlocksApplyAsTheMatrix) {
+TEST(SinglePrecision, SpringsInRowsAndSingleBlocksApplyAsTheMatrix) {
   const MassSpringModel model = small_model();
   const Matrix3Xd x = 1.2 * model.network.X + random_points(5, 0.1, 5), p = random_points(5, 1, 6),
                   start = random_points(5, 1, 7);
@@ -107,7 +107,7 @@ TEST(SinglePrecision, SpringsInRowsAndRoundedBlocksApplyAsTheMatrix) {
   const SpringRows rows(model.springs->E, 5);
   const double p_y = product(p, expected), tolerance = kSingleRounding * p.norm() * expected.norm();
   EXPECT_NEAR(rows.add_product(rows.in_rows(B), single_p, in_rows), p_y, tolerance);
-  EXPECT_NEAR(add_product(K, rounded(K), single_p, by_blocks), p_y, tolerance);
+  EXPECT_NEAR(add_product(K, single_precision(K), single_p, by_blocks), p_y, tolerance);
   for (const PaddedField& y : {in_rows, by_blocks})
     EXPECT_LT((y.topLeftCorner<3, 5>().cast<double>() - expected).norm(), kSingleRounding * expected.norm());
 }

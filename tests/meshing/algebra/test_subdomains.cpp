@@ -238,7 +238,7 @@ TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     double energy;
     Matrix3Xd f, Kq;
     std::vector<Eigen::Matrix3d> K;
-    PaddedField rounded;
+    PaddedField single;
     double p_Kp;
   };
   // Over twelve decades: not every order adds single-precision numbers exactly.
@@ -253,8 +253,8 @@ TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     multiply(K, q, sums.Kq);
     PaddedField p;
     pad(q, 1, p);
-    sums.rounded = p;
-    sums.p_Kp = add_product(K, rounded(K), p, sums.rounded);
+    sums.single = p;
+    sums.p_Kp = add_product(K, single_precision(K), p, sums.single);
     sums.K = K.block;
     return sums;
   };
@@ -265,7 +265,7 @@ TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     EXPECT_EQ(one.f, many.f) << n_threads;
     EXPECT_EQ(one.K, many.K) << n_threads;
     EXPECT_EQ(one.Kq, many.Kq) << n_threads;
-    EXPECT_EQ(one.rounded, many.rounded) << n_threads;
+    EXPECT_EQ(one.single, many.single) << n_threads;
     EXPECT_EQ(one.p_Kp, many.p_Kp) << n_threads;
   }
   TetSprings undivided = springs;
@@ -274,7 +274,7 @@ TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
   EXPECT_NEAR(one.energy, other.energy, 1e-12 * std::abs(other.energy));
   EXPECT_LT((one.f - other.f).norm(), 1e-12 * other.f.norm());
   EXPECT_LT((one.Kq - other.Kq).norm(), 1e-12 * other.Kq.norm());
-  EXPECT_LT((one.rounded.topLeftCorner(3, n).cast<double>() - q - one.Kq).norm(), 1e-5 * one.Kq.norm());
+  EXPECT_LT((one.single.topLeftCorner(3, n).cast<double>() - q - one.Kq).norm(), 1e-5 * one.Kq.norm());
   EXPECT_NEAR(one.p_Kp, q.cwiseProduct(q + one.Kq).sum(), 1e-5 * std::abs(one.p_Kp));
 }
 

@@ -119,11 +119,11 @@ TEST(CheckSupports, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
   scene.supports.emplace_back().region.shape = HalfSpace{{0, 0, 0}, {1, 0, 0}};
   expect_parts(refusal_on(scene, surface),
                {"1 of the surface's 2 parts meet no support", "from  4 -1 -1 to 6 1 1"});
-  Scene relieved = scene, moving = scene, held = scene;
+  Scene relieved = scene, moving = scene, constrained = scene;
   relieved.reference.inertia_relief = true;
   moving.time.mode = TimeMode::Dynamic;
-  held.supports[0].region.shape = Everywhere{};
-  for (const Scene& other : {relieved, moving, held}) EXPECT_EQ(refusal_on(other, surface), "");
+  constrained.supports[0].region.shape = Everywhere{};
+  for (const Scene& other : {relieved, moving, constrained}) EXPECT_EQ(refusal_on(other, surface), "");
 }
 
 TEST(CheckSupports, TakesTheWallOfACavityForAPartOfItsBody) {

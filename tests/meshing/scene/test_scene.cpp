@@ -729,7 +729,7 @@ TEST(Scene, SupportsTakeOneOfComponentsNormalAndAlong) {
   const std::string head = "[surface]\nshape = \"ball\"\n[[supports]]\n";
   const Scene scene = read_scene(write_scene(head + "normal = [0, 3, 4]\n"));
   EXPECT_EQ(*scene.supports[0].normal, Eigen::Vector3d(0, 3, 4));
-  EXPECT_EQ(held_directions(scene.supports[0]).at(0), Eigen::Vector3d(0, 0.6, 0.8));
+  EXPECT_EQ(constrained_directions(scene.supports[0]).at(0), Eigen::Vector3d(0, 0.6, 0.8));
   EXPECT_EQ(read_scene(write_scene(to_toml(scene))).supports[0].normal, scene.supports[0].normal);
   EXPECT_EQ(error_of(head + "components = \"x\"\nalong = [1, 0, 0]\n"),
             "scene.toml:5: supports.0 has both components and along, expected one of them");

@@ -180,7 +180,7 @@ TEST_F(TwoBalls, PotentialOfAMotionHasAllItsUndampedForcesAsNegativeGradient) {
   add_volume_penalty(20, model, all);
   all.surface.push_back(std::make_shared<FollowerPressure>(4, Faces{model.network.F}));
   const Contacts contacts{{}, thickness};
-  Motion motion(model, all, contacts);
+  EquationOfMotion motion(model, all, contacts);
   for (double by = 0; by < 0.34; by += 0.02) motion.touching[0]->begin_step(0, 1, moved(by));
   State state = initial_state(model);
   state.x = moved(0.34);

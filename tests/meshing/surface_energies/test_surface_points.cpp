@@ -91,8 +91,8 @@ TEST(ContactPoints, IntegrateCubicPolynomialsAndAreSharedByFaces) {
   for (const int n : {3, 6}) {
     const Eigen::MatrixXi faces = two_faces(n);
     const Matrix3Xd X = unit_square(n);
-    const std::vector<char> is_held(X.cols(), false);
-    const WeightedPoints points = contact_points(faces, X, is_held);
+    const std::vector<char> is_constrained(X.cols(), false);
+    const WeightedPoints points = contact_points(faces, X, is_constrained);
     ASSERT_EQ(points.W.rows(), 4 + 5 + 2);
     const Matrix3Xd at = X * points.W.transpose();
     for (int i = 0; i <= 3; ++i)
@@ -118,12 +118,12 @@ TEST(ContactPoints, GiveAUniformPressureToMiddlesOfCurvedFacesAndInThirdsToCorne
 }
 
 TEST(ContactPoints, HangOnNothingThatOnlySupportsMove) {
-  std::vector<char> is_held(4, false);
-  is_held[0] = is_held[1] = true;  // the edge of the first face alone
-  const WeightedPoints points = contact_points(two_faces(3), unit_square(3), is_held);
+  std::vector<char> is_constrained(4, false);
+  is_constrained[0] = is_constrained[1] = true;  // the edge of the first face alone
+  const WeightedPoints points = contact_points(two_faces(3), unit_square(3), is_constrained);
   EXPECT_EQ(points.W.rows(), 11 - 3);
-  is_held.assign(4, true);
-  EXPECT_EQ(contact_points(two_faces(3), unit_square(3), is_held).W.rows(), 0);
+  is_constrained.assign(4, true);
+  EXPECT_EQ(contact_points(two_faces(3), unit_square(3), is_constrained).W.rows(), 0);
 }
 
 /// Faces some way above a plane with friction, with a barrier at points on them.

@@ -7,9 +7,9 @@
 
 namespace testbed::meshing {
 
-/// A factor L of a permuted symmetric matrix of 3 x 3 blocks, rounded. Neighbouring columns with the same
+/// A factor L of a permuted symmetric matrix of 3 x 3 blocks. Neighbouring columns with the same
 /// rows below them form a supernode, whose columns are dense [Chen, Davis, Hager & Rajamanickam 2008].
-struct RoundedFactor {
+struct SinglePrecisionFactor {
   struct Supernode {
     int first, n_columns;  ///< its columns of L
     int n_rows;            ///< with those of its columns

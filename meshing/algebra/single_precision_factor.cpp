@@ -1,4 +1,4 @@
-#include "meshing/algebra/rounded_factor.h"
+#include "meshing/algebra/single_precision_factor.h"
 
 #include <algorithm>
 
@@ -17,10 +17,10 @@ struct Rows {
 };
 
 /// x = L^-1 x.
-TESTBED_EVERY_WIDTH void solve_down(const RoundedFactor::Supernode* begin,
-                                    const RoundedFactor::Supernode* end, const Rows& L, float* x) {
+TESTBED_EVERY_WIDTH void solve_down(const SinglePrecisionFactor::Supernode* begin,
+                                    const SinglePrecisionFactor::Supernode* end, const Rows& L, float* x) {
   float* const part = L.part;
-  for (const RoundedFactor::Supernode* s = begin; s != end; ++s) {
+  for (const SinglePrecisionFactor::Supernode* s = begin; s != end; ++s) {
     std::copy_n(x + s->first, s->n_columns, part);
     std::fill(part + s->n_columns, part + s->height, 0.f);
     for (int j = 0; j < s->n_columns; ++j) {
@@ -35,10 +35,10 @@ TESTBED_EVERY_WIDTH void solve_down(const RoundedFactor::Supernode* begin,
 }
 
 /// x = L^-T x.
-TESTBED_EVERY_WIDTH void solve_up(const RoundedFactor::Supernode* begin, const RoundedFactor::Supernode* end,
-                                  const Rows& L, float* x) {
+TESTBED_EVERY_WIDTH void solve_up(const SinglePrecisionFactor::Supernode* begin,
+                                  const SinglePrecisionFactor::Supernode* end, const Rows& L, float* x) {
   float* const part = L.part;
-  for (const RoundedFactor::Supernode* s = end; s-- != begin;) {
+  for (const SinglePrecisionFactor::Supernode* s = end; s-- != begin;) {
     std::copy_n(x + s->first, s->n_columns, part);
     const int* row = L.row + s->rows;
     for (int i = s->n_columns; i < s->n_rows; ++i) part[i] = x[*row++];
@@ -57,7 +57,7 @@ TESTBED_EVERY_WIDTH void solve_up(const RoundedFactor::Supernode* begin, const R
 
 }  // namespace
 
-double RoundedFactor::solve(const PaddedField& r, PaddedField& z) const {
+double SinglePrecisionFactor::solve(const PaddedField& r, PaddedField& z) const {
   int highest = 0;
   for (const Supernode& s : supernodes) highest = std::max(highest, s.height);
   std::vector<float> x(unknown.size()), part(highest);
@@ -71,11 +71,11 @@ double RoundedFactor::solve(const PaddedField& r, PaddedField& z) const {
   return dot(r, z);
 }
 
-Eigen::Matrix3Xd RoundedFactor::solve(const Eigen::Matrix3Xd& r) const {
+Eigen::Matrix3Xd SinglePrecisionFactor::solve(const Eigen::Matrix3Xd& r) const {
   const double size = r.norm();
-  PaddedField rounded, solution;
-  pad(r, size > 0 ? 1 / size : 1, rounded);
-  solve(rounded, solution);
+  PaddedField single, solution;
+  pad(r, size > 0 ? 1 / size : 1, single);
+  solve(single, solution);
   Eigen::Matrix3Xd x = Eigen::Matrix3Xd::Zero(3, r.cols());
   add_unpadded(solution, size, x);
   return x;

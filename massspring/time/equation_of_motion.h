@@ -5,8 +5,9 @@
 
 namespace testbed::massspring {
 
-struct Motion {
-  Motion(const MassSpringModel& model, const Forces& forces, const Contacts& contacts = kNoContacts);
+struct EquationOfMotion {
+  EquationOfMotion(const MassSpringModel& model, const Forces& forces,
+                   const Contacts& contacts = kNoContacts);
 
   /// Puts a barrier around obstacles, for schemes that minimise.
   void add_barrier();

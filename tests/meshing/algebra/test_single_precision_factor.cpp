@@ -30,7 +30,7 @@ BlockMatrix grid(int n, std::uint64_t seed) {
   return A;
 }
 
-TEST(RoundedFactor, SolvesAsTheFactorItRoundsAndOfAnUpdateToo) {
+TEST(SinglePrecisionFactor, SolvesAsTheFactorItRoundsAndOfAnUpdateToo) {
   constexpr double kSingle = 1e-5;
   constexpr int n = 9;
   Random random(1);
@@ -43,12 +43,12 @@ TEST(RoundedFactor, SolvesAsTheFactorItRoundsAndOfAnUpdateToo) {
     if (seed > 1) factor.update(grid(n, seed));
     ASSERT_TRUE(factor.is_ok());
     factor.solve(b, x);
-    const RoundedFactor rounded = factor.rounded();
+    const SinglePrecisionFactor single = factor.single_precision();
     std::size_t widest = 0;
-    for (const RoundedFactor::Supernode& s : rounded.supernodes)
+    for (const SinglePrecisionFactor::Supernode& s : single.supernodes)
       widest = std::max<std::size_t>(widest, s.n_columns);
     EXPECT_GT(widest, 16);
-    const double rz = rounded.solve(r, z);
+    const double rz = single.solve(r, z);
     EXPECT_NEAR(rz, b.cwiseProduct(x).sum(), kSingle * std::abs(rz));
     EXPECT_EQ(z.bottomRows<1>().norm(), 0);
     Matrix3Xd difference = -x;
