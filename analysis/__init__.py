@@ -5,8 +5,8 @@ from typing import Any
 
 _HOMES = {
     "Experiment": "session",
-    "Figures": "compare",
     "Frame": "runs",
+    "ModelComparison": "compare",
     "Run": "runs",
     "RunError": "runs",
     "Scene": "scene",

@@ -44,7 +44,7 @@ _SWEEP_EXAMPLES = """examples:
   ./testbed sweep analysis/scenes/bar_sag.toml --set network.calibration=uniform,affine,node_averaged
 
 On N machines: start "--part 1/N" ... "--part N/N" with one --out on a shared file system, or copy the machines'
-DIR/points into one folder; then the same command without --part writes the table.
+DIR/runs into one folder; then the same command without --part writes the table.
 """
 
 
@@ -120,7 +120,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     sweep = add(
         "sweep", [scene],
         "Runs both solvers over a grid of values: a table and a plot of how far they differ. A sweep that was killed "
-        "continues; a point that fails is a row that says why.",
+        "continues; a run that fails is a row that says why.",
         _SWEEP_EXAMPLES,
     )  # fmt: skip
     sweep.add_argument("--out", type=Path, metavar="DIR", help="default: out/sweep/NAME of the scene")
@@ -133,7 +133,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         type=_part,
         default=(1, 1),
         metavar="I/N",
-        help="run only the I-th of every N points, on one of N machines",
+        help="run only the I-th of every N runs, on one of N machines",
     )
     compare = add(
         "compare", [],

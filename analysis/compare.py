@@ -215,7 +215,7 @@ def on_same_problem(run: Run, reference: Run) -> Run:
 
 
 @dataclass(frozen=True)
-class Figures:
+class ModelComparison:
     """One spring model against the reference, as it stands in comparison.json."""
 
     status: str
@@ -245,7 +245,7 @@ class Figures:
 
 
 @dataclass(frozen=True)
-class FiguresAlone:
+class ModelSummary:
     """A spring model that has no reference to be compared with."""
 
     status: str
@@ -260,7 +260,7 @@ class FiguresAlone:
 
 
 @dataclass(frozen=True)
-class ReferenceFigures:
+class ReferenceSummary:
     """How much the reference moves, a dynamic one at its widest: what the relative errors are relative to."""
 
     n_points: int  #: vertices of the surface as it was cut, at which displacements are compared
@@ -288,7 +288,7 @@ class ReferenceFigures:
     unrefined_error: float | None = None  #: of that, by the finest
 
 
-def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
+def compare_runs(run: Run, reference: Run, is_free: bool) -> ModelComparison:
     """The figures of a run against the reference; displacements at the end, of a dynamic scene over the whole time.
 
     The end is the last moment that both have reached. is_free: as in displacement_error. Raises RunError where the two
@@ -310,7 +310,7 @@ def compare_runs(run: Run, reference: Run, is_free: bool) -> Figures:
         moved = deformation(Frame(X, displacement_at(run, tip.time), F), is_free)
         tip_displacement = moved[tip.vertex] @ tip.direction
     record = run.record
-    return Figures(
+    return ModelComparison(
         status=run.stopped or record["status"],
         reached=float(end),
         displacement_error_l2=displacement.l2,
@@ -339,10 +339,10 @@ def _error_until(end: float, curve: tuple[Array, Array], reference: tuple[Array,
     return change_error(*curve, times[is_before], change[is_before])
 
 
-def describe_alone(run: Run) -> FiguresAlone:
+def describe_alone(run: Run) -> ModelSummary:
     """The figures of a spring model that has no reference to be compared with."""
     kinetic = run.curves["kinetic_energy"]
-    return FiguresAlone(
+    return ModelSummary(
         status=run.record["status"],
         n_nodes=run.record["n_nodes"],
         n_springs=run.record.get("n_springs"),
@@ -357,13 +357,13 @@ def describe_alone(run: Run) -> FiguresAlone:
 
 def describe_reference(
     reference: Run, is_free: bool = False, estimated_error: float | None = None
-) -> ReferenceFigures:
+) -> ReferenceSummary:
     """The figures of the reference; estimated_error: of its displacement, relative in the L2 norm, where it is known."""
     frame, scene = _widest_frame(reference), scene_of(reference)
     tip = tip_of(reference, is_free)
     bent = deformation_of(frame.X, frame.F, deformation(frame, is_free))
     strains = reference.curves.get("max_strain")
-    return ReferenceFigures(
+    return ReferenceSummary(
         n_points=len(frame.X),
         n_cut=reference.record.get("n_cut", 0),
         n_nodes=reference.record["n_nodes"],

@@ -8,9 +8,9 @@ from itertools import pairwise
 from typing import Any
 
 from .compare import (
-    Figures,
-    FiguresAlone,
-    ReferenceFigures,
+    ModelComparison,
+    ModelSummary,
+    ReferenceSummary,
     compare_runs,
     describe_alone,
     describe_reference,
@@ -38,9 +38,9 @@ class Comparison:
 
     experiment: Experiment
     runs: dict[str, Run]  #: of the spring models, the scene's own first
-    models: dict[str, Figures | FiguresAlone]  #: of the same
+    models: dict[str, ModelComparison | ModelSummary]  #: of the same
     reference: Run | None  #: None: the reference does not model the scene
-    of_reference: ReferenceFigures | None  #: there where the reference is
+    of_reference: ReferenceSummary | None  #: there where the reference is
     half_step_volume_change: float | None = None  #: of the scene's own springs, where they have no reference
 
     @property
@@ -121,7 +121,9 @@ def compare(experiment: Experiment, is_as_in_scene: bool = False) -> Comparison:
             for name in experiment.calibrations
             if (run := _springs(experiment, name)) and not run.stopped
         }
-        alone: dict[str, Figures | FiguresAlone] = {name: describe_alone(run) for name, run in runs.items()}
+        alone: dict[str, ModelComparison | ModelSummary] = {
+            name: describe_alone(run) for name, run in runs.items()
+        }
         half = (
             describe_alone(load_run(experiment.half_step_folder)).volume_change
             if experiment.has_half_step
@@ -143,7 +145,7 @@ def _judged_by(
     """levels: references, each refined once more than the one before, and what they are off by; n: that which judges."""
     is_free, reference, finest = experiment.is_free, levels[n], levels[-1]
     seen = {name: on_same_problem(run, reference) for name, run in runs.items()}
-    models: dict[str, Figures | FiguresAlone] = {}
+    models: dict[str, ModelComparison | ModelSummary] = {}
     for name, run in seen.items():
         figures = compare_runs(run, reference, is_free)
         if len(levels) > 1:

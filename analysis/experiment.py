@@ -17,8 +17,8 @@ from .execute import Ended, execute, solver
 from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
 from .paths import PROGRAMS, ROOT
-from .points import read_toml, say
 from .references import halve_step, refine
+from .run_store import read_toml, say
 from .runs import LATE, NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
 from .wording import significant
 

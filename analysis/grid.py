@@ -17,8 +17,8 @@ from .compare import compare_runs
 from .drawing.style import number_logarithmic, style_of, svg_of
 from .experiment import default_folder, surface_overrides
 from .paths import ROOT, write_text
-from .points import Outcome, Point, Store, read_toml, reminders, say
 from .report import html_table, page, svg_figure, text_table
+from .run_store import Outcome, RunRequest, Store, read_toml, reminders, say
 from .runs import RunError, load_run
 from .verdict import SERVES
 from .wording import percent
@@ -64,29 +64,29 @@ def _split(text: str) -> list[str]:
     return values
 
 
-def points_of(grid: dict[str, list[str]]) -> list[dict[str, str]]:
+def settings_of(grid: dict[str, list[str]]) -> list[dict[str, str]]:
     """Every combination of the grid's values, the last key changing fastest."""
     return [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
 
 
 def varied(grid: dict[str, list[str]]) -> list[str]:
-    """The keys of more than one value: those that a table needs to tell points apart."""
+    """The keys of more than one value: those that a table needs to tell runs apart."""
     return [key for key, values in grid.items() if len(values) > 1] or list(grid)
 
 
 def _overrides(scene: Path, settings: dict[str, str]) -> tuple[str, ...]:
-    """What a point sets in the scene; motions are compared frame by frame, so they keep theirs."""
+    """What a run sets in the scene; motions are compared frame by frame, so they keep theirs."""
     mode = settings.get("time.mode") or read_toml(scene).get("time", {}).get("mode")
     frames = () if mode == "dynamic" else ("output.frames_every=0",)
     return (*frames, *(f"{key}={value}" for key, value in settings.items()))
 
 
 def measure(store: Store, scene: Path, settings: dict[str, str]) -> Row:
-    """The row of one point: its settings, status, message and figures. A point that fails has a message instead."""
+    """The row of one run: its settings, status, message and figures. A run that fails has a message instead."""
     overrides = _overrides(scene, settings)
     runs: list[Outcome] = []
     for program in ("massspring", "fem_reference"):
-        runs.append(store.run(Point(program, scene, overrides)))
+        runs.append(store.run(RunRequest(program, scene, overrides)))
         if runs[-1].status != "ok":
             return {
                 **settings,
@@ -116,11 +116,9 @@ def csv_of(rows: list[Row]) -> str:
 def finding(name: str, keys: list[str], rows: list[Row]) -> str:
     """The sweep in one sentence, and what it concludes in a second."""
     good = sorted((row for row in rows if row["status"] == "ok"), key=lambda row: row[_ERROR])
-    failed = (
-        f"; {len(rows) - len(good)} of {len(rows)} points gave no result" if len(good) < len(rows) else ""
-    )
+    failed = f"; {len(rows) - len(good)} of {len(rows)} runs gave no result" if len(good) < len(rows) else ""
     if not good:
-        return f"{name}: none of {len(rows)} points gave a result."
+        return f"{name}: none of {len(rows)} runs gave a result."
 
     def place(row: Row) -> str:
         return ", ".join(f"{key} = {row[key]}" for key in keys)
@@ -130,7 +128,7 @@ def finding(name: str, keys: list[str], rows: list[Row]) -> str:
     return (
         f"{name}: the springs miss the finite elements' surface displacement by {percent(best[_ERROR])} at best "
         f"({place(best)}) and by {percent(worst[_ERROR])} at worst ({place(worst)}){failed}. "
-        f"At {n_serving} of {len(rows)} points they are off by at most {percent(SERVES)}."
+        f"At {n_serving} of {len(rows)} runs they are off by at most {percent(SERVES)}."
     )
 
 
@@ -207,8 +205,7 @@ def write(
     parts.append("<p>Seconds are those of single runs, not benchmarked.</p>")
     protocol = {scene.name: scene.read_text()}
     protocol |= {
-        f"{program}: run.json of one point": json.dumps(record, indent=2)
-        for program, record in records.items()
+        f"{program}: run.json of one run": json.dumps(record, indent=2) for program, record in records.items()
     }
     write_text(
         folder / "report.html",
@@ -224,12 +221,12 @@ def sweep(
     is_quiet: bool = False,
     store: Store | None = None,
 ) -> list[Row]:
-    """Runs every point of the grid that has not been run, and writes the table after each.
+    """Makes every run of the grid that has not been made, and writes the table after each.
 
-    part: (i, n) runs the i-th of every n points only, and writes no table: the share of one of n machines.
+    part: (i, n) runs the i-th of every n runs only, and writes no table: the share of one of n machines.
     """  # fmt: skip
-    store = store or Store(folder / "points")
-    settings = points_of(grid)
+    store = store or Store(folder / "runs")
+    settings = settings_of(grid)
     share = settings[part[0] - 1 :: part[1]]
     rows: list[Row] = []
     for values in share:
@@ -247,7 +244,7 @@ def sweep(
     records = {
         program: found.record
         for program in ("massspring", "fem_reference")
-        if (found := store.find(Point(program, scene, _overrides(scene, settings[0]))))
+        if (found := store.find(RunRequest(program, scene, _overrides(scene, settings[0]))))
     }
     write(folder, scene, varied(grid), rows, records)
     return rows

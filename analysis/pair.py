@@ -12,7 +12,7 @@ import numpy as np
 import pyvista as pv
 
 from .compare import (
-    Figures,
+    ModelComparison,
     area_change,
     compare_runs,
     deformation,
@@ -21,10 +21,10 @@ from .compare import (
     volume,
     volume_change,
 )
+from .comparison_figures import row_of
 from .drawing.bodies import Body
 from .drawing.plots import Panel, plot_curves
 from .drawing.view import Shown
-from .exhibits import row_of
 from .foreign import Result, read_result
 from .methods import REFERENCE
 from .paths import ROOT, write_text
@@ -82,7 +82,7 @@ class Pair:
             if here.get(key) != there.get(key)
         }
 
-    def _runs(self) -> Figures | None:
+    def _runs(self) -> ModelComparison | None:
         if not (self.model.run and self.reference.run):
             return None
         try:

@@ -16,7 +16,7 @@ from typing import Any
 from .comparison import compare
 from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
-from .points import say
+from .run_store import say
 from .runs import LATE, NOT_OK, SOLVED, outcome_of
 from .verdict import needs_finer_reference
 from .wording import duration

@@ -24,7 +24,7 @@ from .comparison import compare, without_nan
 from .experiment import run_solvers
 from .machine import describe
 from .paths import MESHES, OUT, PACKAGE, PROGRAMS, ROOT, SCENES, write_text
-from .points import reminders, say
+from .run_store import reminders, say
 from .runs import RunError
 from .wording import percent
 

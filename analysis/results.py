@@ -7,14 +7,14 @@ import json
 from typing import Any
 
 from .comparison import Comparison, compare, without_nan
-from .exhibits import draw_films, draw_row, plot
+from .comparison_figures import draw_films, draw_row, plot
 from .experiment_folder import Experiment
 from .machine import describe
 from .methods import label_of
 from .paths import PACKAGE, PROGRAMS, write_text
-from .points import reminders, say
 from .remesh import sentence_of
 from .report import render
+from .run_store import reminders, say
 from .verdict import conclusion, finding
 
 

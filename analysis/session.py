@@ -97,8 +97,8 @@ def sweep(
 ) -> pd.DataFrame:
     """Runs both solvers for every combination of values (key -> values) and returns a row for each, the last key fastest.
 
-    Columns are the keys, status, message and the figures of the scene's own model; a point that fails has a message instead
-    of figures. folder: of the results, by default under out/sweep; points that it holds are not run again. Raises RunError
+    Columns are the keys, status, message and the figures of the scene's own model; a run that fails has a message instead
+    of figures. folder: of the results, by default under out/sweep; runs that it holds are not made again. Raises RunError
     where the scene cannot be read.
     """
     file = (_written(scene) if isinstance(scene, Scene) else Path(scene)).resolve()

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from .compare import deformation, displacement_at, vertex_areas
 from .comparison import Comparison
+from .comparison_figures import plot
 from .drawing.bodies import Body
 from .drawing.bodies_aside import bodies_aside
 from .drawing.plots import figure_of
-from .exhibits import plot
 from .methods import REFERENCE, label_of
 from .runs import Array, Frame, RunError
 

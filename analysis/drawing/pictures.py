@@ -25,7 +25,7 @@ _LAMPS = (((2, 4, 4), 0.75), ((-4, -1, 3), 0.4), ((0, 3, -4), 0.3))
 LOOK = {"ambient": 0.62, "diffuse": 0.45, "specular": 0.05, "specular_power": 12, "smooth_shading": True}
 _SUN = np.array([-0.35, -1.0, -0.25])  # direction in which shadows fall
 _DASH = 0.025  # of the bounding box's diagonal: a dash of an outline and the gap behind it
-_STANDS = 0.25  # of the height: what is held below stands on a floor
+_STANDS = 0.25  # of the height: what is constrained below stands on a floor
 _SINKS = 0.1  # of the height: what sinks deeper does not
 
 
@@ -188,14 +188,14 @@ def round_length(wanted: float) -> float:
 
 
 def floor_of(X: Array, u: Array, shown: Array) -> Floor | None:
-    """The floor of a body held at its bottom, which is where it does not move at all; None for others.
+    """The floor of a body constrained at its bottom, which is where it does not move at all; None for others.
 
     shown: points that the picture holds; none of them may lie below the floor by much.
     """
     lengths = np.linalg.norm(u, axis=1)
-    held = X[lengths <= 1e-12 * lengths.max()]
+    constrained = X[lengths <= 1e-12 * lengths.max()]
     low, high = X[:, 1].min(), X[:, 1].max()
-    is_held_low = len(held) > 2 and held[:, 1].max() <= low + _STANDS * (high - low)
-    if not is_held_low or shown[:, 1].min() < low - _SINKS * (high - low):
+    is_constrained_low = len(constrained) > 2 and constrained[:, 1].max() <= low + _STANDS * (high - low)
+    if not is_constrained_low or shown[:, 1].min() < low - _SINKS * (high - low):
         return None
     return Floor(float(low), shown.min(axis=0), shown.max(axis=0))

@@ -1,10 +1,10 @@
 """Accuracy study: bodies and loads drawn at random, springs beside finite elements, against refined quadratic elements.
 
 Each body of bodies.py bears one load while it is free and one while a part of it is held, at two Poisson's ratios. The
-yardstick of all methods is quadratic elements on the surface as every method cuts it, refined. Their tetrahedra are split in
-eight, twice where a part is held and tetrahedra are few. The yardstick's own error is estimated from what the last split
+reference of all methods is quadratic elements on the surface as every method cuts it, refined. Their tetrahedra are split in
+eight, twice where a part is held and tetrahedra are few. The reference's own error is estimated from what the last split
 changed, as if it were of first order. Errors are relative, of the surface's displacement in the L2 norm. Half of the bodies
-are for development; --kept-back measures the others, too. The exact fields are those of build/bin/accuracy, on the bodies of
+are for development; --held-out measures the others, too. The exact fields are those of build/bin/accuracy, on the bodies of
 even triangles. What is finished is kept, and published in ACCURACY.md.
 """
 
@@ -29,8 +29,8 @@ from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..grid import csv_of
 from ..methods import FEM_P2, label_of
 from ..paths import PACKAGE, PROGRAMS, write_text
-from ..points import Point, Store, say
 from ..report import Table
+from ..run_store import RunRequest, Store, say
 from ..runs import Run, RunError, load_run
 from ..surface_points import on_points_of
 from .accuracy_loads import CUTTABLE, FREE, HELD, of_cut_surface, scene_of
@@ -53,8 +53,8 @@ _EXACT_MODELS = (
     LINEAR,
     SPRINGS,
 )  # the first two on completed PCP
-_DECIDED = 3  # times the yardstick's own error
-_MOST_TETRAHEDRA = 80_000  # of a yardstick that is split twice
+_DECIDED = 3  # times the refined reference's own error
+_MOST_TETRAHEDRA = 80_000  # of a reference that is split twice
 _TOLERANCE = "time.residual=1e-9"
 
 Row = dict[str, str]
@@ -71,11 +71,11 @@ class Case:
         return "held" if self.load in HELD else "free"
 
 
-def cases(has_kept_back: bool = False, is_quick: bool = False) -> list[Case]:
+def cases(has_held_out: bool = False, is_quick: bool = False) -> list[Case]:
     """In an order that a hash draws, so that what is there of an unfinished study is a sample of all."""
     found = []
     for body in bodies():
-        if body.is_kept_back and not has_kept_back:
+        if body.is_held_out and not has_held_out:
             continue
         random = random_of(f"loads of {body.name}")
         loads = [random.choice(FREE), random.choice(HELD)]
@@ -89,13 +89,13 @@ class Bench:
 
     def __init__(self, folder: Path, store: Store | None = None) -> None:
         self.folder = folder
-        self.store = store or Store(folder / "points", time_limit=900)
+        self.store = store or Store(folder / "runs", time_limit=900)
         (folder / "scenes").mkdir(parents=True, exist_ok=True)
 
     def run(self, program: str, scene: Path, nu: str, *overrides: str) -> Run:
         """Raises RunError for a run that is not ok."""
         options = ("--no-diagnostics",) if program == "massspring" else ()
-        outcome = self.store.run(Point(program, scene, (f"material.nu={nu}", *overrides), options))
+        outcome = self.store.run(RunRequest(program, scene, (f"material.nu={nu}", *overrides), options))
         if outcome.status != "ok":
             words = (program, outcome.status, outcome.message)
             raise RunError(": ".join(word for word in words if word))
@@ -104,7 +104,7 @@ class Bench:
     def elements(self, scene: Path, nu: str, refine: int) -> Run:
         return self.run("fem_reference", scene, nu, f"reference.refine={refine}", _TOLERANCE)
 
-    def _yardsticks(self, scene: Path, case: Case) -> tuple[Run, Run]:
+    def _references(self, scene: Path, case: Case) -> tuple[Run, Run]:
         """The finest, and the one before."""
         runs = [self.elements(scene, case.nu, refine) for refine in (0, 1)]
         if case.kind == "held" and 8 * runs[-1].record["n_tetrahedra"] <= _MOST_TETRAHEDRA:
@@ -144,7 +144,7 @@ class Bench:
             )
         row = _row_of(case.body, case.kind, case.load, case.nu)
         try:
-            finest, before = self._yardsticks(scene, case)
+            finest, before = self._references(scene, case)
         except RunError as error:
             return [{**row, "method": method, "status": str(error)} for method in runs]
         own = error_of(before, finest)
@@ -156,14 +156,14 @@ class Bench:
                 rows.append({**row, "method": method, "status": str(error)})
                 continue
             figures = {"n_nodes": str(found.record["n_nodes"]), "error": f"{error_of(found, finest):.5g}"}
-            rows.append({**row, "method": method, "status": "ok", **figures, "yardstick": f"{own:.5g}"})
+            rows.append({**row, "method": method, "status": "ok", **figures, "reference_error": f"{own:.5g}"})
         return rows
 
 
-def error_of(run: Run, yardstick: Run) -> float:
-    """Over the vertices of the yardstick's surface as it was cut."""
-    seen, end = on_points_of(run, yardstick).last, yardstick.last
-    return displacement_error(end.X, end.F, seen.u, end.u, yardstick.record["is_free"]).l2
+def error_of(run: Run, reference: Run) -> float:
+    """Over the vertices of the refined reference's surface as it was cut."""
+    seen, end = on_points_of(run, reference).last, reference.last
+    return displacement_error(end.X, end.F, seen.u, end.u, reference.record["is_free"]).l2
 
 
 def exact_rows(folder: Path, of: list[Body]) -> list[Row]:
@@ -182,13 +182,13 @@ def exact_rows(folder: Path, of: list[Body]) -> list[Row]:
             body = body_of.get(found["surface"])
             if body and found["load"] not in _PATCH_FIELDS:
                 row = _row_of(body, EXACT, found["load"], found["nu"])
-                figures = {"n_nodes": found["n_nodes"], "error": found["error_l2"], "yardstick": "0"}
+                figures = {"n_nodes": found["n_nodes"], "error": found["error_l2"], "reference_error": "0"}
                 rows.append({**row, "method": found["model"], "status": found["status"], **figures})
     return rows
 
 
 def _row_of(body: Body, kind: str, load: str, nu: str) -> Row:
-    half = "kept back" if body.is_kept_back else "development"
+    half = "held-out" if body.is_held_out else "development"
     place = {"half": half, "body": f"{body.family}-{body.seed}", "triangles": body.triangulation}
     return {**place, "kind": kind, "load": load, "nu": nu}
 
@@ -237,7 +237,7 @@ def table(rows: list[Row], keys: list[str]) -> Table:
     lines = []
     for group, of in _grouped(rows, keys).items():
         found = ratios(of, SPRINGS, LINEAR)
-        # Without a yardstick it is all methods that have none.
+        # Without a refined reference it is all methods that have none.
         n_failed = len({place_of(row) for row in of if row["status"] != "ok"})
         n_near = sum(_is_undecided(row) for row in of if row["method"] == SPRINGS)
         lines.append([*group, str(len(found)), str(n_failed), str(n_near)])
@@ -253,7 +253,7 @@ def table(rows: list[Row], keys: list[str]) -> Table:
 
 
 def _is_undecided(row: Row) -> bool:
-    return row["status"] == "ok" and float(row["error"]) < _DECIDED * float(row["yardstick"])
+    return row["status"] == "ok" and float(row["error"]) < _DECIDED * float(row["reference_error"])
 
 
 def table_of_equal_nodes(rows: list[Row]) -> Table:
@@ -308,8 +308,8 @@ def measured(rows: list[Row]) -> str:
     """How many of a half's cases there are so far."""
     places = {place_of(row) for row in rows if row["kind"] != EXACT}
     words = []
-    for half, is_kept_back in (("development", False), ("kept back", True)):
-        n_all = sum(case.body.is_kept_back == is_kept_back for case in cases(has_kept_back=True))
+    for half, is_held_out in (("development", False), ("held-out", True)):
+        n_all = sum(case.body.is_held_out == is_held_out for case in cases(has_held_out=True))
         name = half.replace(" ", "-")
         words.append(f"{sum(place[0] == half for place in places)} of {n_all} {name} cases")
     return f"So far {' and '.join(words)} have been measured, in an order drawn at random."
@@ -363,7 +363,7 @@ _LOADS = (
     "Errors of `node_averaged` over those of linear elements on the same nodes. "
     "All cut the surface's triangles where fewer than `surface.across` = 1 edges fit across the body. "
     "The last four columns are median errors: of springs, of springs on uncut triangles, of linear and of quadratic elements. "
-    "A case is undecided where the error is less than three times the yardstick's own; it counts in the other columns."
+    "A case is undecided where the error is less than three times the refined reference's own; it counts in the other columns."
 )
 _EQUAL = (
     "Springs on triangles that are cut flat in four have as many nodes on the surface as quadratic elements. "
@@ -378,7 +378,7 @@ _HEAD = """# Accuracy
 {finding} {measured}
 
 `./testbed study accuracy` measures the development half of the bodies and writes this page and
-[its rows](accuracy.csv); with `--kept-back` it measures the other half, too. How it measures stands at the head of
+[its rows](accuracy.csv); with `--held-out` it measures the other half, too. How it measures stands at the head of
 [the study](studies/accuracy.py).
 """
 _REFERENCES = """## References
@@ -419,7 +419,7 @@ def _markdown(head: list[str], rows: list[list[str]]) -> str:
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """--quick: four cases, a minute, and nothing is published."""
     bench = Bench(folder)
-    wanted = cases(arguments.kept_back, arguments.quick)
+    wanted = cases(arguments.held_out, arguments.quick)
     rows: list[Row] = []
     start = time.perf_counter()
     for number, case in enumerate(wanted, 1):

@@ -44,7 +44,7 @@ class Body:
         return f"{self.family}-{self.seed}-{self.triangulation}"
 
     @property
-    def is_kept_back(self) -> bool:
+    def is_held_out(self) -> bool:
         """By family and seed, so that no triangulation of a judged body was learnt from."""
         return hashlib.sha256(f"{self.family}-{self.seed}".encode()).digest()[0] % 2 == 1
 

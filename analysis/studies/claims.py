@@ -15,9 +15,9 @@ import numpy as np
 
 from ..compare import displacement_error
 from ..paths import PACKAGE, SCENES, write_text
-from ..points import Outcome, Point, Store
 from ..report import Table
 from ..reproduce import tables_of
+from ..run_store import Outcome, RunRequest, Store
 from ..runs import Run, RunError, load_run
 from ..surface_points import on_points_of
 from ..verdict import SERVES
@@ -51,7 +51,7 @@ class Seeds:
     def outcomes(self, scene: Path, overrides: Sequence[str]) -> list[Outcome]:
         return [
             self.store.run(
-                Point("massspring", scene, (*overrides, f"network.seed={seed}"), ("--no-diagnostics",))
+                RunRequest("massspring", scene, (*overrides, f"network.seed={seed}"), ("--no-diagnostics",))
             )
             for seed in self.seeds
         ]
@@ -106,7 +106,7 @@ def roughness(run: Run) -> float:
 
 def reference_of(store: Store, scene: Path, overrides: Sequence[str]) -> Outcome:
     """Quadratic elements. Raises RunError where they are not solved."""
-    reference = store.run(Point("fem_reference", scene, tuple(overrides)))
+    reference = store.run(RunRequest("fem_reference", scene, tuple(overrides)))
     if reference.status != "ok":
         raise RunError(f"{scene}: the reference ended with {reference.status}: {reference.message}")
     return reference

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..paths import ROOT
-from ..points import reminders
+from ..run_store import reminders
 from ..runs import RunError
 from . import (
     accuracy,
@@ -73,12 +73,12 @@ STUDIES = {
     "accuracy": Study(
         "springs on bodies and loads drawn at random, beside finite elements, against refined ones: an hour",
         accuracy.study,
-        frozenset({"quick", "kept_back"}),
+        frozenset({"quick", "held_out"}),
     ),
     "estimate": Study(
         "the springs' own estimates beside their errors, and nodes added for a target, on the same bodies: an hour",
         estimate.study,
-        frozenset({"quick", "kept_back"}),
+        frozenset({"quick", "held_out"}),
     ),
     "verdicts": Study(
         "whether verdicts on the same bodies hold against a finer reference: an hour", verdicts.study
@@ -117,7 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"for one timed run ({_TIME_LIMIT}); what takes longer is a row that says so",
     )
     parser.add_argument(
-        "--kept-back",
+        "--held-out",
         action="store_true",
         help="accuracy, estimate: the bodies too that nothing was developed on",
     )
@@ -132,7 +132,7 @@ _TIME_LIMIT = 120  # s
 def check_options(arguments: argparse.Namespace) -> None:
     """Raises RunError for an option that means nothing to the study."""
     takes = STUDIES[arguments.name].takes
-    for name in ("scenes", "quick", "repetitions", "time_limit", "against", "kept_back"):
+    for name in ("scenes", "quick", "repetitions", "time_limit", "against", "held_out"):
         if getattr(arguments, name) and name not in takes:
             what = "scene" if name == "scenes" else f"--{name.replace('_', '-')}"
             known = ", ".join(sorted(study for study, entry in STUDIES.items() if name in entry.takes))

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from ..drawing.style import style_of, svg_of
 from ..paths import write_text
-from ..points import Point, Store, say
 from ..report import Table
+from ..run_store import RunRequest, Store, say
 from .result import Figures, Result, Section
 
 _VALGRIND = ("valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null")
@@ -91,10 +91,10 @@ def measure(folder: Path, store: Store, is_quiet: bool) -> list[Cost]:
         counts = []
         message = ""
         for n in (_N_STEPS, 2 * _N_STEPS):
-            point = Point(
+            request = RunRequest(
                 "massspring", scene, (f"time.end={n * _STEP}", *overrides), ("--no-diagnostics",), _VALGRIND
             )
-            outcome = store.run(point)
+            outcome = store.run(request)
             if outcome.status != "ok":
                 message = f"{outcome.status}: {outcome.message}"
                 break
@@ -160,7 +160,7 @@ def finding(costs: list[Cost]) -> str:
 
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """Instructions of a step, part by part."""
-    store = Store(folder / "points")
+    store = Store(folder / "runs")
     costs = measure(folder, store, arguments.quiet)
     figures: Figures = {}
     if shares(costs):

@@ -15,8 +15,8 @@ import numpy as np
 
 from ..grid import csv_of
 from ..paths import write_text
-from ..points import say
 from ..report import Table
+from ..run_store import say
 from ..runs import Run, RunError
 from .accuracy import SPRINGS, Bench, Case, Row, cases, error_of
 from .result import Result, Section
@@ -101,7 +101,7 @@ def finding(rows: list[Row]) -> str:
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """--quick: four cases, some minutes."""
     bench = Bench(folder)
-    wanted = cases(arguments.kept_back, arguments.quick)
+    wanted = cases(arguments.held_out, arguments.quick)
     rows: list[Row] = []
     for number, case in enumerate(wanted, 1):
         rows += measure(bench, case)

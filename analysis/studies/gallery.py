@@ -12,8 +12,8 @@ from pathlib import Path
 
 from ..experiment import run_solvers
 from ..paths import PACKAGE, SCENES, THUMBNAIL, write_text
-from ..points import say
 from ..results import results_of
+from ..run_store import say
 from ..runs import RunError
 from .result import Result, Section
 

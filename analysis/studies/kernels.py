@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from ..paths import ROOT
-from ..points import Outcome, Point, Store, say
 from ..report import Table
+from ..run_store import Outcome, RunRequest, Store, say
 from ..runs import RunError
 from .result import Result, Section, alone
 
@@ -169,18 +169,18 @@ def measure_runs(
     trees: list[Tree], folder: Path, repetitions: int, limit: float, is_quiet: bool
 ) -> list[Timed]:
     timed = {case: Timed(case.name) for case in CASES}
-    stores = {tree: Store(folder / "points" / tree.name, limit, tree.programs) for tree in trees}
+    stores = {tree: Store(folder / "runs" / tree.name, limit, tree.programs) for tree in trees}
     for repetition in range(repetitions):
         for case, result in timed.items():
             for tree, store in stores.items():
-                point = Point(
+                request = RunRequest(
                     case.program,
                     tree.scene(case.scene),
                     (*case.overrides, *_FEW_FILES),
                     ("--no-diagnostics",) if case.program == "massspring" else (),
                     repetition=repetition,
                 )
-                outcome = store.run(point)
+                outcome = store.run(request)
                 if outcome.status != "ok":
                     result.message = f"{tree.name}: {outcome.status}: {outcome.message}"
                     continue

@@ -22,8 +22,8 @@ from ..drawing.network_pictures import draw_before_and_after
 from ..drawing.style import style_of, svg_of
 from ..drawing.warp import WARPS, warp_of
 from ..paths import PACKAGE, PROGRAMS, SCENES, write_text
-from ..points import Point, Store
 from ..report import Table
+from ..run_store import RunRequest, Store
 from ..runs import RunError, load_run
 from . import network_curves
 from .claims import N_SEEDS, Seeds
@@ -171,7 +171,7 @@ def figure_11(scenes: list[Path], store: Store, folder: Path) -> tuple[dict[str,
     strips: dict[str, Path] = {}
     rows = []
     for scene in scenes:
-        outcome = store.run(Point("massspring", scene))
+        outcome = store.run(RunRequest("massspring", scene))
         message = outcome.message
         if outcome.status == "ok":
             try:
@@ -207,18 +207,18 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
         ),
     }
     scenes = arguments.scenes or [SCENES / f"{name}.toml" for name in FIGURE_11]
-    strips, ended = figure_11(scenes, Store(folder / "points"), folder)
+    strips, ended = figure_11(scenes, Store(folder / "runs"), folder)
     sections = [Section("Table 1", [], {}, {"table_1": table}), Section("Figures", [], figures)]
     shown: Figures = {name: (file, f"Figure 11: {name}.") for name, file in strips.items()}
     sections.append(Section("Figure 11", [], shown, {"figure_11": ended}))
-    strips, ended = published_figure_11(scenes, Store(folder / "points"), folder)
+    strips, ended = published_figure_11(scenes, Store(folder / "runs"), folder)
     shown = {
         f"{name}_published": (file, f"Figure 11: {name}, ours above the method as published.")
         for name, file in strips.items()
     }
     sections.append(Section("Figure 11 as published", [], shown, {"published": ended}))
     file = (folder if arguments.quick else PACKAGE) / "CLAIMS.md"
-    seeds = Seeds(Store(folder / "points"), 2 if arguments.quick else N_SEEDS)
+    seeds = Seeds(Store(folder / "runs"), 2 if arguments.quick else N_SEEDS)
     sections.append(network_curves.section(network_curves.measure(seeds)))
     claims = measure_claims(seeds, file)
     sections.append(Section("Claims", [f"Written to {file}."], {}, {"claims": claims}))

@@ -2,7 +2,7 @@
 
 Usage: /usr/bin/python3 peer_dolfinx.py IN.npz OUT.npz
 
-IN: points (n, 3) in m, tetrahedra (m, 4), degree, E in Pa, nu, weight (3) in N/m3, tolerance. Where x is least the bar is held.
+IN: points (n, 3) in m, tetrahedra (m, 4), degree, E in Pa, nu, weight (3) in N/m3, tolerance. The least x is constrained.
 OUT: displacement u of the points (n, 3) in m, n_unknowns, solver, seconds of processor for mesh, assembly and solution. Forms are
 compiled before. The solver is the faster one of two: conjugate gradients with PETSc's algebraic multigrid, which knows the rigid
 motions, and MUMPS' Cholesky factor.
@@ -51,8 +51,8 @@ def solve(case, is_trial=False):
     if is_trial:
         return None
     least = case["points"][:, 0].min()
-    held = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], least))
-    support = fem.dirichletbc(np.zeros(3), held, V)
+    constrained = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], least))
+    support = fem.dirichletbc(np.zeros(3), constrained, V)
     A = fem.petsc.assemble_matrix(stiffness, bcs=[support])
     A.assemble()
     b = fem.petsc.assemble_vector(load)

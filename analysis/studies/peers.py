@@ -18,8 +18,8 @@ import numpy as np
 import pyvista as pv
 
 from ..paths import SCENES
-from ..points import Point, Store, say
 from ..report import Table
+from ..run_store import RunRequest, Store, say
 from ..runs import Array, Run, RunError, load_run, scene_of
 from .result import Result, Section, alone
 
@@ -97,8 +97,8 @@ def measure(store: Store, folder: Path, n_vertices: int, degree: int) -> Pair:
             f"reference.degree={degree}",
             f"time.residual={_RESIDUAL}",
         )
-        point = Point("fem_reference", _SCENE, settings, repetition=100 * repetition)
-        outcome = store.run(point)
+        request = RunRequest("fem_reference", _SCENE, settings, repetition=100 * repetition)
+        outcome = store.run(request)
         if outcome.status != "ok":
             raise RunError(f"fem_reference: {outcome.status}: {outcome.message}")
         if repetition == 0:
@@ -141,7 +141,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
         raise RunError(
             f"{_DEBIAN}: no dolfinx, expected Debian's python3-dolfinx (apt-get install python3-dolfinx)"
         )
-    store = Store(folder / "points")
+    store = Store(folder / "runs")
     pairs = []
     with alone(arguments.quiet):
         for n_vertices in _VERTICES[: 1 if arguments.quick else None]:

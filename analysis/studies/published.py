@@ -13,8 +13,8 @@ from PIL import Image
 
 from ..drawing.film import draw_film, draw_strip
 from ..drawing.warp import WARPS
-from ..points import Outcome, Point, Store, read_toml
 from ..report import Table
+from ..run_store import Outcome, RunRequest, Store, read_toml
 from ..runs import Array, Run, RunError, load_frames
 
 #: Form: the integrator, and the step over the scene's.
@@ -95,7 +95,7 @@ def figure_11(scenes: list[Path], store: Store, folder: Path) -> tuple[dict[str,
             _OURS: (),
             **{form: overrides_of(scene, *how) for form, how in FORMS.items()},
         }.items():
-            outcome = store.run(Point("massspring", scene, overrides, ("--no-diagnostics",)))
+            outcome = store.run(RunRequest("massspring", scene, overrides, ("--no-diagnostics",)))
             run = None
             if outcome.status in ("ok", "diverged", "not_converged"):
                 run = sound_part(load_frames(outcome.folder))

@@ -15,7 +15,7 @@ import numpy as np
 from ..compare import compare_runs, keeps_volume, trajectory_error, volume_change
 from ..machine import has_waited
 from ..methods import FEM_P1, FEM_P1_EXPLICIT, FEM_P2, FEM_P2_EXPLICIT
-from ..points import Outcome, Point, Store, say
+from ..run_store import Outcome, RunRequest, Store, say
 from ..runs import Run, RunError, load_run
 
 _NETWORKS = ("uniform", "affine", "van_gelder", "lloyd", "moment")
@@ -250,13 +250,13 @@ class SceneStudy:
             f"output.frames_every={round(longest / rung.step)}",
         )
 
-    def point(self, m: Measurement, draw: int, attempt: int = 0) -> Point:
+    def request(self, m: Measurement, draw: int, attempt: int = 0) -> RunRequest:
         overrides = (*self.overrides(m.rung), *m.method.overrides)
         if m.method.program == "massspring":
             target = (f"network.target_error={m.rung.target}",) if m.rung.target else ()
             seeded = (*overrides, *target, f"network.seed={draw + 1}")
-            return Point(m.method.program, self.file, seeded, ("--no-diagnostics",), repetition=attempt)
-        return Point(m.method.program, self.file, overrides, repetition=draw + 100 * attempt)
+            return RunRequest(m.method.program, self.file, seeded, ("--no-diagnostics",), repetition=attempt)
+        return RunRequest(m.method.program, self.file, overrides, repetition=draw + 100 * attempt)
 
     def run(self, is_quiet: bool) -> None:
         """Solves the references, times every method on the surfaces that have one, then measures their errors."""
@@ -283,7 +283,7 @@ class SceneStudy:
                 say(f"{done} {m.method.name} x {m.rung.size:g}: {said}", is_quiet)
         for m in self.measurements:
             if m.timed and len(os.sched_getaffinity(0)) > 1:
-                two = self.timed.run(replace(self.point(m, 0, attempt=_ATTEMPTS), prefix=_TWO_THREADS))
+                two = self.timed.run(replace(self.request(m, 0, attempt=_ATTEMPTS), prefix=_TWO_THREADS))
                 m.two_threads = two if two.status == "ok" else None
             if m.outcomes:
                 self._compare(m)
@@ -291,7 +291,7 @@ class SceneStudy:
             self._tighten(is_quiet)
 
     def _draw(self, m: Measurement, draw: int) -> None:
-        outcome = self.timed.run(self.point(m, draw))
+        outcome = self.timed.run(self.request(m, draw))
         if outcome.status != "ok":
             m.message = f"{outcome.status}: {outcome.message}".removesuffix(": ")
             return
@@ -299,7 +299,7 @@ class SceneStudy:
         for attempt in range(1, _ATTEMPTS):
             if not has_waited(outcome.cpu, outcome.wall):
                 break
-            outcome = self.timed.run(self.point(m, draw, attempt))
+            outcome = self.timed.run(self.request(m, draw, attempt))
         if outcome.status == "ok" and not has_waited(outcome.cpu, outcome.wall):
             m.timed.append(outcome)
 
@@ -333,8 +333,8 @@ class SceneStudy:
                 continue
             say(f"{self.name}: {method.name} to a tighter residual", is_quiet)
             residual = f"time.residual={_TIGHTER * _RESIDUAL[self.regime]:g}"
-            point = self.point(m[0], 0)
-            outcome = self.timed.run(replace(point, overrides=(*point.overrides, residual)))
+            request = self.request(m[0], 0)
+            outcome = self.timed.run(replace(request, overrides=(*request.overrides, residual)))
             if outcome.status == "ok":
                 known = self.references[m[0].rung.size]
                 assert not isinstance(known, RunError)
@@ -353,7 +353,7 @@ class SceneStudy:
         return self.references[size]
 
     def _run_reference(self, *overrides: str, options: tuple[str, ...] = ()) -> Outcome:
-        outcome = self.store.run(Point("fem_reference", self.file, overrides, options))
+        outcome = self.store.run(RunRequest("fem_reference", self.file, overrides, options))
         if outcome.status != "ok":
             raise RunError(f"no reference: {outcome.status}: {outcome.message}")
         return outcome

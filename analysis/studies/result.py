@@ -14,8 +14,8 @@ from pathlib import Path
 
 from .. import machine
 from ..paths import PROGRAMS, write_text
-from ..points import say
 from ..report import Table, html_table, image_figure, page, svg_figure, text_table
+from ..run_store import say
 
 _LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
 

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES
-from ..points import Outcome, Point, Store, say
 from ..report import Table
+from ..run_store import Outcome, RunRequest, Store, say
 from .result import Figures, Result, Section, alone
 
 _VERTICES = 900  # of the bar's surface, which give
@@ -125,7 +125,7 @@ def measure(scene: Path, store: Store, sizes: list[float], repetitions: int, is_
                     "output.curves=false",
                 )
                 outcome = store.run(
-                    Point(line.program, scene, (*few, *line.overrides), options, repetition=repetition)
+                    RunRequest(line.program, scene, (*few, *line.overrides), options, repetition=repetition)
                 )
                 if outcome.status == "ok":
                     size.outcomes.append(outcome)
@@ -285,7 +285,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     with alone(arguments.quiet):
         measured = measure(
             SCENES / "bar_sag.toml",
-            Store(folder / "points", _TIME_LIMIT),
+            Store(folder / "runs", _TIME_LIMIT),
             sizes,
             repetitions,
             arguments.quiet,

@@ -26,8 +26,8 @@ from matplotlib.patches import Patch
 
 from ..drawing.style import svg_of
 from ..paths import PROGRAMS, write_text
-from ..points import say
 from ..report import Table
+from ..run_store import say
 from ..runs import RunError
 from .result import Figures, Result, Section
 

@@ -16,8 +16,8 @@ from ..comparison import compare
 from ..experiment import TIME_LIMIT, run_solvers
 from ..grid import csv_of
 from ..paths import write_text
-from ..points import Store, say
 from ..report import Table
+from ..run_store import Store, say
 from ..runs import RunError
 from ..verdict import FAILS, SERVES, has_figures, verdict_on
 from ..wording import percent
@@ -34,7 +34,7 @@ _LONG = 120.0  # s, in which a verdict is wanted
 def drawn(n: int) -> list[Case]:
     """A case of each of so many bodies, drawn by its name."""
     of_body: dict[str, list[Case]] = {}
-    for case in cases(has_kept_back=True):
+    for case in cases(has_held_out=True):
         of_body.setdefault(case.body.name, []).append(case)
     return [of[random_of(f"verdict on {body}").integers(len(of))] for body, of in of_body.items()][:n]
 
@@ -48,7 +48,7 @@ def measure(bench: Bench, case: Case) -> list[Row]:
     """A row for each model."""
     scene, _ = bench.scenes(case)
     place = {"body": case.body.name, "kind": case.kind, "load": case.load, "nu": case.nu}
-    folder = bench.folder / "runs" / f"{case.body.name}-{case.load}-{case.nu}"
+    folder = bench.folder / "cases" / f"{case.body.name}-{case.load}-{case.nu}"
     kept = folder / "rows.json"
     if kept.exists():
         rows: list[Row] = json.loads(kept.read_text())
@@ -124,7 +124,7 @@ def finding(rows: list[Row]) -> str:
 
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """--quick: three bodies."""
-    bench = Bench(folder, Store(folder / "points", time_limit=_TRUTH_LIMIT))
+    bench = Bench(folder, Store(folder / "runs", time_limit=_TRUTH_LIMIT))
     wanted = drawn(_N_QUICK if arguments.quick else _N_BODIES)
     rows: list[Row] = []
     for number, case in enumerate(wanted, 1):

@@ -30,7 +30,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..paths import SCENES
-from ..points import Store, say
+from ..run_store import Store, say
 from . import fronts
 from .frame_budget import frame_budget
 from .race import FULL, QUICK, REFERENCE_LIMIT, REGIMES, SceneStudy, is_dynamic
@@ -43,7 +43,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     files = arguments.scenes or [SCENES / f"{name}.toml" for name in names]
     effort = QUICK if arguments.quick else FULL
     effort = replace(effort, repetitions=arguments.repetitions or effort.repetitions)
-    timed, store = Store(folder / "points", arguments.time_limit), Store(folder / "points", REFERENCE_LIMIT)
+    timed, store = Store(folder / "runs", arguments.time_limit), Store(folder / "runs", REFERENCE_LIMIT)
     studies = [SceneStudy(file.resolve(), effort, timed, store) for file in files]
     n_runs = sum(m.method.n_draws(effort) for scene in studies for m in scene.measurements)
     say(f"{n_runs} runs of up to {arguments.time_limit:g} s, most of a second: hours", arguments.quiet)

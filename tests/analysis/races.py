@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analysis.points import Outcome
+from analysis.run_store import Outcome
 from analysis.studies.race import SMALL, Measurement, Rung, methods_of
 
 

@@ -21,9 +21,9 @@ from analysis.paths import ROOT
 _MAIN = """
 import sys
 from pathlib import Path
-from analysis import experiment, points
+from analysis import experiment, run_store
 experiment.PROGRAMS = Path(sys.argv.pop(1))
-points.Store.__init__.__defaults__ = (3600, experiment.PROGRAMS)
+run_store.Store.__init__.__defaults__ = (3600, experiment.PROGRAMS)
 from analysis.__main__ import main
 sys.exit(main())
 """

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis import load_scale
-from analysis.points import Outcome, Point, Store
+from analysis.run_store import Outcome, RunRequest, Store
 from analysis.runs import RunError
 
 X = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
@@ -56,17 +56,17 @@ def test_both_programs_of_a_sweep_get_the_same_factor(monkeypatch, tmp_path):
     scene.write_text("[load_scale]\nstrain = 1e-3\n")
     for name in ("massspring", "fem_reference", "gmsh_worker", "tetgen_worker"):
         (tmp_path / name).write_text("")
-    store, seen = Store(tmp_path / "points", programs=tmp_path), []
+    store, seen = Store(tmp_path / "runs", programs=tmp_path), []
 
-    def execute(point, folder):
-        seen.append(point)
+    def execute(request, folder):
+        seen.append(request)
         (folder / "run.json").write_text("{}")
         return Outcome("ok", "", 0, 0, 0)
 
     monkeypatch.setattr(store, "_execute", execute)
     monkeypatch.setattr(load_scale, "strain_of", lambda folder: 0.004)
     for program in ("massspring", "fem_reference"):
-        assert store.run(Point(program, scene, ("material.nu=0.3",))).status == "ok"
+        assert store.run(RunRequest(program, scene, ("material.nu=0.3",))).status == "ok"
     trial, *pair = seen  # one trial serves both
     assert set(load_scale.TRIAL) < set(trial.overrides) and trial.program == "massspring"
-    assert [point.overrides for point in pair] == [("material.nu=0.3", "load_scale.factor=0.25")] * 2
+    assert [request.overrides for request in pair] == [("material.nu=0.3", "load_scale.factor=0.25")] * 2

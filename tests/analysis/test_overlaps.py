@@ -14,7 +14,7 @@ from analysis import grid
 from analysis.drawing import error_scale, plots
 from analysis.methods import REFERENCE
 from analysis.paths import SCENES
-from analysis.points import Outcome, read_toml
+from analysis.run_store import Outcome, read_toml
 from analysis.studies import accuracy, cost, fronts, network_curves, paper, scaling, stability
 from analysis.studies.race import SMALL, Measurement, Rung, methods_of
 

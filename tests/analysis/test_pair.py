@@ -56,7 +56,7 @@ def write_febio(file, X, u, separator=" "):
 def test_calculix_pulls_a_bar_as_the_closed_form_says(cube, tmp_path):
     X, hexahedra, F = cube
     number = 7 * np.arange(1, 28)  # with gaps, as meshers leave them
-    held = [(number[i], c + 1) for i in range(27) for c in range(3) if X[i, c] == 0]
+    constrained = [(number[i], c + 1) for i in range(27) for c in range(3) if X[i, c] == 0]
     pulled = number[X[:, 2] == X[:, 2].max()]
 
     def step(share):
@@ -76,7 +76,7 @@ def test_calculix_pulls_a_bar_as_the_closed_form_says(cube, tmp_path):
         "*SOLID SECTION, ELSET=BODY, MATERIAL=M",
         "*BOUNDARY",
     ]
-    lines += [*(f"{node}, {c}, {c}" for node, c in held), *step(0.5), *step(1)]
+    lines += [*(f"{node}, {c}, {c}" for node, c in constrained), *step(0.5), *step(1)]
     (tmp_path / "job.inp").write_text("\n".join(lines) + "\n")
     subprocess.run(["ccx", "-i", "job"], cwd=tmp_path, check=True, capture_output=True)
     exact = read_result(write_vtk(tmp_path / "exact.vtp", X, F, stretched(X)))

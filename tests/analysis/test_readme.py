@@ -57,7 +57,7 @@ def test_every_scene_is_in_the_readme():
 def test_words_of_a_first_time_reader_are_explained_in_the_readme():
     words, rest = README.partition("## Words\n")[2].split("\n## ")[0], README.partition("## Words\n")[0]
     named = re.findall(r"\*([A-Za-z 0-9]+)\*", words) + re.findall(r"`(\w+)`", words)
-    for word in ("calibration", "patch", "floppy motion", "yardstick", "cut", "level", "frame budget", "planted fault",
+    for word in ("calibration", "patch", "floppy motion", "refined reference", "cut", "level", "frame budget", "planted fault",
                  "figure 11", "node_averaged", "edge_coupled", "affine", "uniform"):  # fmt: skip
         assert word in [name.lower() for name in named], word
     assert (

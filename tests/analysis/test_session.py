@@ -33,7 +33,7 @@ def home(ball, tmp_path, monkeypatch):
     """Folder of stand-ins for the solvers; sessions write below tmp_path."""
     programs = make_solvers(tmp_path / "home", ball)
     monkeypatch.setattr(experiments, "PROGRAMS", programs)
-    monkeypatch.setattr("analysis.points.Store.__init__.__defaults__", (3600, programs), raising=False)
+    monkeypatch.setattr("analysis.run_store.Store.__init__.__defaults__", (3600, programs), raising=False)
     monkeypatch.setattr("analysis.session.ROOT", tmp_path)
     (programs.parent / "fem_reference" / "scene.toml").write_text(FILLED_IN)
     return programs.parent

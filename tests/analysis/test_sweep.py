@@ -1,4 +1,4 @@
-"""Sweeps over programs that stand in for the solvers: points run once, failures are rows, a kill loses nothing."""
+"""Sweeps over programs that stand in for the solvers: runs made once, failures are rows, a kill loses nothing."""
 
 import csv
 import io
@@ -17,8 +17,8 @@ from solvers import ERRORS, calls, make_solvers, wait_for_calls
 
 from analysis import grid as sweeps
 from analysis.__main__ import parse_arguments
-from analysis.grid import finding, parse_grid, points_of, sweep
-from analysis.points import Point, Store, reminders, say
+from analysis.grid import finding, parse_grid, settings_of, sweep
+from analysis.run_store import RunRequest, Store, reminders, say
 from analysis.runs import RunError
 
 GRID = {"material.nu": list(ERRORS), "network.multiplicity": ["3", "5"]}
@@ -38,15 +38,15 @@ def scene(tmp_path):
 
 def run(scene, folder, programs, grid=GRID, **options):
     return sweep(
-        scene, grid, folder, is_quiet=True, store=Store(folder / "points", programs=programs), **options
+        scene, grid, folder, is_quiet=True, store=Store(folder / "runs", programs=programs), **options
     )
 
 
 def test_grid_is_every_combination():
     grid = parse_grid(["a=1,2", "gravity=[0,1],[2,3]", "name=x"])
     assert grid == {"a": ["1", "2"], "gravity": ["[0,1]", "[2,3]"], "name": ["x"]}
-    assert points_of(grid)[1] == {"a": "1", "gravity": "[2,3]", "name": "x"}
-    assert len(points_of(grid)) == 4
+    assert settings_of(grid)[1] == {"a": "1", "gravity": "[2,3]", "name": "x"}
+    assert len(settings_of(grid)) == 4
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_table_holds_the_errors_of_the_runs(scene, programs, tmp_path):
         assert float(row["displacement_error_l2"]) == pytest.approx(ERRORS[row["material.nu"]], rel=1e-9)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "10 % at best" in page and "40 % at worst" in page
-    assert "points they are off by at most 5 %" in page
+    assert "runs they are off by at most 5 %" in page
     assert not fetched(page)
 
 
@@ -146,9 +146,9 @@ def inputs(tmp_path):
 
 
 def keys(inputs, *overrides, **more):
-    store = Store(inputs.parent / "points", programs=inputs / "bin")
+    store = Store(inputs.parent / "runs", programs=inputs / "bin")
     scene = inputs / "scene.toml"
-    return {program: store.key(Point(program, scene, overrides, **more)) for program in BOTH}
+    return {program: store.key(RunRequest(program, scene, overrides, **more)) for program in BOTH}
 
 
 def changed(before, after):
@@ -246,7 +246,7 @@ def test_failed_point_is_a_row_with_its_message(scene, programs, tmp_path):
     assert [row["status"] for row in rows] == ["failed", "ok", "diverged", "not_converged"]
     assert rows[0]["message"] == "massspring: scene.toml: material.nu = 0.6, expected less than 0.5"
     assert [row["message"] for row in rows[2:]] == ["massspring: gave no result", "massspring: step 2 of 5"]
-    assert "3 of 4 points gave no result" in finding("synthetic", ["material.nu"], rows)
+    assert "3 of 4 runs gave no result" in finding("synthetic", ["material.nu"], rows)
     assert "expected less than 0.5" in (tmp_path / "out" / "report.html").read_text()
 
 
@@ -258,15 +258,15 @@ def test_references_point_that_is_not_solved_says_how_it_ended(
     nu, status, message, scene, programs, tmp_path
 ):
     outcome = Store(tmp_path / "out", programs=programs).run(
-        Point("fem_reference", scene, (f"material.nu={nu}",))
+        RunRequest("fem_reference", scene, (f"material.nu={nu}",))
     )
     assert (outcome.status, outcome.message) == (status, message)
 
 
 def test_program_is_given_the_scene_the_options_and_the_overrides(scene, programs, tmp_path):
     (programs / "massspring").write_text('#!/bin/sh\necho "error: $*" >&2\nexit 1\n')
-    point = Point("massspring", scene, ("material.nu=0.3",), ("--no-diagnostics",))
-    words = Store(tmp_path / "out", programs=programs).run(point).message.split()
+    request = RunRequest("massspring", scene, ("material.nu=0.3",), ("--no-diagnostics",))
+    words = Store(tmp_path / "out", programs=programs).run(request).message.split()
     assert words[0] == str(scene)
     assert words[1] == "--out" and Path(words[2]).is_relative_to(tmp_path / "out")
     assert words[3:] == ["--no-diagnostics", "--set", "material.nu=0.3", "--quiet"]
@@ -279,13 +279,13 @@ def test_program_is_given_the_scene_the_options_and_the_overrides(scene, program
 def test_message_of_a_failed_point_is_its_last_error(lines, message, scene, programs, tmp_path):
     text = "".join(f"echo '{line}' >&2\n" for line in lines.split("|") if line)
     (programs / "massspring").write_text(f"#!/bin/sh\n{text}exit 4\n")
-    outcome = Store(tmp_path / "out", programs=programs).run(Point("massspring", scene))
+    outcome = Store(tmp_path / "out", programs=programs).run(RunRequest("massspring", scene))
     assert (outcome.status, outcome.message) == ("failed", message)
 
 
 def test_point_that_takes_too_long_is_stopped(ball, scene, tmp_path):
     programs = make_solvers(tmp_path / "slow", ball, seconds=20)
-    outcome = Store(tmp_path / "out", time_limit=0.2, programs=programs).run(Point("massspring", scene))
+    outcome = Store(tmp_path / "out", time_limit=0.2, programs=programs).run(RunRequest("massspring", scene))
     assert (outcome.status, outcome.message) == ("time limit", "stopped after 0.2 s")
     assert outcome.wall < 15
 
@@ -293,7 +293,7 @@ def test_point_that_takes_too_long_is_stopped(ball, scene, tmp_path):
 def test_point_stopped_early_runs_again_with_more_time(ball, scene, tmp_path):
     programs = make_solvers(tmp_path / "slow", ball, seconds=0.5)
     stores = [Store(tmp_path / "out", time_limit, programs) for time_limit in (0.1, 60, 0.1)]
-    statuses = [store.run(Point("massspring", scene)).status for store in stores]
+    statuses = [store.run(RunRequest("massspring", scene)).status for store in stores]
     assert statuses == ["time limit", "ok", "ok"]  # what has been solved is not run again in less time
 
 
@@ -353,7 +353,7 @@ def test_killed_sweep_continues_to_the_same_table(ball, scene, tmp_path):
     n_points = len(calls(programs))
     moments = random.Random(4)
     n_killed = 0
-    for _ in range(3):  # of nine points
+    for _ in range(3):  # of nine runs
         child = os.fork()
         if child == 0:
             run(scene, tmp_path / "killed", programs)
@@ -362,11 +362,11 @@ def test_killed_sweep_continues_to_the_same_table(ball, scene, tmp_path):
         os.kill(child, signal.SIGKILL)
         n_killed += os.WIFSIGNALED(os.waitpid(child, 0)[1])
     assert n_killed > 1
-    files = (tmp_path / "killed" / "points").glob("*/outcome.json")
+    files = (tmp_path / "killed" / "runs").glob("*/outcome.json")
     finished = {file: file.stat().st_mtime_ns for file in files if ".part" not in file.parent.name}
     assert finished
     run(scene, tmp_path / "killed", programs)
     assert {file: file.stat().st_mtime_ns for file in finished} == finished
     assert len(calls(programs)) <= 2 * n_points + n_killed
-    assert not list((tmp_path / "killed" / "points").glob("*.part*"))
+    assert not list((tmp_path / "killed" / "runs").glob("*.part*"))
     assert (tmp_path / "killed" / "sweep.csv").read_text() == (tmp_path / "whole" / "sweep.csv").read_text()

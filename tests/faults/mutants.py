@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TESTS = {
     "compare": "test_compare.py",
     "drawing/warp": "drawing/test_warp.py",
-    "points": "test_sweep.py",
+    "run_store": "test_sweep.py",
     "studies/race": "studies/test_work_precision.py",
 }
 # Looks and words of a command line are for eyes to judge, and most changes to them are harmless.

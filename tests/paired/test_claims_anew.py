@@ -1,7 +1,7 @@
 """A cheap part of the table of claims, run anew."""
 
 from analysis.paths import PACKAGE, SCENES
-from analysis.points import Store
+from analysis.run_store import Store
 from analysis.studies import claims
 
 

@@ -157,7 +157,7 @@ def test_a_body_has_the_colour_of_its_error(error, ball, tmp_path):
     assert (0.75 * expected < seen + 4).all() and (seen < expected + 26).all()
 
 
-def test_a_floor_is_where_a_body_is_held_at_its_bottom(ball):
+def test_a_floor_is_where_a_body_is_constrained_at_its_bottom(ball):
     X, _ = ball
     is_low = X[:, 1] < -0.8
     u = np.where(is_low[:, None], 0.0, [0.1, 0, 0])

@@ -14,7 +14,7 @@ from synthetic import write_run
 
 from analysis.__main__ import parse_arguments
 from analysis.paths import PROGRAMS, ROOT
-from analysis.points import Store
+from analysis.run_store import Store
 from analysis.studies import accuracy
 from analysis.studies.accuracy import (
     EQUAL,
@@ -46,7 +46,7 @@ CASE = Case(Body("bracket", 1, "cad"), "smooth", "0.25")
 def row(method: str, load: str, error: float, **more: str) -> dict[str, str]:
     kind = "held" if load in HELD else "free"
     place = {"half": "development", "body": "plate-1", "triangles": "even", "kind": kind, "load": load}
-    figures = {"status": "ok", "n_nodes": "9", "error": str(error), "yardstick": "0.001"}
+    figures = {"status": "ok", "n_nodes": "9", "error": str(error), "reference_error": "0.001"}
     return {**place, "nu": "0.25", "method": method, **figures, **more}
 
 
@@ -66,7 +66,7 @@ def test_table_states_ratios_own_errors_and_what_has_none() -> None:
         row(LINEAR, "gravity", 0.1),
         row(SPRINGS, "pressed", 0, status="failed"),
     ]
-    rows += [row(SPRINGS, "held_moved", 0.03, yardstick="0.011"), row(LINEAR, "held_moved", 0.1)]
+    rows += [row(SPRINGS, "held_moved", 0.03, reference_error="0.011"), row(LINEAR, "held_moved", 0.1)]
     rows.append(row(UNCUT, "held_moved", 0.2))
     head, lines = table(rows, ["half", "kind", "nu"])
     free, held = (dict(zip(head, line, strict=True)) for line in lines)
@@ -118,9 +118,9 @@ def test_ratios_are_drawn_as_shares_of_the_cases(drawn) -> None:
 
 
 def test_every_body_bears_a_free_and_a_held_load_and_halves_stay_apart() -> None:
-    every, learnt = cases(has_kept_back=True), cases()
+    every, learnt = cases(has_held_out=True), cases()
     assert len(set(every)) == len(every) and set(learnt) < set(every)
-    assert not any(case.body.is_kept_back for case in learnt)
+    assert not any(case.body.is_held_out for case in learnt)
     by_body = {}
     for case in every:
         by_body.setdefault((case.body, case.nu), []).append(case.kind)
@@ -139,7 +139,7 @@ def stand_ins(ball, tmp_path):
 
 
 def bench_of(folder, programs):
-    return Bench(folder, Store(folder / "points", programs=programs))
+    return Bench(folder, Store(folder / "runs", programs=programs))
 
 
 def test_error_is_to_the_refined_reference_whose_own_is_stated(stand_ins, tmp_path):
@@ -148,14 +148,14 @@ def test_error_is_to_the_refined_reference_whose_own_is_stated(stand_ins, tmp_pa
     error = (1 + ERRORS["0.25"]) * 1.02 - 1
     assert float(rows[SPRINGS]["error"]) == pytest.approx(error, rel=1e-4)
     assert float(rows["fem_p2"]["error"]) == pytest.approx(0.02, rel=1e-4)
-    assert [float(row["yardstick"]) for row in rows.values()] == pytest.approx([0.02] * 5, rel=1e-4)
+    assert [float(row["reference_error"]) for row in rows.values()] == pytest.approx([0.02] * 5, rel=1e-4)
 
 
 @pytest.mark.parametrize(
     "load, n_tetrahedra, own",
     [("held_pressed", 10_000, 0.01), ("held_pressed", 10_001, 0.02), ("pressed", 9, 0.02)],
 )
-def test_yardsticks_of_held_bodies_are_refined_twice_while_they_are_small(
+def test_refined_references_of_held_bodies_are_refined_twice_while_they_are_small(
     load, n_tetrahedra, own, ball, stand_ins, tmp_path
 ):
     """Each refinement makes eight of a tetrahedron. The second takes a hundredth off the displacement."""
@@ -165,7 +165,7 @@ def test_yardsticks_of_held_bodies_are_refined_twice_while_they_are_small(
     more = {"program": "fem_reference", "is_free": False}
     write_run(twice, *ball, lambda X: 0.01 / 1.02 / 1.01 * X, np.linspace(0, 1, 2), **more)
     rows = bench_of(tmp_path / "study", stand_ins).measure(Case(CASE.body, load, "0.25"))
-    assert [float(row["yardstick"]) for row in rows] == pytest.approx([own] * 4, rel=1e-4)
+    assert [float(row["reference_error"]) for row in rows] == pytest.approx([own] * 4, rel=1e-4)
     assert load not in CUTTABLE
 
 
@@ -182,10 +182,10 @@ _STUDY = """
 import sys
 from pathlib import Path
 from pathlib import Path
-from analysis.points import Store
+from analysis.run_store import Store
 from analysis.studies.accuracy import Bench, cases
 folder, programs = map(Path, sys.argv[1:])
-bench = Bench(folder, Store(folder / "points", programs=programs))
+bench = Bench(folder, Store(folder / "runs", programs=programs))
 rows = [row for case in cases(is_quick=True) for row in bench.measure(case)]
 (folder / "rows.txt").write_text(repr(rows))
 """
@@ -204,7 +204,7 @@ def test_study_killed_at_random_points_continues_to_the_same_table(stand_ins, tm
         process.kill()
         assert process.wait() == -signal.SIGKILL
     finished = sum(
-        ".part" not in f.parent.name for f in (tmp_path / "killed" / "points").glob("*/outcome.json")
+        ".part" not in f.parent.name for f in (tmp_path / "killed" / "runs").glob("*/outcome.json")
     )
     n_calls = len(calls(stand_ins))
     assert 0 < finished < n_points
@@ -217,7 +217,7 @@ def test_study_killed_at_random_points_continues_to_the_same_table(stand_ins, tm
 def test_publishing_one_half_leaves_the_other(tmp_path, monkeypatch):
     monkeypatch.setattr(accuracy, "DATA", tmp_path / "rows.csv")
     monkeypatch.setattr(accuracy, "PAGE", tmp_path / "page.md")
-    other = row(SPRINGS, "smooth", 0.5, half="kept back")
+    other = row(SPRINGS, "smooth", 0.5, half="held-out")
     publish([other, row(SPRINGS, "smooth", 0.1), row(LINEAR, "smooth", 0.2)])
     publish([row(SPRINGS, "smooth", 0.05), row(LINEAR, "smooth", 0.2)])
     assert [r["error"] for r in read_rows()] == ["0.5", "0.05", "0.2"]

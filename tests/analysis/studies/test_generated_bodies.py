@@ -29,15 +29,15 @@ def test_every_body_stands_once_and_only_prisms_are_kept_as_they_are_drawn():
 
 
 def test_halves_are_those_of_a_hash_and_no_triangulation_leaves_its_half():
-    halves = Counter(body.is_kept_back for body in bodies())
+    halves = Counter(body.is_held_out for body in bodies())
     assert min(halves.values()) > 0.4 * halves.total()
     for family in FAMILIES:
         for seed in (1, 2, 3):
             odd = int(hashlib.sha256(f"{family}-{seed}".encode()).hexdigest()[:2], 16) % 2
-            assert {Body(family, seed, way).is_kept_back for way in ("coarse", "cad")} == {bool(odd)}
+            assert {Body(family, seed, way).is_held_out for way in ("coarse", "cad")} == {bool(odd)}
     # What has been learnt from stays so, whatever is added.
-    assert not Body("plate", 1, "even").is_kept_back
-    assert Body("tube", 1, "even").is_kept_back
+    assert not Body("plate", 1, "even").is_held_out
+    assert Body("tube", 1, "even").is_held_out
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.__main__ import parse_arguments
 from analysis.paths import ROOT
-from analysis.points import Outcome
+from analysis.run_store import Outcome
 from analysis.runs import RunError
 from analysis.studies import command, kernels
 from analysis.studies.kernels import Case, Timed, Tree
@@ -29,13 +29,13 @@ def test_runs_alternate_between_the_trees_and_their_least_seconds_count(trees, t
             assert time_limit == 7 and programs == tmp_path / folder.name / "build" / "bin"
             self.tree = folder.name
 
-        def run(self, point):
-            asked.append((self.tree, point.program, point.repetition))
-            assert point.scene == tmp_path / self.tree / "analysis" / "scenes" / "bar_bend.toml"
-            if point.program == "fem_reference":
+        def run(self, request):
+            asked.append((self.tree, request.program, request.repetition))
+            assert request.scene == tmp_path / self.tree / "analysis" / "scenes" / "bar_bend.toml"
+            if request.program == "fem_reference":
                 return Outcome("time limit", "stopped", 7, 7, 0)
-            assert point.overrides[0] == "time.step=1" and point.options == ("--no-diagnostics",)
-            solve = seconds[self.tree, point.repetition]
+            assert request.overrides[0] == "time.step=1" and request.options == ("--no-diagnostics",)
+            solve = seconds[self.tree, request.repetition]
             record = {"seconds": {"mesh": 100, "setup": 1, "solve": solve}}
             return Outcome("ok", "", 200, solve + 50, 0, record=record)
 

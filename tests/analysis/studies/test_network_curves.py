@@ -3,7 +3,7 @@
 import pytest
 from synthetic import write_run
 
-from analysis.points import Outcome
+from analysis.run_store import Outcome
 from analysis.runs import RunError
 from analysis.studies import network_curves
 from analysis.studies.claims import Seeds
@@ -16,18 +16,18 @@ class Known:
         self.folder, self.surface, self.status = folder, surface, status
         self.asked = []
 
-    def run(self, point):
-        settings = dict(word.split("=", 1) for word in point.overrides)
+    def run(self, request):
+        settings = dict(word.split("=", 1) for word in request.overrides)
         seed = int(settings.get("network.seed", 0))
-        if point.program == "massspring":
+        if request.program == "massspring":
             self.asked.append({key: settings[key] for key in sorted(settings) if key != "network.seed"})
         if seed == 2 and settings.get("network.k") == "50":
             return Outcome("not_converged", "", 1, 1, 0)
         folder = self.folder / f"{seed}"
         if not folder.exists():
-            program = point.program
+            program = request.program
             write_run(folder, *self.surface, lambda X: (1 + seed / 100) * X, program=program, is_free=False)
-        status = self.status if point.program == "fem_reference" else "ok"
+        status = self.status if request.program == "fem_reference" else "ok"
         return Outcome(status, "", 1, 1, 0, folder, {"n_nodes": 100 * seed})
 
 

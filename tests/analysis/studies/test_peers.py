@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.points import Point, Store
+from analysis.run_store import RunRequest, Store
 from analysis.runs import RunError, load_run
 from analysis.studies import peers
 from analysis.studies.peers import Pair
@@ -26,7 +26,9 @@ def bar(tmp_path_factory):
     return {
         degree: load_run(
             store.run(
-                Point("fem_reference", peers._SCENE, ("surface.n_vertices=60", f"reference.degree={degree}"))
+                RunRequest(
+                    "fem_reference", peers._SCENE, ("surface.n_vertices=60", f"reference.degree={degree}")
+                )
             ).folder
         )
         for degree in (1, 2)

@@ -14,7 +14,7 @@ from solvers import calls, make_solvers
 
 from analysis.__main__ import parse_arguments
 from analysis.paths import PROGRAMS, ROOT, SCENES
-from analysis.points import Outcome, Store
+from analysis.run_store import Outcome, Store
 from analysis.studies import command, cost, paper, scaling
 from analysis.studies.result import Result, alone
 
@@ -97,14 +97,14 @@ def test_scaling_takes_the_median_of_each_stage_and_the_largest_memory():
 
 
 class Recording:
-    """A store that runs nothing: large bodies fail, and points are listed."""
+    """A store that runs nothing: large bodies fail, and requests are listed."""
 
     def __init__(self):
-        self.points = []
+        self.requests = []
 
-    def run(self, point):
-        self.points.append(point)
-        is_large = "surface.n_vertices=3600" in point.overrides
+    def run(self, request):
+        self.requests.append(request)
+        is_large = "surface.n_vertices=3600" in request.overrides
         return Outcome(
             "failed" if is_large else "ok", "too large" if is_large else "", 1, 1, 0, record={"n_nodes": 7}
         )
@@ -114,12 +114,12 @@ def test_scaling_fills_bodies_with_the_nodes_asked_for(tmp_path):
     store = Recording()
     # Eight times the nodes in the body have four times the vertices on its surface.
     measured = scaling.measure(tmp_path / "bar.toml", store, [1400, 8 * 1400, 2e6], 2, is_quiet=True)
-    vertices = [int(point.overrides[0].partition("=")[2]) for point in store.points]
+    vertices = [int(request.overrides[0].partition("=")[2]) for request in store.requests]
     n = len(scaling.LINES)
     huge = round(900 * (2e6 / 1400) ** (2 / 3))
     # All methods by turns, what failed only once, and of the largest body the explicit step alone.
     assert vertices == [900] * n + [3600] * n + [huge] + [900] * n + [huge]
-    assert [point.repetition for point in store.points] == [0] * (2 * n + 1) + [1] * (n + 1)
+    assert [request.repetition for request in store.requests] == [0] * (2 * n + 1) + [1] * (n + 1)
     assert [size.message for size in measured if size.message] == ["failed: too large"] * n
     assert {len(size.outcomes) for size in measured} == {0, 2}
 
@@ -177,9 +177,9 @@ def test_cost_of_a_step_is_without_the_start(tmp_path, monkeypatch):
     class Counted:
         """5 million instructions to start, 2 or 3 million a step of 0.1 ms."""
 
-        def run(self, point):
-            n = round(float(point.overrides[0].partition("=")[2]) / 1e-4)
-            count = 5_000_000 + (3_000_000 if len(point.overrides) > 1 else 2_000_000) * n
+        def run(self, request):
+            n = round(float(request.overrides[0].partition("=")[2]) / 1e-4)
+            count = 5_000_000 + (3_000_000 if len(request.overrides) > 1 else 2_000_000) * n
             (tmp_path / "messages.txt").write_text(f"==1== I   refs:      {count:,}\n")
             return Outcome("ok", "", 1, 1, 0, tmp_path)
 
@@ -190,7 +190,7 @@ def test_cost_of_a_step_is_without_the_start(tmp_path, monkeypatch):
 def test_every_part_is_a_row_even_where_all_fail(ball, tmp_path):
     programs = make_solvers(tmp_path / "home", ball)
     (programs / "massspring").write_text("#!/bin/sh\necho 'error: no' >&2\nexit 1\n")
-    costs = cost.measure(tmp_path / "cost", Store(tmp_path / "points", programs=programs), is_quiet=True)
+    costs = cost.measure(tmp_path / "cost", Store(tmp_path / "runs", programs=programs), is_quiet=True)
     assert [c.part for c in costs] == list(cost.PARTS)
     assert all(c.message for c in costs)
     assert not calls(programs)
@@ -253,7 +253,7 @@ def test_figure_11_draws_what_ran_and_says_what_did_not(ball, tmp_path):
     wrapped.chmod(0o755)
     text = real.read_text().replace("os.path.basename(sys.argv[0])", "'massspring'")
     real.write_text(text)
-    strips, (head, rows) = paper.figure_11(scenes, Store(tmp_path / "points", programs=programs), tmp_path)
+    strips, (head, rows) = paper.figure_11(scenes, Store(tmp_path / "runs", programs=programs), tmp_path)
     assert list(strips) == ["sinks"] and strips["sinks"].stat().st_size > 1000
     assert [row[:2] for row in rows] == [["sinks", "ok"], ["breaks", "failed"], ["sticks", "not_converged"]]
     assert rows[1][-1] == "torn" and rows[2][-1] == "step 2 of 5" and len(rows[0]) == len(head)

@@ -17,7 +17,7 @@ from synthetic import write_run
 
 from analysis.__main__ import parse_arguments
 from analysis.paths import PROGRAMS, ROOT
-from analysis.points import Outcome, Store
+from analysis.run_store import Outcome, Store
 from analysis.runs import RunError, load_run
 from analysis.studies import fronts, race, work_precision
 from analysis.studies.race import (
@@ -50,11 +50,11 @@ def test_methods_differ_in_degree_or_springs_and_scheme(text, tmp_path):
     (tmp_path / "scene.toml").write_text(STATIC + text)
     study = SceneStudy(tmp_path / "scene.toml", QUICK, *[Ladder(tmp_path)] * 2)
     for m in study.measurements:
-        point = study.point(m, 3)
-        words = dict(word.split("=") for word in point.overrides)
+        request = study.request(m, 3)
+        words = dict(word.split("=") for word in request.overrides)
         asked = (
-            point.program,
-            point.options,
+            request.program,
+            request.options,
             words.get("reference.degree"),
             words.get("network.calibration"),
         )
@@ -63,17 +63,17 @@ def test_methods_differ_in_degree_or_springs_and_scheme(text, tmp_path):
             "fem_p1": ("fem_reference", (), "1", None),
             "fem_p2": ("fem_reference", (), "2", None),
         }.get(model, ("massspring", ("--no-diagnostics",), None, model))
-        if point.program == "fem_reference":
+        if request.program == "fem_reference":
             assert [words[key] for key in ("reference.integrator",) if key in words] == scheme
-        if text and point.program == "massspring":
+        if text and request.program == "massspring":
             assert [words["time.integrator"]] == scheme
         # Both programs shorten one load step where it fails; a motion's load has none.
         assert (words.get("time.load_steps"), words.get("time.residual")) == (
             (None, None) if text else ("1", "0.0001")
         )
         # Springs have a seed for every draw; elements are repeated.
-        is_springs = point.program == "massspring"
-        assert (point.repetition, words.get("network.seed")) == ((0, "4") if is_springs else (3, None))
+        is_springs = request.program == "massspring"
+        assert (request.repetition, words.get("network.seed")) == ((0, "4") if is_springs else (3, None))
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_methods_differ_in_degree_or_springs_and_scheme(text, tmp_path):
 def test_scene_without_a_ladder_is_refused(text, message, tmp_path):
     (tmp_path / "scene.toml").write_text(text)
     with pytest.raises(RunError, match=message):
-        SceneStudy(tmp_path / "scene.toml", FULL, *[Store(tmp_path / "points")] * 2)
+        SceneStudy(tmp_path / "scene.toml", FULL, *[Store(tmp_path / "runs")] * 2)
 
 
 def test_errors_within_twice_the_references_own_are_not_resolved():
@@ -117,7 +117,7 @@ class Ladder:
 
     def __init__(self, folder, in_space=0.0, ratio=8.0, in_time=0.0, n=100):
         self.folder, self.in_space, self.ratio, self.in_time, self.n = folder, in_space, ratio, in_time, n
-        self.points = []
+        self.requests = []
         X = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], dtype=float)
         upper = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2)]
         self.surface = X, np.array(upper + [(b, a, 5) for a, b, _ in upper])
@@ -131,13 +131,13 @@ class Ladder:
     def law_of(self, scene):
         return tomllib.loads(scene.read_text()).get("material", {}).get("law", SMALL)
 
-    def run(self, point):
-        self.points.append(point)
-        settings = dict(override.split("=", 1) for override in point.overrides)
-        error = 0.1 if point.program == "massspring" else self.error(settings)
-        folder = self.folder / str(len(self.points))
-        record = {"program": point.program, "is_free": False, "n_tetrahedra": self.n}
-        if point.options[:1] == ("--converge",):
+    def run(self, request):
+        self.requests.append(request)
+        settings = dict(override.split("=", 1) for override in request.overrides)
+        error = 0.1 if request.program == "massspring" else self.error(settings)
+        folder = self.folder / str(len(self.requests))
+        record = {"program": request.program, "is_free": False, "n_tetrahedra": self.n}
+        if request.options[:1] == ("--converge",):
             error = self.error(settings | {"reference.refine": 1})
             record["convergence"] = {
                 "status": "ok",
@@ -178,8 +178,8 @@ def test_references_of_large_strain_are_refined_while_they_have_a_sixth_of_the_t
         study = study_over(ladder, f'{STATIC}[material]\nlaw = "{law}"\n', tetrahedra)
         assert study.measurements[0].reference_error == pytest.approx(0.032 / 8**refinements)
         residual = "1e-06" if law == "neo_hookean" else "0.0001"
-        methods = [point for point in ladder.points if "time.load_steps=1" in point.overrides]
-        assert any(f"time.residual={residual}" in point.overrides for point in methods)
+        methods = [request for request in ladder.requests if "time.load_steps=1" in request.overrides]
+        assert any(f"time.residual={residual}" in request.overrides for request in methods)
 
 
 def test_surfaces_whose_reference_would_be_too_large_are_not_raced(tmp_path):
@@ -187,13 +187,13 @@ def test_surfaces_whose_reference_would_be_too_large_are_not_raced(tmp_path):
         (tmp_path / str(n_tetrahedra)).mkdir()
         ladder = Ladder(tmp_path / str(n_tetrahedra), 0.032, n=n_tetrahedra)
         study = study_over(ladder, f'{STATIC}[material]\nlaw = "neo_hookean"\n')
-        programs = {point.program for point in ladder.points}
+        programs = {request.program for request in ladder.requests}
         assert programs == {"fem_reference", "massspring"} if n_springs else {"fem_reference"}
         assert {m.is_good for m in study.measurements} == {bool(n_springs)}
     assert {m.message for m in study.measurements} == {
         "no reference: 100008 tetrahedra, expected 100000 at most"
     }
-    assert len(ladder.points) == 1
+    assert len(ladder.requests) == 1
 
 
 def test_adaptive_springs_have_a_rung_for_every_target(tmp_path):
@@ -201,7 +201,11 @@ def test_adaptive_springs_have_a_rung_for_every_target(tmp_path):
     study = SceneStudy(tmp_path / "scene.toml", QUICK, *[Ladder(tmp_path)] * 2)
     key = "network.target_error="
     asked = [
-        (m.method.name, m.rung.size, *(word for word in study.point(m, 0).overrides if word.startswith(key)))
+        (
+            m.method.name,
+            m.rung.size,
+            *(word for word in study.request(m, 0).overrides if word.startswith(key)),
+        )
         for m in study.measurements
     ]
     adaptive = [row for row in asked if len(row) > 2]
@@ -264,7 +268,7 @@ def test_implicit_motion_at_large_strain_stops_at_a_residual_that_is_checked(tmp
         assert all(("time.residual=0.0001" in method.overrides) == bool(tightened) for method in implicit)
         # Both coupled models by two schemes, elements of two degrees.
         assert len(study.tolerances) == tightened
-        again = [point for point in study.timed.points if "time.residual=1e-06" in point.overrides]
+        again = [request for request in study.timed.requests if "time.residual=1e-06" in request.overrides]
         assert len(again) == tightened
 
 
@@ -314,8 +318,8 @@ def test_a_solve_in_one_step_errs_in_volume_by_what_it_ends_with(ball, tmp_path)
 
 def test_rows_without_a_reference_say_why(tmp_path):
     class Diverging(Ladder):
-        def run(self, point):
-            outcome = super().run(point)
+        def run(self, request):
+            outcome = super().run(request)
             outcome.record.get("convergence", {})["status"] = "not converging"
             return outcome
 
@@ -329,10 +333,10 @@ def test_a_run_that_waited_is_repeated_three_times_and_then_left_out(tmp_path):
     class Busy(Ladder):
         """Every first attempt of node_averaged waits for a core, and every attempt of edge_coupled."""
 
-        def run(self, point):
-            outcome = super().run(point)
-            waits = "network.calibration=edge_coupled" in point.overrides or (
-                "network.calibration=node_averaged" in point.overrides and point.repetition == 0
+        def run(self, request):
+            outcome = super().run(request)
+            waits = "network.calibration=edge_coupled" in request.overrides or (
+                "network.calibration=node_averaged" in request.overrides and request.repetition == 0
             )
             return replace(outcome, cpu=0.5) if waits else outcome
 
@@ -341,9 +345,9 @@ def test_a_run_that_waited_is_repeated_three_times_and_then_left_out(tmp_path):
     assert found["node_averaged"] == found["affine"] == (1, 1, True)
     assert found["edge_coupled"] == (1, 0, True)
     attempts = [
-        point.repetition
-        for point in study.timed.points
-        if "network.calibration=edge_coupled" in point.overrides and not point.prefix
+        request.repetition
+        for request in study.timed.requests
+        if "network.calibration=edge_coupled" in request.overrides and not request.prefix
     ]
     assert attempts[:3] == [0, 1, 2]
     assert {row[0]: row[-1] for row in fronts.table(study)[1]}["springs, edge_coupled"] == "shared a core"
@@ -353,9 +357,9 @@ def test_networks_are_drawn_more_often_than_coupled_springs_and_their_median_cou
     class Random(Ladder):
         """Springs err by a hundredth of their seed."""
 
-        def run(self, point):
-            outcome = super().run(point)
-            settings = dict(override.split("=", 1) for override in point.overrides)
+        def run(self, request):
+            outcome = super().run(request)
+            settings = dict(override.split("=", 1) for override in request.overrides)
             if "network.seed" in settings:
                 error = int(settings["network.seed"]) / 100
                 folder = outcome.folder / "seeded"
@@ -380,21 +384,23 @@ def test_every_regime_has_scenes_of_its_own_kind_by_the_law_that_the_programs_ta
     half = "region.plane = { point = [0, 0, 0], normal = [0, 1, 0] }"
     let_go = f"[[supports]]\n{half}\nend = 0.5\n[[initial]]\n{half}\nvelocity = [0, 0, 1]\n"
     free.write_text(DYNAMIC + let_go)
-    assert SceneStudy(free, QUICK, *[Store(tmp_path / "points")] * 2).regime == "large motion"
+    assert SceneStudy(free, QUICK, *[Store(tmp_path / "runs")] * 2).regime == "large motion"
     for regime, names in REGIMES.items():
         for name in names:
             file = ROOT / "analysis" / "scenes" / f"{name}.toml"
-            assert SceneStudy(file, QUICK, *[Store(tmp_path / "points")] * 2).regime == regime
+            assert SceneStudy(file, QUICK, *[Store(tmp_path / "runs")] * 2).regime == regime
 
 
 class Failing(Ladder):
     """moment takes too long, lloyd breaks down."""
 
-    def run(self, point):
-        outcome = super().run(point)
-        if "network.calibration=moment" in point.overrides:
+    def run(self, request):
+        outcome = super().run(request)
+        if "network.calibration=moment" in request.overrides:
             return Outcome("time limit", "stopped", 9, 9, 0)
-        return Outcome("diverged", "", 1, 1, 0) if "network.calibration=lloyd" in point.overrides else outcome
+        return (
+            Outcome("diverged", "", 1, 1, 0) if "network.calibration=lloyd" in request.overrides else outcome
+        )
 
 
 def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
@@ -416,7 +422,7 @@ def test_two_threads_are_timed_where_there_are_two_cores(cores, panels, tmp_path
     monkeypatch.setattr(race.os, "sched_getaffinity", lambda _: cores)
     study = study_over(Ladder(tmp_path, 0.032), STATIC)
     assert {m.two_threads is not None for m in study.measurements} == {panels == 3}
-    assert {point.prefix for point in study.timed.points} == {
+    assert {request.prefix for request in study.timed.requests} == {
         (),
         *([race._TWO_THREADS] if panels == 3 else []),
     }
@@ -428,12 +434,12 @@ def test_rungs_coarser_than_a_slow_one_are_drawn_again(tmp_path):
     class Slow(Ladder):
         """Quadratic elements take too long on the finer of two surfaces."""
 
-        def run(self, point):
-            outcome = super().run(point)
+        def run(self, request):
+            outcome = super().run(request)
             is_slow = {"surface.n_vertices=1284", "reference.degree=2", "time.load_steps=1"} <= set(
-                point.overrides
+                request.overrides
             )
-            return Outcome("time limit", "stopped", 9, 9, 0) if is_slow and not point.options else outcome
+            return Outcome("time limit", "stopped", 9, 9, 0) if is_slow and not request.options else outcome
 
     (tmp_path / "scene.toml").write_text(STATIC + '[material]\nlaw = "neo_hookean"\n')
     ladder = Slow(tmp_path)
@@ -461,8 +467,8 @@ def test_time_limit_is_that_of_timed_runs_alone(tmp_path, monkeypatch):
     arguments = parse_arguments(["study", "work-precision", str(tmp_path / "scene.toml"), *options])
     result = work_precision.study(arguments, tmp_path / "out")
     assert list(result.sections[0].tables) == ["levels", "regimes"]
-    assert {point.program for point in ladders[7].points} == {"fem_reference", "massspring"}
-    assert {point.program for point in ladders[1800].points} == {"fem_reference"}
+    assert {request.program for request in ladders[7].requests} == {"fem_reference", "massspring"}
+    assert {request.program for request in ladders[1800].requests} == {"fem_reference"}
 
 
 @pytest.fixture(scope="module")
@@ -471,7 +477,7 @@ def study(ball, tmp_path_factory):
     tmp_path = tmp_path_factory.mktemp("study")
     programs = make_solvers(tmp_path / "home", ball)
     (tmp_path / "scene.toml").write_text('[surface]\nshape = "ball"\n')
-    store = Store(tmp_path / "points", programs=programs)
+    store = Store(tmp_path / "runs", programs=programs)
     study = SceneStudy(tmp_path / "scene.toml", Effort((1, 2), (1,), (1, 2), (2, 2), 2, 0), store, store)
     study.run(is_quiet=True)
     return study, programs
@@ -524,12 +530,12 @@ def test_report_stands_alone(study, tmp_path):
 _STUDY = """
 import sys
 from pathlib import Path
-from analysis.points import Outcome, Store
+from analysis.run_store import Outcome, Store
 from analysis.studies.fronts import table
 from analysis.studies.race import Effort, SceneStudy
 from analysis.studies.result import Result, Section, write
 folder, programs = map(Path, sys.argv[1:])
-store = Store(folder / "points", programs=programs)
+store = Store(folder / "runs", programs=programs)
 print("ready", flush=True)
 study = SceneStudy(folder.parent / "scene.toml", Effort((1,), (1,), (1,), (2, 2), 2, 0), store, store)
 study.run(is_quiet=True)
@@ -555,7 +561,7 @@ def test_study_killed_at_random_points_continues_to_the_same_table(ball, tmp_pat
         wait_for_calls(programs, len(calls(programs)) + moments.randint(2, 5), moments.uniform(0, 0.1))
         process.kill()
         assert process.wait() == -signal.SIGKILL
-    outcomes = (tmp_path / "killed" / "points").glob("*/outcome.json")
+    outcomes = (tmp_path / "killed" / "runs").glob("*/outcome.json")
     finished = {file: file.stat().st_mtime_ns for file in outcomes if ".part" not in file.parent.name}
     n_calls = len(calls(programs))
     assert finished and not (tmp_path / "killed" / "report.html").exists()

@@ -1,10 +1,10 @@
-"""Which pictures and plots a comparison shows."""
+"""The pictures, films and plots of a comparison."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from .compare import Figures, area_change, is_dynamic, tip_of, vertex_areas, volume_change
+from .compare import ModelComparison, area_change, is_dynamic, tip_of, vertex_areas, volume_change
 from .comparison import Comparison
 from .drawing.bodies import Body, bodies_of, draw_bodies, draw_thumbnail, has_cavity
 from .drawing.error_scale import scale_svg
@@ -53,7 +53,7 @@ def draw_row(comparison: Comparison) -> Row | None:
     found = {
         name: f"error {percent(model.displacement_error_l2)}" + moments.get(name, "")
         for name, model in comparison.models.items()
-        if isinstance(model, Figures)
+        if isinstance(model, ModelComparison)
     } | {REFERENCE: "the reference"}
     shown = {name: Shown(label_of(name), found[name], body) for name, body in bodies.items()}
     return row_of(experiment.folder, f"{experiment.name}, {experiment.surface}", moment, shown)
@@ -131,7 +131,7 @@ def plot(comparison: Comparison) -> dict[str, Plot]:
         errors = {
             name: (model.displacement_error_l2, model.displacement_error_max)
             for name, model in comparison.models.items()
-            if isinstance(model, Figures)
+            if isinstance(model, ModelComparison)
         }
         caption = "Displacement error of every model, filled, and its largest at a vertex, hollow."
         own = described.estimated_error_l2

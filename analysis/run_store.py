@@ -34,8 +34,8 @@ _MARK = f".part-{platform.node()}-"  # of a folder that a process works on; its 
 
 
 @dataclass(frozen=True)
-class Point:
-    """One run of one program."""
+class RunRequest:
+    """One run of one program, as it is asked for."""
 
     program: str  #: fem_reference or massspring
     scene: Path
@@ -47,7 +47,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a point gave. A point that fails is a result too: status and message say how."""
+    """What a run gave. A run that fails is a result too: status and message say how."""
 
     status: str  #: "ok", the program's own word ("diverged", ...), "failed" or "time limit"
     message: str
@@ -59,7 +59,7 @@ class Outcome:
 
 
 class Store:
-    """A folder of points. Several processes may work on one store, and any may be killed: a point's folder appears
+    """A folder of runs. Several processes may work on one store, and any may be killed: a run's folder appears
     under its name only when it is whole."""
 
     def __init__(self, folder: Path, time_limit: float = 3600, programs: Path = PROGRAMS) -> None:
@@ -69,26 +69,26 @@ class Store:
             if not Path("/proc", part.name.rsplit("-", 1)[1]).exists():
                 shutil.rmtree(part, ignore_errors=True)
 
-    def key(self, point: Point) -> str:
-        """Hash of programs, threads, scene, its files and overrides that the point's result depends on.
+    def key(self, request: RunRequest) -> str:
+        """Hash of programs, threads, scene, its files and overrides that the run's result depends on.
 
         Raises RunError when the scene or a program cannot be read.
         """
-        ignored = _IGNORED[point.program]
-        scene = read_toml(point.scene)
-        settings = dict(override.partition("=")[::2] for override in point.overrides)
-        files = dict(_files_in(scene, "", point.scene.parent))
+        ignored = _IGNORED[request.program]
+        scene = read_toml(request.scene)
+        settings = dict(override.partition("=")[::2] for override in request.overrides)
+        files = dict(_files_in(scene, "", request.scene.parent))
         for key, text in settings.items():
             files = {place: file for place, file in files.items() if not f"{place}.".startswith(f"{key}.")}
             files |= dict(_files_in(_value_of(text), key, Path()))
         parts = [
             {key: value for key, value in scene.items() if key not in ignored},
             {key: value for key, value in settings.items() if key.split(".")[0] not in ignored},
-            point.program,
-            point.options,
-            point.prefix,
-            point.repetition,
-            [_hash_of_file(built(self.programs, name)) for name in (point.program, *_MESHERS)],
+            request.program,
+            request.options,
+            request.prefix,
+            request.repetition,
+            [_hash_of_file(built(self.programs, name)) for name in (request.program, *_MESHERS)],
             [os.environ.get(name, "") for name in THREADS],
             {place: _hash_of_file(file) for place, file in files.items()},
         ]
@@ -102,12 +102,12 @@ class Store:
         law: str = json.loads(ended.output)["law"]
         return law
 
-    def find(self, point: Point) -> Outcome | None:
-        """The point's outcome if it has been run, and if it was not stopped by a time limit shorter than this one."""
-        return self._known(self._loaded(point))
+    def find(self, request: RunRequest) -> Outcome | None:
+        """The run's outcome if it has been run, and if it was not stopped by a time limit shorter than this one."""
+        return self._known(self._loaded(request))
 
-    def _known(self, point: Point) -> Outcome | None:
-        folder = self.folder / self.key(point)
+    def _known(self, request: RunRequest) -> Outcome | None:
+        folder = self.folder / self.key(request)
         file = folder / "outcome.json"
         if not file.exists():
             return None
@@ -119,18 +119,18 @@ class Store:
             **values, folder=folder, record=json.loads(record.read_text()) if record.exists() else {}
         )
 
-    def run(self, point: Point) -> Outcome:
-        """The point's outcome, running it now if that has not been done."""
-        point = self._loaded(point)
-        if known := self._known(point):
+    def run(self, request: RunRequest) -> Outcome:
+        """The run's outcome, running it now if that has not been done."""
+        request = self._loaded(request)
+        if known := self._known(request):
             return known
-        folder = self.folder / self.key(point)
+        folder = self.folder / self.key(request)
         part = folder.with_name(f"{folder.name}{_MARK}{os.getpid()}")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
         shutil.rmtree(folder, ignore_errors=True)  # of a shorter time limit
-        outcome = self._execute(point, part)
-        if point.repetition:
+        outcome = self._execute(request, part)
+        if request.repetition:
             shutil.rmtree(part / "frames", ignore_errors=True)
         values = asdict(outcome)
         del values["folder"], values["record"]
@@ -139,25 +139,31 @@ class Store:
             part.rename(folder)
         except OSError:  # another process has been faster
             shutil.rmtree(part)
-        found = self._known(point)
+        found = self._known(request)
         assert found
         return found
 
-    def _loaded(self, point: Point) -> Point:
-        """The point with the factor on its loads by which it strains as its scene wants, found by a trial."""
-        wanted = load_scale.wanted_strain(read_toml(point.scene), point.overrides)
+    def _loaded(self, request: RunRequest) -> RunRequest:
+        """The request with the factor on its loads by which it strains as its scene wants, found by a trial."""
+        wanted = load_scale.wanted_strain(read_toml(request.scene), request.overrides)
         if wanted is None:
-            return point
+            return request
         trial = self.run(
-            Point("massspring", point.scene, (*point.overrides, *load_scale.TRIAL), load_scale.OPTIONS)
+            RunRequest(
+                "massspring", request.scene, (*request.overrides, *load_scale.TRIAL), load_scale.OPTIONS
+            )
         )
         if trial.status != "ok":
-            return point
-        return replace(point, overrides=(*point.overrides, load_scale.factor_override(wanted, trial.folder)))
+            return request
+        return replace(
+            request, overrides=(*request.overrides, load_scale.factor_override(wanted, trial.folder))
+        )
 
-    def _execute(self, point: Point, folder: Path) -> Outcome:
-        command = solver(self.programs / point.program, point.scene, folder, point.overrides, point.options)
-        ended = execute([*point.prefix, *command], limit=self.time_limit)
+    def _execute(self, request: RunRequest, folder: Path) -> Outcome:
+        command = solver(
+            self.programs / request.program, request.scene, folder, request.overrides, request.options
+        )
+        ended = execute([*request.prefix, *command], limit=self.time_limit)
         (folder / "messages.txt").write_text(ended.output + ended.said)
         spent: dict[str, Any] = {"wall": ended.wall, "cpu": ended.cpu, "load": ended.load}
         if ended.is_late:
