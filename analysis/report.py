@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import csv
 import html
+import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -167,6 +169,13 @@ def text_of(comparison: dict[str, Any]) -> str:
     parts += [text_table(head, rows) for head, rows in tables(comparison)]
     parts.append(" ".join([*trust_in_reference(comparison), *comparison.get("notes", [])]))
     return "\n\n".join(parts).rstrip()
+
+
+def csv_table(head: list[str], rows: list[list[str]]) -> str:
+    """One table for a file."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([head, *rows])
+    return text.getvalue()
 
 
 def text_table(head: list[str], rows: list[list[str]]) -> str:

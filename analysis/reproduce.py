@@ -1,13 +1,15 @@
 """./testbed reproduce: every published table and figure made again by its command, and what differs from the stored one.
 
-manifest.toml lists them. A table of runs is made cell by cell from the runs' comparison.json; what a study or a benchmark
-gives is made by its command, and its figures are copied. reproduced.json tells of what commit and machine the stored ones are.
-Rows of bodies that are not on this machine are left out, and it is said beforehand where these are found.
+manifest.toml lists them. A table of runs is made cell by cell from the runs' comparison.json; a study leaves its tables as CSV
+and its figures, which are taken over. What is written to a page is written to published/, too: these are the stored figures, and
+a test compares the page with them. reproduced.json tells of what commit and machine they are. Rows of bodies that are not on
+this machine are left out, and it is said beforehand where these are found.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import hashlib
 import json
 import re
@@ -24,13 +26,15 @@ from .comparison import compare, without_nan
 from .experiment import run_solvers
 from .machine import describe
 from .paths import MESHES, OUT, PACKAGE, PROGRAMS, ROOT, SCENES, write_text
+from .report import Table, csv_table
 from .run_store import reminders, say
 from .runs import RunError
 from .wording import percent
 
-MANIFEST, STORED = PACKAGE / "manifest.toml", PACKAGE / "reproduced.json"
+MANIFEST, STORED, PUBLISHED = PACKAGE / "manifest.toml", PACKAGE / "reproduced.json", PACKAGE / "published"
 _ROUNDING = 1e-8
 _TIME_LIMIT = 200.0  # s, of a reference that is refined for its error, where a table shows that
+_NAME = re.compile(r"[a-z_]+\.toml|[a-z]+(_[a-z]+)+")
 _NUMBER = re.compile(r"[-+]?\d[\d ]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -44,9 +48,15 @@ class Entry:
     minutes: float  #: on two cores
     tables: tuple[int, ...] = ()  #: which of the section's tables; none: figures alone
     tolerance: float = 0.1  #: of a number, relative
-    columns: tuple[str, ...] = ()  #: of a table of runs: keys of comparison.json
-    rows: tuple[dict[str, Any], ...] = ()  #: of the same: scene, set, surface
+    head: tuple[str, ...] = ()  #: of a table of runs: what its columns are called
+    columns: tuple[str, ...] = ()  #: keys of comparison.json; of a study's table its columns, or all of them
+    rows: tuple[
+        dict[str, Any], ...
+    ] = ()  #: of a table of runs: label (the first columns), scene, set, surface
     command: str = ""  #: of others
+    sources: tuple[
+        str, ...
+    ] = ()  #: CSV that the command leaves, one for each table; none: it writes the page itself
     figures: dict[str, str] = field(default_factory=dict)  #: published file -> file of the command
 
 
@@ -54,7 +64,11 @@ def entries() -> dict[str, Entry]:
     """Of the manifest, by name."""
     listed = tomllib.loads(MANIFEST.read_text())
     return {
-        name: Entry(name, **entry | {key: tuple(entry.get(key, ())) for key in ("tables", "columns", "rows")})
+        name: Entry(
+            name,
+            **entry
+            | {key: tuple(entry.get(key, ())) for key in ("tables", "head", "columns", "rows", "sources")},
+        )
         for name, entry in listed.items()
         if name not in ("schemes", "meshes")
     }
@@ -75,32 +89,75 @@ def _digest_of(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.exists() else ""
 
 
-def tables_of(page: str, heading: str) -> list[tuple[int, list[str]]]:
-    """Of a section: the line at which each table's rows begin, behind head and rule, and these rows."""
+def tables_of(page: str, heading: str) -> list[tuple[int, Table]]:
+    """Of a section: the line at which each table begins, its head and its rows, without the marks of code."""
     lines = page.splitlines()
-    found: list[tuple[int, list[str]]] = []
+    found: list[tuple[int, Table]] = []
     here = False
     for number, line in enumerate(lines):
         if line.startswith("#"):
             here = line.lstrip("# ") == heading
-        elif here and re.fullmatch(r"\|[-| ]+\|", line):
+        elif here and re.fullmatch(r"\|[-| :]+\|", line):
             end = next((n for n in range(number, len(lines)) if not lines[n].startswith("|")), len(lines))
-            found.append((number + 1, lines[number + 1 : end]))
+            found.append(
+                (number - 1, (_cells(lines[number - 1]), [_cells(row) for row in lines[number + 1 : end]]))
+            )
     return found
 
 
-def stored_rows(entry: Entry) -> list[list[str]]:
-    """Cells of the stored table of runs. Raises RunError where the page has none, or of other rows."""
+def _cells(line: str) -> list[str]:
+    return [
+        cell.strip().replace("`", "") for cell in line.strip().removeprefix("|").removesuffix("|").split("|")
+    ]
+
+
+def on_page(entry: Entry, number: int) -> Table:
+    """A table as it stands on its page. Raises RunError where the section has fewer."""
     tables = tables_of((ROOT / entry.page).read_text(), entry.heading)
-    if len(tables) < entry.tables[0] or len(tables[entry.tables[0] - 1][1]) != len(entry.rows):
-        raise RunError(f"{entry.page}: '{entry.heading}', expected a table of {len(entry.rows)} rows")
-    return [[cell.strip() for cell in row.strip("|").split("|")] for row in tables[entry.tables[0] - 1][1]]
+    if len(tables) < number:
+        raise RunError(f"{entry.page}: '{entry.heading}' has {len(tables)} tables, expected {number}")
+    return tables[number - 1][1]
+
+
+def stored_file(entry: Entry, number: int) -> Path:
+    """Where the figures of a table lie that its command has left."""
+    return PUBLISHED / f"{entry.name}_{number}.csv"
+
+
+def read_table(file: Path, columns: tuple[str, ...] = ()) -> Table:
+    """Of a CSV file: these columns, or all that have a name. Raises RunError where there is none of a name."""
+    with file.open(newline="") as lines:
+        head, *rows = csv.reader(lines)
+    if missing := [column for column in columns if column not in head]:
+        raise RunError(f"{file}: no column '{missing[0]}', expected one of {', '.join(head)}")
+    kept = [head.index(column) for column in columns] or [
+        n for n, name in enumerate(head) if name or any(row[n] for row in rows)
+    ]
+    return [head[n] for n in kept], [[row[n] for n in kept] for row in rows]
+
+
+def publish(entry: Entry, number: int, table: Table) -> None:
+    """Writes a table to its place on the page and to the stored figures."""
+    head, rows = table
+    page = (ROOT / entry.page).read_text()
+    _, old = on_page(entry, number)
+    start = tables_of(page, entry.heading)[number - 1][0]
+    lines = page.splitlines()
+    lines[start : start + 2 + len(old)] = map(_line, [head, ["---"] * len(head), *rows])
+    write_text(ROOT / entry.page, "\n".join(lines) + "\n")
+    PUBLISHED.mkdir(exist_ok=True)
+    write_text(stored_file(entry, number), csv_table(head, rows))
+
+
+def _line(cells: list[str]) -> str:
+    """Of Markdown. Names of scenes and models are code."""
+    return _NAME.sub(r"`\g<0>`", f"| {' | '.join(cells)} |")
 
 
 def fresh_cells(entry: Entry, row: dict[str, Any]) -> list[str]:
     """The cells of a row behind its label, by running its pair now; what has not changed is not run again."""
     surface = MESHES / row["surface"] if "surface" in row else None
-    folder = OUT / "reproduce" / entry.name / re.sub(r"\W+", "_", row["label"])
+    folder = OUT / "reproduce" / entry.name / re.sub(r"\W+", "_", " ".join(row["label"]))
     needs_error = any(column.startswith("reference.") for column in entry.columns)
     experiment = run_solvers(
         SCENES / row["scene"], folder, surface, [*row.get("set", ())], is_quiet=True,
@@ -122,7 +179,7 @@ def cell_of(values: dict[str, Any], key: str) -> str:
         value = value[part]
     if isinstance(value, int):
         return str(value)
-    return "rounding" if value is not None and value < _ROUNDING else percent(value, 2)
+    return "rounding" if value is not None and abs(value) < _ROUNDING else percent(value, 2)
 
 
 def differences(stored: list[str], fresh: list[str], tolerance: float) -> list[str]:
@@ -139,44 +196,63 @@ def differences(stored: list[str], fresh: list[str], tolerance: float) -> list[s
     return found
 
 
+def differences_of_tables(stored: Table, fresh: Table, tolerance: float) -> list[str]:
+    """Of the cells, each with its row's label; of heads; of the number of rows."""
+    if stored[0] != fresh[0]:
+        return [f"columns {', '.join(stored[0])} -> {', '.join(fresh[0])}"]
+    if len(stored[1]) != len(fresh[1]):
+        return [f"{len(stored[1])} rows -> {len(fresh[1])}"]
+    return [
+        f"{fresh_row[0]}: {text}"
+        for row, fresh_row in zip(stored[1], fresh[1], strict=True)
+        for text in differences(row, fresh_row, tolerance)
+    ]
+
+
 def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool) -> list[str]:
-    """Differences of a table of runs, each with its row's label; written anew where that is asked for.
+    """Differences of a table of runs; written anew where that is asked for.
 
     Rows whose body is not on this machine are left out. Raises RunError where they would have to be written.
     """
-    said, lines = [], []
     missing = missing_meshes([entry])
     if is_written and missing:
         raise RunError(f"{entry.name}: not written without {', '.join(missing)}")
-    for row, (label, *stored) in zip(entry.rows, stored_rows(entry), strict=True):
-        if row.get("surface") in missing:
-            continue
-        say(f"{entry.name}: {row['label']}", is_quiet)
-        n_words = len(stored) - len(entry.columns)  # that stand before the figures
-        fresh = fresh_cells(entry, row)
-        said += [f"{row['label']}: {text}" for text in differences(stored[n_words:], fresh, entry.tolerance)]
-        lines.append(f"| {' | '.join([label, *stored[:n_words], *fresh])} |")
+    (number,) = entry.tables
+    head, stored = on_page(entry, number)
+    if len(stored) != len(entry.rows):
+        raise RunError(f"{entry.page}: '{entry.heading}', expected a table of {len(entry.rows)} rows")
+    here = [
+        (row, old) for row, old in zip(entry.rows, stored, strict=True) if row.get("surface") not in missing
+    ]
+    fresh = []
+    for row, _ in here:
+        say(f"{entry.name}: {', '.join(row['label'])}", is_quiet)
+        fresh.append([*row["label"], *fresh_cells(entry, row)])
+    made = (list(entry.head), fresh)
+    said = differences_of_tables((head, [old for _, old in here]), made, entry.tolerance)
     if is_written:
-        page = (ROOT / entry.page).read_text()
-        start, old = tables_of(page, entry.heading)[entry.tables[0] - 1]
-        all_lines = page.splitlines()
-        all_lines[start : start + len(old)] = lines
-        write_text(ROOT / entry.page, "\n".join(all_lines) + "\n")
+        publish(entry, number, made)
     return said
 
 
 def reproduce_command(entry: Entry, is_written: bool, is_quiet: bool) -> list[str]:
-    """Runs a study or benchmark, and names the figures that have changed. Raises RunError where it fails."""
+    """Runs a study, and names the cells and figures that have changed. Raises RunError where it fails."""
     say(f"{entry.name}: {entry.command}", is_quiet)
     out = OUT / "reproduce" / entry.name
     out.mkdir(parents=True, exist_ok=True)
+    page = (ROOT / entry.page).read_text()
     with (out / "output.txt").open("w") as output:
         done = subprocess.run(entry.command, shell=True, cwd=ROOT, stdout=output, check=False)
     if done.returncode:
         raise RunError(
             f"{entry.name}: '{entry.command}' ended with {done.returncode}, see {out / 'output.txt'}"
         )
-    said = [f"compare {out / 'output.txt'} with {entry.page}, '{entry.heading}'"] if entry.tables else []
+    said = [f"{entry.page} has changed"] if (ROOT / entry.page).read_text() != page else []
+    for number, source in zip(entry.tables, entry.sources, strict=bool(entry.sources)):
+        fresh = read_table(ROOT / source, entry.columns)
+        said += differences_of_tables(on_page(entry, number), fresh, entry.tolerance)
+        if is_written:
+            publish(entry, number, fresh)
     for published, made in entry.figures.items():
         old, new = ROOT / published, ROOT / made
         if not old.exists() or old.read_bytes() != new.read_bytes():

@@ -22,6 +22,7 @@ from . import (
     kernels,
     paper,
     peers,
+    reference,
     scaling,
     stability,
     verdicts,
@@ -68,7 +69,14 @@ STUDIES = {
         paper.study,
         frozenset({"scenes", "quick", "repetitions"}),
     ),
-    "peers": Study("seconds of DOLFINx beside the reference's, on the same tetrahedra", peers.study),
+    "reference": Study(
+        "what elements lose by degree and refinement, what explicit ones cost, and frequencies beside the springs'",
+        reference.study,
+    ),
+    "peers": Study(
+        "seconds of DOLFINx and CalculiX beside the reference's, and of Bullet beside the springs'",
+        peers.study,
+    ),
     "gallery": Study("every shipped scene run, and its picture for the gallery page", gallery.study),
     "accuracy": Study(
         "springs on bodies and loads drawn at random, beside finite elements, against refined ones: an hour",

@@ -94,13 +94,15 @@ LEVELS = (
 
 
 def levels(studies: Sequence[SceneStudy]) -> Table:
-    """Head and rows: every scene at every error."""
-    head = ["regime", "scene", "error", "springs", "s", "elements", "s", "springs / elements"]
+    """Head and rows: every scene at every error that a side reaches."""
+    head = ["regime", "scene", "error", "springs", "seconds", "elements", "seconds", "springs / elements"]
     rows = []
     for scene in studies:
         curves = curves_of(scene.measurements)
         for error in ERRORS:
             best = best_of(curves, error)
+            if not any(best):
+                continue
             cells = [
                 cell for side in best for cell in ((label_of(side[1]), seconds_in_words(side[0])) if side else ("-", "-"))
             ]  # fmt: skip

@@ -8,17 +8,15 @@ floating-point operations and its bytes take at the rates that the same benchmar
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import subprocess
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from ..paths import ROOT
 from ..report import Table
 from ..run_store import Outcome, RunRequest, Store, say
 from ..runs import RunError
+from .benchmarks import benchmarks_of, cpu_seconds
 from .result import Result, Section, alone
 
 _FEW_FILES = ("output.frames_every=0", "output.curves=false")
@@ -191,26 +189,6 @@ def measure_runs(
     return list(timed.values())
 
 
-def benchmarks_of(program: Path, filter_: str) -> list[dict[str, Any]]:
-    """What a program of Google Benchmark measures, with its counters."""
-    command = [
-        str(program),
-        f"--benchmark_filter={filter_}",
-        "--benchmark_format=json",
-        "--benchmark_min_time=0.2",
-    ]
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
-    )
-    if "Failed to match any benchmarks" in done.stdout + done.stderr:
-        return []
-    measured: list[dict[str, Any]] = json.loads(done.stdout)["benchmarks"]
-    return [benchmark for benchmark in measured if not benchmark.get("error_occurred")]
-
-
-_UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}
-
-
 def measure_kernels(trees: list[Tree], repetitions: int, is_quiet: bool) -> list[Timed]:
     timed: dict[str, Timed] = {}
     for repetition in range(repetitions):
@@ -219,7 +197,7 @@ def measure_kernels(trees: list[Tree], repetitions: int, is_quiet: bool) -> list
                 say(f"[{repetition + 1}/{repetitions}] {program} of {tree.name}", is_quiet)
                 for benchmark in benchmarks_of(tree.programs / program, _KERNELS):
                     result = timed.setdefault(benchmark["name"], Timed(benchmark["name"]))
-                    result.note(tree.name, benchmark["cpu_time"] * _UNITS[benchmark["time_unit"]])
+                    result.note(tree.name, cpu_seconds(benchmark))
                     if tree is trees[-1] and "over_limit" in benchmark:
                         result.over_limit = min(
                             benchmark["over_limit"], result.over_limit or benchmark["over_limit"]

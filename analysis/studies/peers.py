@@ -1,9 +1,11 @@
-"""Peers study: DOLFINx beside the reference on the same tetrahedra.
+"""Peers study: DOLFINx and CalculiX beside the reference on the same tetrahedra, Bullet beside the springs.
 
 A bar hangs from one end under its weight, at small strain, by linear and quadratic elements. Iterations of both programs end at
 the same residual over the load. DOLFINx has the faster one of multigrid and a Cholesky factor. Seconds go from tetrahedra to
 displacement: our set-up, assembly and solution; DOLFINx's mesh, assembly and solution, its forms compiled before. All run on one
 thread. Runs alternate, and the least of each counts. A peer that gives another answer has its difference and no ratio.
+CalculiX is measured by build/bin/bench_reference, in CPU seconds without meshing. Bullet is by build/bin/bench_bullet: our steps
+in a second over those of its deformable bodies, with the same nodes, springs, masses and steps.
 """
 
 from __future__ import annotations
@@ -12,15 +14,16 @@ import argparse
 import os
 import subprocess
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyvista as pv
 
-from ..paths import SCENES
+from ..paths import PROGRAMS, SCENES
 from ..report import Table
 from ..run_store import RunRequest, Store, say
 from ..runs import Array, Run, RunError, load_run, scene_of
+from .benchmarks import benchmarks_of
 from .result import Result, Section, alone
 
 _DEBIAN = "/usr/bin/python3"
@@ -127,6 +130,45 @@ def table(pairs: list[Pair]) -> Table:
     ]
 
 
+def table_of_calculix(benchmarks: list[dict[str, Any]]) -> Table:
+    """CPU seconds of a bar by either program."""
+    rows = []
+    for row in benchmarks:
+        ours = row["cpu"] - row["mesh_cpu"]
+        degree = row["name"].partition("degree:")[2].partition("/")[0]
+        rows.append(
+            [
+                degree,
+                f"{row['dofs']:.0f}",
+                f"{ours:.2g}",
+                f"{row['ccx_cpu']:.2g}",
+                f"{row['ccx_cpu'] / ours:.2g}",
+            ]
+        )
+    return ["degree", "unknowns", "ours (s)", "CalculiX (s)", "CalculiX / ours"], rows
+
+
+def table_of_bullet(benchmarks: list[dict[str, Any]]) -> Table:
+    """Our steps over Bullet's: a row for each body."""
+    rates = {row["name"]: float(row["FPS"]) for row in benchmarks}
+    bodies = dict.fromkeys(name.split("/")[1] for name in rates)
+    kinds = {
+        "explicit": "explicit/soft",
+        "implicit, a frame's step": "implicit/soft",
+        "the same, E x 1000": "implicit/stiff",
+    }
+    return ["", *kinds], [
+        [
+            body,
+            *(
+                f"{rates[f'ours/{body}/{kind}'] / rates[f'bullet/{body}/{kind}']:.2g}"
+                for kind in kinds.values()
+            ),
+        ]
+        for body in bodies
+    ]
+
+
 def finding(pairs: list[Pair]) -> str:
     """The study in one sentence."""
     ratios = [p.theirs / p.ours for p in pairs if p.difference <= _SAME]
@@ -148,8 +190,17 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
             for degree in (1, 2):
                 say(f"{n_vertices} vertices, degree {degree}", arguments.quiet)
                 pairs.append(measure(store, folder, n_vertices, degree))
+        size, body = ("25k", "ball") if arguments.quick else (".*", ".*")
+        say("CalculiX", arguments.quiet)
+        calculix = table_of_calculix(benchmarks_of(PROGRAMS / "bench_reference", f"^calculix/bar/{size}/"))
+        say("Bullet", arguments.quiet)
+        bullet = table_of_bullet(benchmarks_of(PROGRAMS / "bench_bullet", f"/{body}/"))
     return Result(
         "Peers",
         finding(pairs),
-        [Section("DOLFINx on the same tetrahedra", [], {}, {"dolfinx": table(pairs)})],
+        [
+            Section("DOLFINx on the same tetrahedra", [], {}, {"dolfinx": table(pairs)}),
+            Section("CalculiX on the same tetrahedra", [], {}, {"calculix": calculix}),
+            Section("Bullet on the same springs", [], {}, {"bullet": bullet}),
+        ],
     )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import fcntl
-import io
 import json
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -14,7 +12,7 @@ from pathlib import Path
 
 from .. import machine
 from ..paths import PROGRAMS, write_text
-from ..report import Table, html_table, image_figure, page, svg_figure, text_table
+from ..report import Table, csv_table, html_table, image_figure, page, svg_figure, text_table
 from ..run_store import say
 
 _LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
@@ -80,10 +78,8 @@ def write(folder: Path, result: Result, protocol: dict[str, str]) -> None:
         for name, (figure, _) in section.figures.items():
             if isinstance(figure, str):
                 write_text(folder / f"{name}.svg", figure)
-        for name, (head, rows) in section.tables.items():
-            text = io.StringIO()
-            csv.writer(text, lineterminator="\n").writerows([head, *rows])
-            write_text(folder / f"{name}.csv", text.getvalue())
+        for name, table in section.tables.items():
+            write_text(folder / f"{name}.csv", csv_table(*table))
     write_text(folder / "report.html", page(result.title, result.sentence, parts, protocol | result.protocol))
 
 

@@ -3,6 +3,7 @@
 One body, the clamped bar of bar_sag.toml, at finer and finer surfaces. Springs on the paper's network (`uniform`) and on
 tetrahedra (`node_averaged`) take explicit and implicit steps; finite elements solve the static scene. Lemma 1 of the paper
 says that the non-zero blocks of the springs' matrix, a diagonal one for each node and two for each spring, grow like the nodes.
+Sampling, PCP and completion are timed by themselves, by build/bin/bench_meshing.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ from matplotlib.figure import Figure
 
 from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
-from ..paths import SCENES
+from ..paths import PROGRAMS, SCENES
 from ..report import Table
 from ..run_store import Outcome, RunRequest, Store, say
+from .benchmarks import benchmarks_of, cpu_seconds
 from .result import Figures, Result, Section, alone
 
 _VERTICES = 900  # of the bar's surface, which give
@@ -261,6 +263,14 @@ def table(sizes: list[Size]) -> Table:
     return head, rows
 
 
+def table_of_networks(most: float) -> Table:
+    """CPU seconds of sampling, PCP and completion over the internal nodes, up to so many."""
+    names = "|".join(f"{n:.0f}" for n in (1e3, 1e4, 1e5, 1e6) if n <= most)
+    found = benchmarks_of(PROGRAMS / "bench_meshing", f"^whole/({names})$")
+    head = [f"{float(row['name'].split('/')[1]):,.0f}" for row in found]
+    return ["internal nodes", *head], [["seconds", *(f"{cpu_seconds(row):.2g}" for row in found)]]
+
+
 def finding(sizes: list[Size]) -> str:
     """The study in one sentence."""
     parts = []
@@ -290,6 +300,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
             repetitions,
             arguments.quiet,
         )
+        networks = table_of_networks(1e3 if arguments.quick else 1e6)
     figures: Figures = {
         "scaling_seconds": (
             plot_seconds(measured),
@@ -298,5 +309,8 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
         "scaling_memory": (plot_memory(measured), "Largest resident memory of the whole run."),
         "scaling_lemma_1": (plot_lemma(measured), "Lemma 1: non-zero blocks of the springs' matrix."),
     }
-    section = Section("Every stage", [], figures, {"scaling": table(measured)})
-    return Result("Scaling", finding(measured), [section])
+    sections = [
+        Section("Every stage", [], figures, {"scaling": table(measured)}),
+        Section("Sampling, PCP and completion", [], {}, {"networks": networks}),
+    ]
+    return Result("Scaling", finding(measured), sections)

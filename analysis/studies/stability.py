@@ -44,6 +44,18 @@ OUTCOMES = {
 }
 
 
+#: Method -> what it is called in the table.
+NAMES = {
+    "explicit_euler": "explicit Euler (the paper)",
+    "symplectic_euler": "symplectic Euler",
+    "implicit_euler": "linearised implicit Euler (the paper)",
+    "minimising_definite_springs": "minimising Euler, PCP, definite law",
+    "minimising_edge_coupled": "minimising Euler, edge_coupled",
+    "minimising_node_averaged": "minimising Euler, node_averaged",
+}
+_HEAD = ["method", "sound", "still turning back", "inverted", "not converged", "energy gained", "diverged"]
+
+
 def measure(folder: Path, program: Path, n_cells: int | None = None, is_quiet: bool = True) -> list[Row]:
     """The map's cells, or the first of them, as the program writes them (all: some three minutes).
 
@@ -99,8 +111,7 @@ def table(rows: Iterable[Row]) -> Table:
     """Number of cells of every method and outcome."""
     counts = Counter((row["method"], row["outcome"]) for row in rows)
     methods = list(dict.fromkeys(row["method"] for row in rows))
-    head = ["method", *(o.replace("_", " ") for o in OUTCOMES)]
-    return head, [[m.replace("_", " "), *(str(counts[m, o]) for o in OUTCOMES)] for m in methods]
+    return _HEAD, [[NAMES.get(m, m), *(str(counts[m, o]) for o in OUTCOMES)] for m in methods]
 
 
 def plot(rows: list[Row]) -> str:

@@ -19,8 +19,7 @@ namespace {
 /// Candidates rejected in a row before a cell counts as full.
 constexpr int kMostMisses = 30;
 constexpr double kMostCells = 2e9;
-/// Internal nodes for each of the surface, unless more are asked for: a ball of 5,000 vertices has as many, a
-/// bar of 25,000.
+/// Internal nodes for each of the surface, unless more are asked for.
 constexpr int kMostPerVertex = 3;
 
 /// The bounding box cut into cubes ("quadrants") no smaller than phi, each with the list of its nodes.

@@ -94,7 +94,7 @@ ALLOWED = {
         "verdict",
         "wording",
     },
-    "reproduce": {"comparison", "experiment", "machine", "paths", "run_store", "runs", "wording"},
+    "reproduce": {"comparison", "experiment", "machine", "paths", "report", "run_store", "runs", "wording"},
     "studies": {
         "reproduce",
         "comparison",

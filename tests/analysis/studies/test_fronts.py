@@ -75,6 +75,7 @@ def test_levels_have_both_sides_and_the_ratio_of_their_seconds():
     assert best_of({"node_averaged": SPRINGS}, 1e-4) == (None, None)
     _, rows = levels([race(uniform=[(1.0, 0.5)], fem_p2=ELEMENTS)])
     assert rows[0][3:5] == ["-", "-"] and rows[0][-1] == "-"
+    assert levels([race(uniform=[(1.0, 0.5)])])[1] == [], "neither reaches any error"
 
 
 def test_finding_says_losses_before_wins_and_how_large_they_are():

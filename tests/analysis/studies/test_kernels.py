@@ -8,7 +8,7 @@ from analysis.__main__ import parse_arguments
 from analysis.paths import ROOT
 from analysis.run_store import Outcome
 from analysis.runs import RunError
-from analysis.studies import command, kernels
+from analysis.studies import benchmarks, command, kernels
 from analysis.studies.kernels import Case, Timed, Tree
 
 
@@ -86,9 +86,9 @@ def test_benchmarks_that_fail_or_are_not_there_are_left_out(tmp_path):
     found = [{"name": "good", "cpu_time": 1}, {"name": "bad", "error_occurred": True}]
     program.write_text(f"#!/bin/sh\necho '{json.dumps({'benchmarks': found})}'\n")
     program.chmod(0o755)
-    assert [b["name"] for b in kernels.benchmarks_of(program, "^good")] == ["good"]
+    assert [b["name"] for b in benchmarks.benchmarks_of(program, "^good")] == ["good"]
     program.write_text("#!/bin/sh\necho 'Failed to match any benchmarks against regex: ^x' >&2\n")
-    assert kernels.benchmarks_of(program, "^x") == []
+    assert benchmarks.benchmarks_of(program, "^x") == []
 
 
 def test_a_commit_that_there_is_not_is_an_error(tmp_path):

@@ -19,6 +19,28 @@ def test_a_peer_with_another_answer_has_no_ratio():
     assert peers.finding([other]) == "DOLFINx gives other answers."
 
 
+def test_seconds_of_calculix_stand_beside_ours_without_meshing():
+    row = {
+        "name": "calculix/bar/25k/degree:2/iterations:1/manual_time",
+        "dofs": 26766.0,
+        "cpu": 3,
+        "mesh_cpu": 1,
+        "ccx_cpu": 5,
+    }
+    assert peers.table_of_calculix([row])[1] == [["2", "26766", "2", "5", "2.5"]]
+
+
+def test_steps_of_bullet_stand_beside_ours():
+    rates = {"explicit/soft": (8, 2), "implicit/soft": (9, 3), "implicit/stiff": (10, 0.5)}
+    rows = [
+        {"name": f"{who}/{body}/{kind}", "FPS": rate}
+        for kind, pair in rates.items()
+        for body in ("ball", "torus")
+        for who, rate in zip(("ours", "bullet"), pair, strict=True)
+    ]
+    assert peers.table_of_bullet(rows)[1] == [["ball", "4", "3", "20"], ["torus", "4", "3", "20"]]
+
+
 @pytest.fixture(scope="module")
 def bar(tmp_path_factory):
     """Runs of a coarse bar by elements of either degree."""

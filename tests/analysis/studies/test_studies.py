@@ -124,6 +124,21 @@ def test_scaling_fills_bodies_with_the_nodes_asked_for(tmp_path):
     assert {len(size.outcomes) for size in measured} == {0, 2}
 
 
+def test_scaling_tells_seconds_of_networks_by_their_nodes(monkeypatch):
+    asked = []
+
+    def benchmarks_of(program, filter_):
+        asked.append(filter_)
+        return [{"name": f"whole/{n}", "cpu_time": n / 4, "time_unit": "ms"} for n in (1000, 10000)]
+
+    monkeypatch.setattr(scaling, "benchmarks_of", benchmarks_of)
+    assert scaling.table_of_networks(1e4) == (
+        ["internal nodes", "1,000", "10,000"],
+        [["seconds", "0.25", "2.5"]],
+    )
+    assert asked == ["^whole/(1000|10000)$"]
+
+
 def test_scaling_keeps_what_failed_as_a_row():
     failed = scaling.Size(scaling.LINES[0], [], "failed: out of memory")
     assert scaling.table([failed])[1][0][-1] == "failed: out of memory"
@@ -203,6 +218,7 @@ def test_table_1_sets_measured_beside_published():
             "explicit_euler": (66.5, 70, 60),
             "symplectic_euler": (67, 66, 68),
             "implicit_euler": (14.2, 14, 15),
+            "minimising_euler": (3, 2, 4),
         }.items()
         for rate in rates
     ]
@@ -212,7 +228,7 @@ def test_table_1_sets_measured_beside_published():
         ["67", "66 to 68"],
         ["14.2", "14 to 15", "1.42"],
     )
-    assert body[0] == ["ball", "662", "3499", "3535", *euler, *symplectic, *implicit]
+    assert body[0] == ["ball", "662", "3499", "3535", *euler, *symplectic, *implicit, "3", "2 to 4"]
     assert all(len(row) == len(head) for row in body)
     assert body[1][1] == "-"
     assert "2 to 2 times" in paper.finding((head, body)) and "10 to 10 times implicitly" in paper.finding(
