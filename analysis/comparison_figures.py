@@ -74,9 +74,9 @@ def row_of(folder: Path, title: str, moment: str, shown: dict[str, Shown]) -> Ro
     drawn = "as large as they are" if factor == 1 else f"{factor:g} times as large"
     words = f"The bodies{moment}, displacements drawn {drawn}, coloured by error."
     write_view(folder / VIEW, title, words, list(shown.values()), factor)
-    caption = f"{words} Dashes: the outline of the body at rest."
-    if bodies[0].inside:
-        caption += " They are cut open."
+    caption = f"{words} Dashes: the outline of the body at rest, drawn over what hides it."
+    if is_open := [panel.name for panel in shown.values() if panel.body.inside is not None]:
+        caption += f" Cut open: {listed(is_open)}{'' if len(is_open) == len(shown) else '; others have no tetrahedra'}."
     errors = {name: panel.body.error for name, panel in shown.items() if panel.body.error is not None}
     labels = {name: panel.name for name, panel in shown.items()}
     spread = plot_errors_over_surface(errors, vertex_areas(X, F), labels)
@@ -95,7 +95,8 @@ def draw_films(comparison: Comparison) -> dict[str, Path]:
         if not comparison.reference:
             draw_thumbnail(folder / THUMBNAIL, [folder / "strip.png"])
         pictures["Frames in time."] = folder / "strip.png"
-        pictures["The motion, in the order and the colours of the bodies above."] = folder / "film.gif"
+        order = ", in the order and the colours of the bodies above" if comparison.reference else ""
+        pictures[f"The motion{order}."] = folder / "film.gif"
     playback = experiment.scene.get("playback", {})
     if experiment.calibration in shown and playback.get("warp"):
         draw_playback(folder / "playback", shown[experiment.calibration], playback)

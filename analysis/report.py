@@ -18,7 +18,8 @@ from .wording import percent, percent_signed, significant, unit_of_length
 _LEGIBLE = 0.65  # of a plot's size: smaller letters cannot be read
 
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #222;
+  overflow-wrap: break-word; } /* of long paths */
 h1 { margin-bottom: 0; } .finding { font-size: 1.25rem; margin-top: .5rem; }
 .conclusion { font-size: 1.1rem; }
 /* A table that is too wide is scrolled under its first column, and a shade says that it goes on. */
@@ -29,7 +30,8 @@ th, td { padding: .25rem .6rem; border-bottom: 1px solid #ddd; text-align: right
 td { white-space: nowrap; }
 th { cursor: pointer; }
 th:first-child, td:first-child { text-align: left; position: sticky; left: 0; background: #fff; }
-@media (max-width: 40rem) { table { font-size: .85rem; } th:first-child, td:first-child { white-space: normal; } }
+@media (max-width: 40rem) { table { font-size: .85rem; }
+  th:first-child, td:first-child { white-space: normal; min-width: 7rem; overflow-wrap: anywhere; } }
 img { max-width: 100%; } pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: .85rem; }
 figure { margin: 1.5rem 0; overflow-x: auto; } figcaption { color: #555; font-size: .9rem; }
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); gap: .5rem; }

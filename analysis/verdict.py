@@ -119,7 +119,7 @@ def conclusion(comparison: dict[str, Any]) -> list[str]:
     models = {name: model for name, model in comparison["models"].items() if has_figures(model)}
     if "no_reference" in comparison:
         calm = [name for name, model in models.items() if model["kinetic_energy_left"] < _AT_REST]
-        came = f"{listed(calm)} came to rest" if calm else "none came to rest"
+        came = f"{listed(calm) or 'none'} came to rest" if models else "none gave a result"
         return [
             f"No model can be recommended here, as there is no reference to judge it by; {came}.",
             *_on_half_step(comparison),

@@ -99,7 +99,10 @@ def write_view(file: Path, title: str, words: str, panels: Sequence[Shown], fact
         f'<section><div class="body"></div><div class="name"><b>{html.escape(name)}</b><br>{html.escape(found)}</div></section>'
         for name, found, _ in panels
     ]
-    hint = "The pale shell is the body at rest. Drag to turn, use the wheel or two fingers to come nearer."
+    hint = (
+        "The pale shell is the body at rest, hidden where the moved one lies outside it. Drag to turn, use the wheel or two "
+        "fingers to come nearer."
+    )
     body = (
         f"{_STYLE}<header><h1>{html.escape(title)}</h1><p>{html.escape(words)} {hint}</p></header>"
         f"<main>{''.join(sections)}</main><footer>{_inline(scale_svg())}</footer>"

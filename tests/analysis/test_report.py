@@ -367,6 +367,8 @@ def test_without_a_reference_no_model_is_recommended():
     assert conclusion(comparison)[1].startswith("The machine was busy")
     models.pop("a")
     assert conclusion(comparison)[0].endswith("none came to rest.")
+    models["b"] = {"status": "diverged"}
+    assert conclusion(comparison)[0].endswith("none gave a result.")
 
 
 def test_wide_plots_are_scrolled_rather_than_made_too_small_to_read():

@@ -6,6 +6,7 @@ import pyvista as pv
 from PIL import Image
 from synthetic import write_run
 
+from analysis import comparison_figures
 from analysis.compare import vertex_areas
 from analysis.drawing.bodies import Body, bodies_of, cut_plane, draw_bodies, has_cavity
 from analysis.drawing.error_scale import colour_of
@@ -18,6 +19,7 @@ from analysis.drawing.pictures import (
     skin_of,
     view_axes,
 )
+from analysis.drawing.view import Shown
 from analysis.runs import load_run
 
 
@@ -133,6 +135,25 @@ def test_cut_moves_with_its_surface(ball, tmp_path):
         np.testing.assert_allclose(cut["u"], stretch * cut.points, atol=1e-6)
         origin, normal = cut_plane(body.X)
         np.testing.assert_allclose((cut.points - origin) @ normal, 0, atol=1e-6)
+
+
+def test_caption_names_the_bodies_that_are_cut_open(ball, tmp_path, monkeypatch):
+    """Networks of links have no tetrahedra to be cut."""
+    X, F = ball
+    cut = pv.PolyData(X)
+    for name in ("draw_bodies", "draw_thumbnail", "write_view"):
+        monkeypatch.setattr(comparison_figures, name, lambda *_: None)
+
+    def caption(*inside):
+        shown = {
+            f"m{n}": Shown(f"model {n}", "", Body(X, F, 0.1 * X, 0 * X[:, 0], part))
+            for n, part in enumerate(inside)
+        }
+        return comparison_figures.row_of(tmp_path, "title", "", shown).caption
+
+    assert caption(cut, cut).endswith("drawn over what hides it. Cut open: model 0 and model 1.")
+    assert caption(cut, None).endswith("Cut open: model 0; others have no tetrahedra.")
+    assert "ut open" not in caption(None, None)
 
 
 def test_a_cavity_is_told_from_a_second_body(ball):

@@ -74,7 +74,7 @@ def test_explicit_steps_have_seconds_of_the_stable_step_and_errors_of_a_short_on
     assert rows == [[name, "7", "2", "0.5", "25 %"] for name in reference._EXPLICIT]
     steps = [word for point in store.points for word in point.overrides if word.startswith("time.step")]
     assert steps[:4] == ["time.step=0.00025", "time.step=0", "time.step=1.5625e-05", "time.step=0"]
-    every = {word for point in store.points for word in point.overrides if word.startswith("output")}
+    every = {word for point in store.points for word in point.overrides if word.startswith("output.frames")}
     # A frame each 2 ms in all of them.
     assert every == {f"output.frames_every={n}" for n in (0, 8, 128, 256)}
 
