@@ -199,6 +199,18 @@ def test_reference_that_carried_a_part_of_the_load_is_compared_there(solve, tmp_
     assert experiment.next_reference_seconds == 10_000
 
 
+@pytest.mark.parametrize("mode, growth", [("static", 10), ("dynamic", 25)])
+def test_a_refinement_is_foreseen_by_the_last_solve(mode, growth, solve, tmp_path):
+    """Eight times the unknowns, and of motions half the step; a core that was missing half of the time is no work."""
+    home = tmp_path / "home" / "fem_reference"
+    scene = (home / "scene.toml").read_text()
+    (home / "scene.toml").write_text(scene.replace("static", mode))
+    seconds = {"start-up": 1, "mesh": 7, "setup": 10, "assemble": 20, "solve": 30, "output": 5}
+    record = json.loads((home / "run.json").read_text())
+    (home / "run.json").write_text(json.dumps(record | {"seconds": seconds, "cpu": 40, "wall": 80}))
+    assert solve("0.3", time_limit=growth * 30 - 1).next_reference_seconds == pytest.approx(growth * 30)
+
+
 def test_scene_that_springs_refuse_is_an_error_before_anything_is_solved(solve, tmp_path):
     with pytest.raises(RunError, match="massspring refuses the scene"):
         solve("0.1")

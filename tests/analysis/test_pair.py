@@ -252,3 +252,8 @@ def test_runs_of_different_problems_are_compared_with_a_warning_that_names_the_k
     assert warning in (tmp_path / "out" / "report.html").read_text()
     main(parse_arguments(["compare", str(a), str(c), "--out", str(tmp_path / "out")]))
     assert "Warning" not in capsys.readouterr().out
+    with c.joinpath("scene.toml").open("a") as scene:
+        scene.write("[[obstacles]]\nfriction = 0.5\n")
+    for one, other in ((a, c), (c, a)):
+        main(parse_arguments(["compare", str(one), str(other), "--out", str(tmp_path / "out")]))
+        assert "which differ in obstacles.0.friction (" in capsys.readouterr().out

@@ -6,6 +6,7 @@ import pytest
 
 from analysis.wording import (
     about,
+    duration,
     listed,
     percent,
     percent_in_words,
@@ -83,3 +84,11 @@ def test_lengths_are_read_in_a_unit_that_leaves_few_zeros(metres, unit):
 
 def test_lists_are_read_aloud():
     assert [listed(list(words)) for words in ("", "a", "ab", "abc")] == ["", "a", "a and b", "a, b and c"]
+
+
+@pytest.mark.parametrize(
+    "foreseen, words",
+    [(0.2, "1 s"), (7.4, "7 s"), (43, "40 s"), (250, "4 min"), (5900, "98 min"), (7300, "2 h")],
+)
+def test_seconds_that_are_foreseen_are_told_in_round_numbers(foreseen, words):
+    assert duration(foreseen) == words

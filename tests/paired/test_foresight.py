@@ -32,6 +32,37 @@ def test_nodes_are_those_that_are_solved_for_and_are_told_once_meshed(program, t
     assert again == [], "what is kept takes no time"
 
 
+def foreseen(program, scene, folder, *settings):
+    """Nodes of a small run, and the seconds that it was foreseen to take."""
+    words = ["surface.n_vertices=60", "output.curves=false", *settings]
+    _, file = said_by(program, scene, folder, *(part for word in words for part in ("--set", word)))
+    record = json.loads(file.read_text())
+    return record["n_nodes"], record["foreseen_seconds"]
+
+
+@pytest.mark.parametrize("program", BOTH)
+@pytest.mark.parametrize(
+    "scene, keys",
+    [("bar_swing", ("time.end=0.0{}", "time.step=0.005")), ("bar_bend", ("time.load_steps={}",))],
+)
+def test_every_step_is_foreseen_to_take_as_long(program, scene, keys, tmp_path):
+    """Of motions and of load steps at large strain; before them comes what the springs spend once."""
+    _, *seconds = (
+        foreseen(program, scene, tmp_path / str(n), *(key.format(n) for key in keys))[1] for n in (1, 1, 2, 4)
+    )
+    assert seconds[2] - seconds[1] == pytest.approx(2 * (seconds[1] - seconds[0])) and seconds[1] > seconds[0]
+    if program == "fem_reference":
+        assert seconds == pytest.approx([seconds[0], 2 * seconds[0], 4 * seconds[0]])
+
+
+def test_a_linear_reference_is_foreseen_to_take_as_long_for_every_node(tmp_path):
+    few, many = (
+        foreseen("fem_reference", "bar_sag", tmp_path / degree, f"reference.degree={degree}")
+        for degree in "12"
+    )
+    assert many[0] > 3 * few[0] and many[1] / few[1] == pytest.approx(many[0] / few[0])
+
+
 def test_nothing_is_told_of_a_side_that_does_not_run(tmp_path):
     said, _ = said_by("fem_reference", "torus_implodes", tmp_path)
     assert not [line for line in said if "nodes" in line or "some" in line]
