@@ -101,11 +101,10 @@ def _solution(record: dict[str, Any]) -> float:
 
 
 def _overrides(experiment: Experiment, last: dict[str, Any], n: int) -> list[str]:
-    """KEY=VALUE of the n-th refinement. Static runs that all end need no frames on the way."""
+    """KEY=VALUE of the n-th refinement, whose frames are at the same moments: it may stop on its way."""
     scene = experiment.scene
     words = [f"reference.refine={scene['reference']['refine'] + n}"]
     if scene["time"]["mode"] == "dynamic":
         every = scene["output"]["frames_every"] * 2**n
-        return [*words, f"time.step={last['step'] / 2!r}", f"output.frames_every={every}"]
-    has_stopped = experiment.failed or last["status"] != "ok"
-    return words if has_stopped else [*words, "output.frames_every=0"]
+        words += [f"time.step={last['step'] / 2!r}", f"output.frames_every={every}"]
+    return words

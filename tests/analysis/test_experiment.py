@@ -199,6 +199,17 @@ def test_reference_that_carried_a_part_of_the_load_is_compared_there(solve, tmp_
     assert experiment.next_reference_seconds == 10_000
 
 
+def test_a_refined_reference_that_stops_on_its_way_has_a_frame_there(solve, ball, tmp_path):
+    """Frames were left out of static refinements, whose end alone is needed where they reach it."""
+    more = {"is_free": False, "status": "not_converged", "load_factor_reached": 0.5, "n_tetrahedra": 8}
+    folder, times = tmp_path / "home" / "fem_reference_refine_1", np.linspace(0, 0.5, 3)
+    write_run(folder, *ball, lambda X: 0.0101 * X, times, program="fem_reference", **more)
+    experiment = solve("0.3")
+    (refined_call,) = (line for line in calls(tmp_path / "home" / "bin") if "reference.refine" in line)
+    assert "output.frames_every" not in refined_call
+    assert experiment.n_refinements == 1 and compare(experiment).of_reference.estimated_error_l2 > 0
+
+
 @pytest.mark.parametrize("mode, growth", [("static", 10), ("dynamic", 25)])
 def test_a_refinement_is_foreseen_by_the_last_solve(mode, growth, solve, tmp_path):
     """Eight times the unknowns, and of motions half the step; a core that was missing half of the time is no work."""
