@@ -7,6 +7,7 @@ from synthetic import write_run
 
 import analysis
 from analysis.paths import ROOT
+from analysis.reproduce import tables_of
 
 README = (ROOT / "README.md").read_text()
 PYTHON = (ROOT / "analysis" / "PYTHON.md").read_text()
@@ -41,6 +42,7 @@ def test_scenes_are_there():
     text = "".join(page.read_text() for page in PAGES)
     names = set(re.findall(r"\b(\w+\.toml)\b", text)) - {
         "scene.toml",
+        "manifest.toml",
         "pyproject.toml",
         "ruff.toml",
         "SCENE.toml",
@@ -66,3 +68,25 @@ def test_words_of_a_first_time_reader_are_explained_in_the_readme():
     )
     assert "sqrt(sum a |u - v|^2 / sum a |v|^2)" in rest and "*At worst* is the largest |u - v|" in rest
     assert len(README.splitlines()) <= 150
+
+
+def test_the_sentence_on_seconds_counts_what_its_table_does():
+    text = README
+    head, rows = tables_of(text, "What it finds")[1][1]
+    sums = [
+        sum(int(row[head.index(name)]) for row in rows)
+        for name in ("comparisons", "springs lose", "springs win")
+    ]
+    said = re.search(r"Of (\d+) comparisons .*, they lose (\d+) and win (\d+)", " ".join(text.split()))
+    assert [int(number) for number in said.groups()] == sums
+
+
+def test_the_sentence_on_large_strain_has_the_figures_of_its_run():
+    """Those of the default pair, as comparison tables of large strain have them."""
+    text = " ".join(README.split())
+    (off,) = re.findall(
+        r"`torus_inflates.toml` blows a torus up, where `node_averaged` is off by ([\d.]+ %)", text
+    )
+    head, rows = tables_of((ROOT / "analysis" / "RESULTS.md").read_text(), "4 Large strain")[0][1]
+    (row,) = (row for row in rows if row[0].startswith("torus_inflates.toml"))
+    assert row[head.index("node_averaged")] == off

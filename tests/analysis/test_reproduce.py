@@ -94,8 +94,8 @@ def test_tables_are_found_by_section_and_order():
 
 #: Copied to their pages before commands left figures. Each goes from here when its command is run with --write.
 COPIED = {
-    "bullet", "calculix", "claims", "collapse", "explicit_elements", "frequencies", "growth", "kernels", "large_strain",
-    "locking", "mats", "paper", "peers", "race", "readme", "regimes", "stability", "statics",
+    "bullet", "calculix", "claims", "explicit_elements", "frequencies", "growth", "kernels", "large_strain", "locking", "paper",
+    "peers", "race", "regimes", "stability",
 }  # fmt: skip
 
 _MADE_BY_STUDY = {
