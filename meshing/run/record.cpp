@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <ctime>
 #include <fstream>
-#include <regex>
 #include <sstream>
 #include <stdexcept>
 #include <thread>
@@ -22,13 +21,19 @@ namespace fs = std::filesystem;
 
 namespace {
 
+/// Whether a file is a frame, also one half written.
+bool is_frame(const std::string& name) {
+  const std::size_t end = name.find_first_not_of("0123456789", 6);
+  return name.rfind("frame_", 0) == 0 && end != std::string::npos && end >= 12 &&
+         (name.substr(end) == ".vtu" || name.substr(end) == ".vtu.tmp");
+}
+
 /// run.json goes first: what is left of an interrupted removal is no result.
 void remove_older_run(const fs::path& folder) {
   for (const char* name : {"run.json", "frames.pvd", "curves.csv"}) fs::remove(folder / name);
-  static const std::regex kFrame("frame_[0-9]{6,}\\.vtu(\\.tmp)?");
   std::vector<fs::path> frames;
   for (const auto& entry : fs::directory_iterator(folder / "frames"))
-    if (std::regex_match(entry.path().filename().string(), kFrame)) frames.push_back(entry.path());
+    if (is_frame(entry.path().filename().string())) frames.push_back(entry.path());
   for (const fs::path& frame : frames) fs::remove(frame);
 }
 

@@ -113,8 +113,7 @@ class Copy:
         for file in set(tracked_before(folder)) - set(files):
             (folder / file).unlink()
         meshes = ROOT.parent / "shared" / "meshes"
-        options = ["-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", f"-DMESH_FOLDER={meshes}"]
-        self.call(["cmake", "-S", str(folder), "-B", str(self.build), *options])
+        self.call(["cmake", "-S", str(folder), "--preset", "release", f"-DMESH_FOLDER={meshes}"])
         self.passed: dict[str, bool] = {}
 
     def call(self, words: list[str]) -> subprocess.CompletedProcess[str]:
