@@ -125,9 +125,11 @@ def stored_file(entry: Entry, number: int) -> Path:
 
 
 def read_table(file: Path, columns: tuple[str, ...] = ()) -> Table:
-    """Of a CSV file: these columns, or all that have a name. Raises RunError where there is none of a name."""
-    with file.open(newline="") as lines:
-        head, *rows = csv.reader(lines)
+    """Of a CSV file: these columns, or all that have a name or a cell, without the marks of code.
+
+    Raises RunError where there is no column of a name.
+    """
+    head, *rows = csv.reader(file.read_text().replace("`", "").splitlines())
     if missing := [column for column in columns if column not in head]:
         raise RunError(f"{file}: no column '{missing[0]}', expected one of {', '.join(head)}")
     kept = [head.index(column) for column in columns] or [

@@ -254,7 +254,7 @@ def test_figures_of_a_command_are_compared_and_copied(page):
 def test_tables_of_a_study_are_compared_and_written(page):
     """Its columns without a name and a cell are left out, and those that the manifest names are picked."""
     made = page.parent / "made.csv"
-    made.write_text("c,error,\nbar_sag,4,\nz,5,\n")
+    made.write_text("c,error,\n`bar_sag`,4,\nz,5,\n")
     entry = Entry("s", "PAGE.md", "Two", 1, (2,), command="true", sources=("made.csv",))
     assert reproduce(entry, is_written=False, is_quiet=True) == ["columns c, d -> c, error"]
     picked = replace(entry, columns=("c",))
