@@ -295,7 +295,7 @@ _LAWS = {
 }
 
 _EXPLAINED_ALONE = """<h2>How to read this</h2>
-<p>Contact, friction, wrinkles and skin have no fair finite-element reference here, so nothing is compared. <b>Kinetic energy
+<p>Self-contact, wrinkles and skin have no fair finite-element reference here, so nothing is compared. <b>Kinetic energy
 left</b>: at the end, of its largest; little means that the body came to rest without jitter.</p>"""
 
 

@@ -100,6 +100,7 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
                               "drift without bound in linear geometry";
   }
   if (time.mode == TimeMode::Static) {
+    if (!contacts_.bodies.empty()) add_obstacles(contacts_, model_, forces_);
     equilibrium_ = std::make_unique<QuasiStaticSolver>(model_, forces_, time.residual);
     report_.n_steps = time.load_steps;
     report_.tolerance = time.residual;

@@ -176,15 +176,6 @@ const meshing::SurfaceEnergies& ElasticSolid::Implementation::surface_at(double 
   return surface;
 }
 
-bool ElasticSolid::Implementation::is_stiff() const {
-  return std::any_of(surface.begin(), surface.end(), [](const auto& energy) { return energy->is_stiff(); });
-}
-
-bool ElasticSolid::Implementation::is_invariant() const {
-  return std::all_of(surface.begin(), surface.end(),
-                     [](const auto& energy) { return energy->is_invariant(); });
-}
-
 template <class Real>
 SurfaceHessian ElasticSolid::Implementation::fill(const TetBatches& on, const Matrix3Xd& at,
                                                   double load_factor, Curvature curvature,

@@ -95,7 +95,9 @@ GeneralisedAlpha::GeneralisedAlpha(Dynamics system, double h, const TimeScheme& 
 
 std::string GeneralisedAlpha::solver() const {
   const bool is_newmark = scheme_.alpha_m == 0 && scheme_.alpha_f == 0;
-  return std::string(is_newmark ? "Newmark (average acceleration)" : "generalised-alpha") +
+  return std::string(scheme_.gamma == 1 ? "implicit Euler"
+                     : is_newmark       ? "Newmark (average acceleration)"
+                                        : "generalised-alpha") +
          (system_.linearise ? ", Newton" : "") + ", Cholesky";
 }
 
@@ -104,6 +106,10 @@ std::unique_ptr<Integrator> make_generalised_alpha(Dynamics system, double h,
   const auto& radius = options.spectral_radius;
   return std::make_unique<GeneralisedAlpha>(std::move(system), h,
                                             radius ? generalised_alpha(*radius) : kNewmark);
+}
+
+std::unique_ptr<Integrator> make_minimising_euler(Dynamics system, double h, const ReferenceOptions&) {
+  return std::make_unique<GeneralisedAlpha>(std::move(system), h, kImplicitEuler);
 }
 
 void GeneralisedAlpha::find_free() {
@@ -145,7 +151,7 @@ Integrator::ConstrainedState Integrator::constrained_at(double t) const {
 
 /// Of the step's system for its acceleration.
 bool GeneralisedAlpha::factorise(const Sparse& tangent) {
-  const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
+  const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
   Sparse A = ((1 - alpha_m) + (1 - alpha_f) * gamma * h_ * system_.damping) * system_.M +
              (1 - alpha_f) * beta * h_ * h_ * tangent;
   if (system_.stiffness_damping > 0) A += (1 - alpha_f) * gamma * h_ * system_.stiffness_damping * system_.K;
@@ -229,7 +235,7 @@ bool GeneralisedAlpha::factorise_at(const VectorXd& u) {
 }
 
 bool GeneralisedAlpha::step() {
-  const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
+  const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
   begin_step();
   const ConstrainedState constrained = constrained_at(t() + h_);
   Trial trial;
@@ -256,8 +262,8 @@ bool GeneralisedAlpha::step() {
 
 /// Displacement and velocity that an acceleration leads to.
 void GeneralisedAlpha::follow(const ConstrainedState& constrained, Trial& trial) const {
-  const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
-  trial.u = u_ + h_ * v_ + h_ * h_ * ((0.5 - beta) * a_ + beta * trial.a);
+  const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
+  trial.u = u_ + h_ * v_ + h_ * h_ * (early * a_ + beta * trial.a);
   trial.v = v_ + h_ * ((1 - gamma) * a_ + gamma * trial.a);
   trial.u(system_.constrained) = constrained.u;
   trial.v(system_.constrained) = constrained.v;
@@ -272,7 +278,7 @@ VectorXd GeneralisedAlpha::momentum_change(const Trial& trial) const {
 
 /// Whose negative gradient by the displacement of free unknowns is the force out of balance (J).
 double GeneralisedAlpha::incremental_potential(const Trial& trial) const {
-  const auto& [alpha_m, alpha_f, beta, gamma] = scheme_;
+  const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
   const VectorXd a = (1 - alpha_m) * trial.a + alpha_m * a_, way = trial.u - u_;
   double sum = beta * h_ * h_ / (2 * (1 - alpha_m)) * a.dot(system_.M * a) +
                (1 - alpha_f) * potential_of(trial.u) + way.dot(alpha_f * f_ - system_.load);
@@ -288,7 +294,7 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
   constexpr double kRounding = 1e-6, kSlow = 0.3, kLastStep = 1e-9;
   constexpr int kMaxIterations = 50, kMaxIterationsOfContact = 200, kMaxHalvings = 50;
   // Free unknowns that stay where they are strain the body no more than it is.
-  VectorXd still = -(v_ / h_ + (0.5 - scheme_.beta) * a_) / scheme_.beta;
+  VectorXd still = -(v_ / h_ + scheme_.early * a_) / scheme_.beta;
   still(system_.constrained) = constrained.a;
   follow(constrained, trial);
   const meshing::SurfaceEnergies& surface = system_.surface;
@@ -344,8 +350,7 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
     for (const auto& energy : surface) energy->follow(at(start.u), at(trial.u));
     start = trial;
   };
-  const bool is_stiff =
-      std::any_of(surface.begin(), surface.end(), [](const auto& energy) { return energy->is_stiff(); });
+  const bool is_stiff = meshing::is_stiff(surface);
   const meshing::NewtonReport newton =
       meshing::minimise(objective, {is_stiff ? kMaxIterationsOfContact : kMaxIterations, energy_scale_,
                                     is_stiff ? kLastStep * diagonal_of(system_.X) : 0});

@@ -29,9 +29,12 @@ Modes natural_modes(const Eigen::SparseMatrix<double>& K, const Eigen::SparseMat
 /// Parameters of the generalised-alpha method [Chung & Hulbert 1993].
 struct TimeScheme {
   double alpha_m, alpha_f, beta, gamma;
+  double early = 0.5 - beta;  ///< part of the acceleration before, as beta is that of the one after
 };
 /// Average acceleration [Newmark 1959]: conserves energy of undamped motion exactly.
 constexpr TimeScheme kNewmark{0, 0, 0.25, 0.5};
+/// u_1 = u_0 + h v_1, v_1 = v_0 + h a_1. First order, never gains energy.
+constexpr TimeScheme kImplicitEuler{0, 0, 1, 1, 0};
 /// Second order; `rho`, in [0, 1], is what is left per step of the highest frequencies.
 constexpr TimeScheme generalised_alpha(double rho) {
   const double alpha_m = (2 * rho - 1) / (rho + 1), alpha_f = rho / (rho + 1), d = 1 - alpha_m + alpha_f;

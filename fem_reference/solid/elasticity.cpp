@@ -58,7 +58,7 @@ double ElasticSolid::constrained_displacement(int k, double load_factor) const {
 }
 
 void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
-  if (!is_invariant()) {  // what touches the body holds it
+  if (!is_invariant(surface)) {  // what touches the body holds it
     rigid.resize(3 * at.cols(), 0);
     return;
   }
@@ -232,6 +232,26 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
   x += solution;
 }
 
+/// What iterations leave of rigid motions would move far a body that nothing holds in some directions: their
+/// part of dx is the one that balances r on them.
+void ElasticSolid::Implementation::balance_rigid_motions(const TwoLevelSolver::Stiffness& A,
+                                                         const Matrix3Xd& at, const Matrix3Xd& r,
+                                                         Matrix3Xd& dx) const {
+  Eigen::MatrixXd R = rigid_motions(nodes.X + at);
+  for (Eigen::Index k = 0; k < R.rows(); ++k)
+    if (is_constrained[k]) R.row(k).setZero();
+  Matrix3Xd rest = r;
+  solver.add_product(A, -1, dx, rest);
+  Eigen::MatrixXd AR(R.rows(), R.cols());
+  for (Eigen::Index k = 0; k < R.cols(); ++k) {
+    Matrix3Xd product = Matrix3Xd::Zero(3, r.cols());
+    solver.add_product(A, 1, R.col(k).reshaped(3, r.cols()), product);
+    AR.col(k) = product.reshaped();
+  }
+  const Eigen::VectorXd part = (R.transpose() * AR).ldlt().solve(R.transpose() * rest.reshaped());
+  if (part.allFinite()) dx.reshaped() += R * part;
+}
+
 /// Newton's direction, or one that descends as well. Returns whether it is Newton's.
 bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double load_factor,
                                                    const Matrix3Xd& r, double relative, Matrix3Xd& dx) {
@@ -243,6 +263,7 @@ bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double l
     const LinearReport linear = solver.solve(A, rigid, r, relative, dx);
     report.solver = linear.solver;
     report.linear_iterations += linear.iterations;
+    if (is_stiff(surface)) balance_rigid_motions(A, at, r, dx);
     return linear.is_definite;
   };
   if (solve(meshing::Curvature::Exact)) return true;
@@ -252,12 +273,12 @@ bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double l
 }
 
 /// Where supports move from the last equilibrium, x follows them by the tangent there.
-bool ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd& x) {
+void ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd& x) {
   constexpr double kRough = 1e-3;
   Matrix3Xd moved = x - u, r;
-  if (moved.isZero(0)) return true;
+  if (moved.isZero(0)) return;
   for (Eigen::Index k = 0; k < moved.size(); ++k)
-    if (!is_constrained[k] && moved.data()[k] != 0) return true;  // predicted from earlier equilibria
+    if (!is_constrained[k] && moved.data()[k] != 0) return;  // predicted from earlier equilibria
   find_rigid_motions(u);
   find_residual(u, load_factor, r);
   TwoLevelSolver::Stiffness A = stiffness_at(u, load_factor, meshing::Curvature::Exact);
@@ -269,7 +290,6 @@ bool ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd
   report.solver = linear.solver;
   report.linear_iterations += linear.iterations;
   ++report.newton_iterations;
-  return std::isfinite(potential(x, load_factor));
 }
 
 /// Once, however often a guess is looked at.
@@ -290,16 +310,22 @@ void ElasticSolid::Implementation::keep_out(Matrix3Xd& x) const {
 
 bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, StageTimer* timer) {
   constexpr double kForcing = 0.01, kDeepest = 2e-6;  // [Eisenstat & Walker 1996]
-  constexpr int kMaxNewton = 30, kMaxNewtonOfContact = 200;
+  constexpr int kMaxNewton = 30, kMaxNewtonOfContact = 100;
   constexpr double kLastStep = 1e-9;  // of the body's extent
   const auto stage = [&](const char* name) {
     if (timer) timer->start(name);
   };
   stage("solve");
   size = 0;
+  report.is_converged = false;
   begin_step(load_factor);
-  if (!follow_supports(load_factor, x)) return false;
+  follow_supports(load_factor, x);
   keep_out(x);
+  if (!std::isfinite(potential(x, load_factor))) return false;
+  const Matrix3Xd guess = x;
+  const double extent = (nodes.X.rowwise().maxCoeff() - nodes.X.rowwise().minCoeff()).norm();
+  // Contact is so stiff that the rounding of positions is no balance of forces: the last correction tells then.
+  const bool is_stiff = meshing::is_stiff(surface);
   Matrix3Xd start = x;
   double first = 0, residual = 0;
   meshing::Objective objective;
@@ -312,7 +338,10 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
     if (newton.status != meshing::Status::Ok) return true;
     residual = r.norm();
     first = std::max(first, residual);
-    return is_balanced(x, residual);
+    // Nothing holds the body any more.
+    if (is_stiff && (x - guess).colwise().norm().maxCoeff() > extent)
+      newton.status = meshing::Status::NotConverged;
+    return newton.status != meshing::Status::Ok || is_balanced(x, residual);
   };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
     is_definite =
@@ -329,12 +358,9 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
     for (const auto& energy : surface) energy->follow(nodes.X + start, nodes.X + x);
     start = x;
   };
-  // Contact is so stiff that the rounding of positions is no balance of forces: the last correction tells then.
-  const bool is_stiff = this->is_stiff();
-  const double extent = (nodes.X.rowwise().maxCoeff() - nodes.X.rowwise().minCoeff()).norm();
-  const meshing::NewtonReport newton =
-      meshing::minimise(objective, {is_stiff ? kMaxNewtonOfContact : kMaxNewton,
-                                    material.E * volume(mesh.X, mesh.F), is_stiff ? kLastStep * extent : 0});
+  const meshing::NewtonReport newton = meshing::minimise(
+      objective, {is_stiff ? kMaxNewtonOfContact : kMaxNewton, material.E * volume(mesh.X, mesh.F),
+                  is_stiff ? kLastStep * extent : 0, false, is_stiff});
   report.newton_iterations += newton.iterations;
   report.is_converged = newton.status == meshing::Status::Ok && (is_balanced(x, residual) || is_stiff);
   if (!report.is_converged) return false;
@@ -347,7 +373,7 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
 ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   Implementation& s = *self_;
   s.find_rigid_motions(Matrix3Xd::Zero(3, s.u.cols()));
-  if (s.is_invariant())
+  if (is_invariant(s.surface))
     meshing::check_balance(s.nodes.X, s.rigid, s.load.reshaped(3, s.u.cols()),
                            "more supports, balanced loads or reference.inertia_relief");
   s.report = {};

@@ -62,8 +62,6 @@ struct ElasticSolid::Implementation {
   double potential(const Matrix3Xd& at, double load_factor);
   double energy(const Matrix3Xd& at, double load_factor);  // without dead loads
   const meshing::SurfaceEnergies& surface_at(double load_factor) const;
-  bool is_stiff() const;
-  bool is_invariant() const;  // by rigid motions
   /// A load step to `load_factor` begins from the last equilibrium.
   void begin_step(double load_factor);
   void keep_out(Matrix3Xd& x) const;
@@ -84,9 +82,11 @@ struct ElasticSolid::Implementation {
 
   void solve_linear(double load_factor, StageTimer* timer);
   void iterate_in_double(const Matrix3Xd& r, double tolerance, Matrix3Xd& x);
+  void balance_rigid_motions(const TwoLevelSolver::Stiffness& A, const Matrix3Xd& at, const Matrix3Xd& r,
+                             Matrix3Xd& dx) const;
   bool solve_direction(const Matrix3Xd& at, double load_factor, const Matrix3Xd& r, double tolerance,
                        Matrix3Xd& dx);
-  bool follow_supports(double load_factor, Matrix3Xd& x);
+  void follow_supports(double load_factor, Matrix3Xd& x);
   bool balance(double load_factor, Matrix3Xd& x, StageTimer* timer);
 
   void remove_rigid_motion(Matrix3Xd& displacement) const;

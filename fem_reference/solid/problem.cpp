@@ -8,6 +8,7 @@
 #include "fem_reference/solid/schemes.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/barrier.h"
 
 namespace testbed::fem {
 namespace {
@@ -98,6 +99,24 @@ std::vector<ConstrainedComponent> constrained_by(const Scene& scene, const Surfa
   return constrained;
 }
 
+/// What scene.obstacles do to the surface of a body, whose coordinates are those of the frame's axes.
+meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& solid,
+                                      const std::vector<ConstrainedComponent>& constrained,
+                                      const Eigen::Matrix3d& frame) {
+  if (scene.obstacles.empty()) return {};
+  std::vector<meshing::RigidBody> bodies;
+  for (const Obstacle& obstacle : scene.obstacles) bodies.emplace_back(obstacle, frame);
+  std::vector<std::set<int>> components(solid.X().cols());
+  for (const ConstrainedComponent& h : constrained)
+    if (!scene.supports[h.support].end) components[h.node].insert(h.component);
+  std::vector<char> is_constrained(components.size());
+  for (size_t i = 0; i < components.size(); ++i) is_constrained[i] = components[i].size() == 3;
+  const double E = scene.material.E;
+  if (scene.time.mode == TimeMode::Static)
+    return obstacles_in_statics(bodies, solid.X(), solid.faces(), E, is_constrained);
+  return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
+}
+
 /// A refined boundary triangle's four children hold the middles of its edges.
 Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine) {
   Eigen::MatrixXi faces(6, coarse.F.cols());
@@ -111,8 +130,7 @@ Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine
 }  // namespace
 
 std::string unmodelled_part(const Scene& scene) {
-  if (!scene.obstacles.empty() || scene.self_contact.is_on)
-    return "obstacles or self_contact: the reference has no contact";
+  if (scene.self_contact.is_on) return "self_contact: the reference's surface passes through itself";
   if (!frame_of(scene.supports))
     return "supports in directions neither parallel nor at right angles: the reference holds along three "
            "axes";
@@ -131,6 +149,9 @@ std::string unmodelled_part(const Scene& scene) {
   if (law_of(scene) != MaterialLaw::SmallStrain && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping at finite strain: it would hold back rotations";
   const Scheme& scheme = find_scheme(scene.reference.integrator);
+  if (scheme.is_explicit() && !scene.obstacles.empty())
+    return "obstacles with reference.integrator = " + scheme.name +
+           ": they would need shorter steps than the body";
   if (scheme.is_explicit() && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping with reference.integrator = " + scheme.name +
            ": explicit steps would have to be shorter than it";
@@ -154,6 +175,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
   const std::vector<ConstrainedComponent> constrained =
       constrained_by(scene, problem, boundaries, frame, loads);
+  loads.surface = obstacles_of(scene, solid, constrained, frame);
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads,
                  constrained);

@@ -7,12 +7,13 @@
 
 namespace testbed::fem {
 
-MakeIntegrator make_generalised_alpha, make_central_differences;
+MakeIntegrator make_generalised_alpha, make_minimising_euler, make_central_differences;
 LongestStep stable_step;
 
 const std::vector<Scheme>& schemes() {
   static const std::vector<Scheme> kAll{
       {"generalised_alpha", true, nullptr, make_generalised_alpha},
+      {"minimising_euler", false, nullptr, make_minimising_euler},
       {"central_differences", false, stable_step, make_central_differences}};
   return kAll;
 }

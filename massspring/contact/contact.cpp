@@ -54,6 +54,14 @@ bool push_out_of(const RigidBody& body, const Vector3d& shift, const Vector3d& x
   return true;
 }
 
+/// Per node, whether supports hold it in all directions.
+std::vector<char> constrained_nodes(const MassSpringModel& model,
+                                    const std::vector<Constraint>& constraints) {
+  std::vector<char> is_constrained(model.network.X.cols(), false);
+  for (const Constraint& c : constraints) is_constrained[c.node] = c.S.isZero(0);
+  return is_constrained;
+}
+
 }  // namespace
 
 Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface) {
@@ -71,10 +79,14 @@ Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface) {
 
 std::shared_ptr<SurfaceEnergy> barrier_around(const Contacts& contacts, const MassSpringModel& model,
                                               const std::vector<Constraint>& constraints) {
-  std::vector<char> is_constrained(model.network.X.cols(), false);
-  for (const Constraint& c : constraints) is_constrained[c.node] = c.S.isZero(0);
   return meshing::barrier_around(contacts.bodies, model.network.X, model.network.F, model.material.E,
-                                 is_constrained);
+                                 constrained_nodes(model, constraints));
+}
+
+void add_obstacles(const Contacts& contacts, const MassSpringModel& model, Forces& forces) {
+  for (auto& energy : obstacles_in_statics(contacts.bodies, model.network.X, model.network.F,
+                                           model.material.E, constrained_nodes(model, forces.constraints)))
+    forces.surface.push_back(std::move(energy));
 }
 
 void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd& v) {

@@ -19,9 +19,12 @@ inline const Contacts kNoContacts;
 /// @throws std::runtime_error when the mesh of an obstacle cannot be read or is not closed
 Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface);
 
-/// The barrier of obstacles on a model's surface, for what minimises.
+/// The barrier of obstacles on a model's surface, for schemes that minimise.
 std::shared_ptr<SurfaceEnergy> barrier_around(const Contacts& contacts, const MassSpringModel& model,
                                               const std::vector<Constraint>& constraints);
+
+/// Adds obstacles as statics have them to what acts on a model's surface.
+void add_obstacles(const Contacts& contacts, const MassSpringModel& model, Forces& forces);
 
 /// Explicit schemes: nodes that end a step inside a body, or went through it, are set onto its surface.
 /// They lose their velocity into it and, by Coulomb's friction, of that along it as much as the blow allows.

@@ -1,9 +1,11 @@
 #include "massspring/statics/quasi_static.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 
 #include "meshing/algebra/newton.h"
@@ -88,6 +90,13 @@ Eigen::MatrixXd zero_energy_motions(BlockMatrix K, const std::vector<Constraint>
   return zero_energy_motions(K, factor, largest_diagonal(K));
 }
 
+/// Orthonormal basis of what is at right angles to the columns of part in the span of those of whole, where they
+/// lie; the columns of either are orthonormal.
+Eigen::MatrixXd rest_of(const Eigen::MatrixXd& whole, const Eigen::MatrixXd& part) {
+  const Eigen::MatrixXd Q = Eigen::HouseholderQR<Eigen::MatrixXd>(whole.transpose() * part).householderQ();
+  return whole * Q.rightCols(whole.cols() - part.cols());
+}
+
 }  // namespace
 
 int n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
@@ -100,7 +109,9 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
     : model_(model),
       forces_(forces),
       tolerance_(tolerance),
-      zero_energy_motions_(free_rigid_motions_of(model.network.X, forces.constraints)),
+      zero_energy_motions_(is_invariant(forces.surface)
+                               ? free_rigid_motions_of(model.network.X, forces.constraints)
+                               : Eigen::MatrixXd(model.network.X.size(), 0)),
       K_(model.linear ? BlockMatrix() : stiffness_pattern(model)),
       solver_(LinearSolver::of_stiffness(!model.tet_springs)),
       path_(Matrix3Xd::Zero(3, model.network.X.cols())) {
@@ -112,6 +123,9 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
   largest_stiffness_ = largest_diagonal(stiffness());
   if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
     zero_energy_motions_ = zero_energy_motions(stiffness(), forces.constraints);
+    if (!is_invariant(forces.surface))
+      zero_energy_motions_ =
+          rest_of(zero_energy_motions_, free_rigid_motions_of(model.network.X, forces.constraints));
     const double load_norm = forces.load.norm();
     if (load_norm > 0)
       floppy_load_share_ = (zero_energy_motions_.transpose() * forces.load.reshaped()).norm() / load_norm;
@@ -126,8 +140,9 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
 
 const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state) {
   constexpr double kLocks = 0.49;  // Poisson's ratio beyond which simple tetrahedra are a poor guide
-  P_ = shifted(model_.material.nu > kLocks ? stiffness() : simple_stiffness(model_, state),
-               forces_.constraints);
+  P_ = model_.material.nu > kLocks ? stiffness() : simple_stiffness(model_, state);
+  surface_.add_within(P_);
+  P_ = shifted(std::move(P_), forces_.constraints);
   return P_;
 }
 
@@ -223,8 +238,14 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
               (from.patch_scale.size() > 0 ? from.patch_scale : Eigen::VectorXd::Ones(to.patch_scale.size()));
     trial.target_volume = (1 - part) * from.target_volume + part * to.target_volume;
   };
+  Matrix3Xd last = state.x;          // equilibrium
+  std::optional<double> stepped_to;  // load factor of the step at hand of what acts on the surface
   LoadedBody body;
   body.prescribe = [&](double factor, Matrix3Xd& u) {
+    if (stepped_to != factor)
+      for (const auto& energy : forces_.surface)
+        energy->begin_step(path_.load_factor(), factor - path_.load_factor(), last);
+    stepped_to = factor;
     prescribe(forces_.constraints, Matrix3Xd::Zero(3, u.cols()), factor, 1, u);
   };
   body.energy = [&](double factor, const Matrix3Xd& u) {
@@ -235,9 +256,12 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   body.balance = [&](double factor, Matrix3Xd& u) {
     set_rest(factor);
     displace(u, trial);
-    find_balance(factor, trial, report);
+    find_balance(factor, last, trial, report);
     u = trial.u;
-    return report.status == Status::Ok;
+    if (report.status != Status::Ok) return false;
+    last = trial.x;
+    stepped_to.reset();
+    return true;
   };
   Matrix3Xd u = displacement(model_, state);
   if (path_.follow(body, load_factor, u)) last_rest_ = to;
@@ -250,12 +274,23 @@ void QuasiStaticSolver::displace(const Matrix3Xd& u, State& state) const {
   state.x = model_.network.X + u;
 }
 
-/// Adds its iterations to the report's.
-void QuasiStaticSolver::find_balance(double load_factor, State& state, StepReport& report) {
+/// From the last equilibrium, or a guess. Adds its iterations to the report's.
+void QuasiStaticSolver::find_balance(double load_factor, const Matrix3Xd& last_x, State& state,
+                                     StepReport& report) {
   constexpr double kTightest = 2e-6, kLoosest = 1e-2, kForcing = 1e-2;  // linear solves
   constexpr double kContracts = 1e-3;  // of the residual, while the matrix is kept
   constexpr double kStalls = 0.3;
   constexpr int kMaxNewton = 100;
+  constexpr double kLastStep = 1e-9;  // of the body's extent, where contact is
+  const SurfaceEnergies& acting = forces_.surface;
+  Matrix3Xd kept_out = state.x;
+  bool is_moved = false;
+  for (const auto& energy : acting) is_moved |= energy->keep_out(last_x, kept_out);
+  if (is_moved) {
+    Matrix3Xd way = kept_out - state.x;
+    filter(forces_.constraints, way);
+    displace(state.u + way, state);
+  }
   const Matrix3Xd start = state.u;
   const double far =
       (state.x.rowwise().maxCoeff() - state.x.rowwise().minCoeff()).norm();  // supports' motion included
@@ -302,7 +337,8 @@ void QuasiStaticSolver::find_balance(double load_factor, State& state, StepRepor
     const bool stalls = last > 0 && norm > kStalls * last;
     const double enough =
         std::max({kForcing * norm / first, tolerance_ / report.residual / 2, is_kept ? norm / last / 2 : 0});
-    const double tolerance = stalls ? kTightest : std::clamp(enough, kTightest, kLoosest);
+    // A rigid motion that nothing holds takes what solves leave of it.
+    const double tolerance = stalls || is_stiff(acting) ? kTightest : std::clamp(enough, kTightest, kLoosest);
     last = norm;
     const LinearSystem A = system(state);
     const auto is_solved = [&] {
@@ -323,9 +359,19 @@ void QuasiStaticSolver::find_balance(double load_factor, State& state, StepRepor
     is_solved();
     return false;
   };
+  energy.largest_step = [&](const Matrix3Xd& dx) {
+    double part = 1;
+    for (const auto& e : acting) part = std::min(part, e->largest_step(model_.network.X + before, dx));
+    return part;
+  };
   energy.move = [&](const Matrix3Xd& dx, double step) { displace(before + step * dx, state); };
-  energy.accept = [&] { before = state.u; };
-  const NewtonReport newton = minimise(energy, {kMaxNewton, largest_stiffness_ * far * far});
+  energy.accept = [&] {
+    for (const auto& e : acting) e->follow(model_.network.X + before, state.x);
+    before = state.u;
+  };
+  NewtonOptions options{kMaxNewton, largest_stiffness_ * far * far};
+  if (is_stiff(acting)) options = {kMaxNewton, options.scale, kLastStep * far, false, true};
+  const NewtonReport newton = minimise(energy, options);
   report.status = newton.status;
   report.newton_iterations += newton.iterations;
   report.reason = newton.reason;

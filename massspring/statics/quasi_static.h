@@ -17,13 +17,14 @@ namespace testbed::massspring {
 ///
 /// Motions that cost no energy at rest are kept out of the solution: rigid ones that the supports leave free,
 /// and those of a network that is a mechanism, as the paper's is [massspring/README.md, section 1].
-/// Nothing would stop the latter; the share of the load on them is reported.
+/// Nothing would stop the latter; the share of the load on them is reported. Where obstacles act on the surface,
+/// they may hold what supports leave free.
 class QuasiStaticSolver {
  public:
   /// @param tolerance  of the residual over the sum of load and internal forces, constrained components included,
   /// the largest met on the way, or else over rounding
-  /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive: names
-  /// force and torque.
+  /// @throws std::runtime_error when the supports leave rigid motions free that the loads would drive, and no
+  /// obstacle may hold them: names force and torque.
   QuasiStaticSolver(const MassSpringModel& model, const Forces& forces,
                     double tolerance = TimeOptions().residual);
 
@@ -54,7 +55,7 @@ class QuasiStaticSolver {
   };
 
   StepReport solve_linear(double load_factor, State& state);
-  void find_balance(double load_factor, State& state, StepReport& report);
+  void find_balance(double load_factor, const Eigen::Matrix3Xd& last_x, State& state, StepReport& report);
   void displace(const Eigen::Matrix3Xd& u, State& state) const;
   void set_stiffness(const State& state, double load_factor, Curvature curvature);
   LinearSystem system(const State& state);

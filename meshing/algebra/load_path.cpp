@@ -33,6 +33,7 @@ void LoadPath::predict(const LoadedBody& body, double load_factor, Matrix3Xd& x)
 
 bool LoadPath::follow(const LoadedBody& body, double load_factor, Matrix3Xd& x) {
   constexpr double kShortest = 1. / 64;  // of the way
+  constexpr double kRounding = 1e-9;     // of a stride: what it would leave is no step
   constexpr int kMaxCuts = 3;            // in a row
   constexpr size_t kPoints = 3;
   const double shortest = kShortest * std::abs(load_factor - last_.back().load_factor);
@@ -40,7 +41,7 @@ bool LoadPath::follow(const LoadedBody& body, double load_factor, Matrix3Xd& x) 
   int n_cuts = 0;
   while (true) {
     const double from = last_.back().load_factor, way = load_factor - from;
-    const bool is_last = std::abs(way) <= stride_;
+    const bool is_last = std::abs(way) <= (1 + kRounding) * stride_;
     const double next = is_last ? load_factor : from + std::copysign(stride_, way);
     predict(body, next, x);
     if (body.balance(next, x)) {

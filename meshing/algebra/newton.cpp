@@ -27,7 +27,8 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
     const bool is_exact = f.direction(r, dx);
     ++report.iterations;
 
-    const double value = reached ? *reached : f.value(), slope = -r.cwiseProduct(dx).sum();
+    const double value = reached && !options.is_lagged ? *reached : f.value(),
+                 slope = -r.cwiseProduct(dx).sum();
     const bool is_flat = -slope < kRounding * (std::abs(value) + options.scale);
     const auto value_after = [&](double step) {
       f.move(dx, step);

@@ -38,6 +38,8 @@ struct NewtonOptions {
   /// Doubles steps while they descend where H is not the Hessian: it is stiffer than a body that buckles.
   /// Where there is no minimum they would not end.
   bool may_extend = false;
+  /// The function is another one from each accepted point on.
+  bool is_lagged = false;
 };
 
 /// Moves the point downhill to a minimum by Newton's method with backtracking [Armijo 1966].

@@ -95,7 +95,8 @@ std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
 
 void check_supports(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
                     const std::string& file) {
-  if (problem.constrained.empty() || scene.time.mode == TimeMode::Dynamic || scene.reference.inertia_relief)
+  const bool is_static = scene.time.mode == TimeMode::Static;
+  if (problem.constrained.empty() || !is_static || scene.reference.inertia_relief || !scene.obstacles.empty())
     return;
   std::vector<bool> is_constrained(surface.X.cols(), false);
   for (const auto& [vertices, support] : problem.constrained)
@@ -208,8 +209,8 @@ void check_scene(const Scene& scene, const std::string& file) {
       if (const auto end = scene.supports[s].end)
         expect(false, key, key, " = ", toml_text(*end), ", expected none with time.mode = static");
     }
-    expect(!has_contacts, scene.obstacles.empty() ? "self_contact" : "obstacles",
-           "obstacles or self_contact, expected none with time.mode = static");
+    expect(!scene.self_contact.is_on, "self_contact",
+           "self_contact.on = true, expected false with time.mode = static");
   } else {
     expect(time.tolerance == 0 || !has_contacts, "time.tolerance", "time.tolerance = ", time.tolerance,
            ", expected 0 with obstacles or self_contact");

@@ -14,7 +14,7 @@ namespace testbed::meshing {
 /// @throws std::runtime_error naming file, line of a key that is given, keys, values found and what is expected.
 void check_scene(const Scene& scene, const std::string& file);
 
-/// That no part of the surface lacks a support that others have, in statics.
+/// That no part of the surface lacks a support that others have, in statics without obstacles to hold it.
 /// @param problem  what the scene prescribes on the surface
 /// @param file  of the scene, for the message
 /// @throws std::runtime_error naming file, line and the box of the part.

@@ -215,7 +215,7 @@ void describe(V& v, Obstacle& o) {
   v.template alternative<Capsule>("capsule", o.shape);
   v.template alternative<ClosedMesh>("mesh", o.shape);
   v.needs_alternative("plane, sphere, box, capsule or mesh");
-  v("motion", o.motion, kAny, "translation [[s, m, m, m], ...]");
+  v("motion", o.motion, kAny, "translation [[s or load factor, m, m, m], ...]");
   v.check("motion", is_ascending(o.motion), "ascending times");
   v("friction", o.friction, kNotNegative, "Coulomb's coefficient");
 }
@@ -286,8 +286,9 @@ void describe(V& v, ReferenceOptions& r) {
   v("refine", r.refine, kNotNegative, "times every tetrahedron is split in eight");
   v.choice("mass", r.mass, "consistent or lumped mass matrix; that of central_differences is lumped");
   v("integrator", r.integrator,
-    "dynamic: generalised_alpha, implicit, or central_differences, explicit with half its stable step "
-    "unless time.step is given");
+    "dynamic: generalised_alpha or minimising_euler, implicit, or central_differences, explicit with half "
+    "its "
+    "stable step unless time.step is given");
   v("spectral_radius", r.spectral_radius, kUpToOne,
     "of generalised-alpha at the highest frequencies; absent: Newmark, which damps none");
   v("inertia_relief", r.inertia_relief, "static: inertia balances loads that drive free rigid motions");

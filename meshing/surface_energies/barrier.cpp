@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
+#include "meshing/algebra/rigid_motion.h"
+#include "meshing/surface/surface.h"
+#include "meshing/surface_energies/proximal_term.h"
 #include "meshing/surface_energies/surface_points.h"
 
 namespace testbed::meshing {
@@ -39,9 +43,57 @@ Vector3d direction(const Vector3d& v) {
   return length > 0 ? Vector3d(v / length) : Vector3d::Zero();
 }
 
+Vector3d no_longer_than(double limit, const Vector3d& v) {
+  const double length = v.norm();
+  return length > limit ? Vector3d(limit / length * v) : v;
+}
+
+double diagonal_of(const Matrix3Xd& X) {
+  return (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
+}
+
 constexpr double kClosest = 1e-3;    // of the range: where ways end that would go in
 constexpr double kFirst = 0.5;       // of the range: the first guess of a new contact's gap
 constexpr double kStillSpeed = 0.1;  // ranges per second that are no motion
+constexpr double kLeast = 1e-3;      // of the area of a face that looks away, through which nothing passes
+
+/// A barrier on points of faces, which count as far as they face a body.
+class BarrierOnFaces : public EnergyOfPoints {
+ public:
+  BarrierOnFaces(std::shared_ptr<Barrier> barrier, ContactPoints points, const Matrix3Xd& X,
+                 const Eigen::MatrixXi& faces)
+      : EnergyOfPoints(barrier, points.W),
+        barrier_(std::move(barrier)),
+        shares_(std::move(points.shares)),
+        corners_(faces.topRows<3>()) {
+    weigh(0, X);
+  }
+
+  void begin_step(double t, double h, const Matrix3Xd& x) override {
+    weigh(t, x);
+    EnergyOfPoints::begin_step(t, h, x);
+  }
+
+ private:
+  void weigh(double t, const Matrix3Xd& x) {
+    const Matrix3Xd normals = area_vectors(x, corners_).colwise().normalized();
+    const Matrix3Xd at = at_points(x);
+    const std::vector<RigidBody>& bodies = barrier_->bodies();
+    Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(at.cols(), static_cast<Eigen::Index>(bodies.size()));
+    for (Eigen::Index b = 0; b < weights.cols(); ++b) {
+      Matrix3Xd away(3, at.cols());
+      for (Eigen::Index p = 0; p < at.cols(); ++p) away.col(p) = bodies[b].gap(at.col(p), t).normal;
+      for (const ContactPoints::Share& share : shares_)
+        weights(share.point, b) +=
+            share.area * std::max(kLeast, -normals.col(share.face).dot(away.col(share.point)));
+    }
+    barrier_->set_weights(std::move(weights));
+  }
+
+  std::shared_ptr<Barrier> barrier_;
+  std::vector<ContactPoints::Share> shares_;
+  Eigen::Matrix3Xi corners_;
+};
 
 }  // namespace
 
@@ -52,38 +104,52 @@ Vector3d Barrier::slid(const Held& held, const Matrix3Xd& x) const {
 
 template <class Visit>
 void Barrier::for_each_near(const Matrix3Xd& x, const Visit& visit) const {
-  for (const RigidBody& body : bodies_)
-    for (int i = 0; i < weights_.size(); ++i)
-      if (const RigidBody::Gap gap = body.gap(x.col(i), t_); gap.distance < range_) visit(i, gap);
+  for (size_t b = 0; b < bodies_.size(); ++b)
+    for (int i = 0; i < weights_.rows(); ++i)
+      if (const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t_); gap.distance < range_)
+        visit(i, kappa_ * weights_(i, static_cast<Eigen::Index>(b)), gap);
 }
 
 void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
-  held_.clear();
   slip_ = kStillSpeed * range_ * h;
-  for (size_t b = 0; b < bodies_.size(); ++b) {
-    if (bodies_[b].friction == 0) continue;
-    const Vector3d shift = bodies_[b].translation(t + h) - bodies_[b].translation(t);
-    for (int i = 0; i < weights_.size(); ++i) {
-      const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t);
-      if (gap.distance <= 0 || gap.distance >= range_) continue;
-      const double force = -kappa_ * weights_(i) * barrier_at(gap.distance, range_).db;
-      held_.push_back({i, gap.normal, x.col(i) + shift, bodies_[b].friction * force, Vector3d::Zero()});
-    }
-  }
   t_before_ = t;
   t_ = t + h;
+  start_ = x;
+  held_.clear();
+  find_friction(x, t);
+}
+
+/// Of the contact forces at x, bodies being where they are at t. Points in touch keep the friction foreseen.
+void Barrier::find_friction(const Matrix3Xd& x, double t) {
+  std::map<std::pair<size_t, int>, Vector3d> foreseen;
+  for (const Held& held : held_) foreseen[{held.body, held.point}] = held.friction;
+  held_.clear();
+  for (size_t b = 0; b < bodies_.size(); ++b) {
+    const RigidBody& body = bodies_[b];
+    if (body.friction == 0) continue;
+    const Vector3d shift = body.translation(t_) - body.translation(t_before_);
+    for (int i = 0; i < weights_.rows(); ++i) {
+      const RigidBody::Gap gap = body.gap(x.col(i), t);
+      if (gap.distance <= 0 || gap.distance >= range_) continue;
+      const double weight = weights_(i, static_cast<Eigen::Index>(b)),
+                   limit = -body.friction * kappa_ * weight * barrier_at(gap.distance, range_).db;
+      const auto known = foreseen.find({b, i});
+      const Vector3d friction = known == foreseen.end() ? Vector3d::Zero() : known->second;
+      held_.push_back({b, i, gap.normal, start_.col(i) + shift, limit, no_longer_than(limit, friction)});
+    }
+  }
 }
 
 bool Barrier::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
   bool is_moved = false;
   for (const RigidBody& body : bodies_)
-    for (int i = 0; i < weights_.size(); ++i) {
+    for (int i = 0; i < weights_.rows(); ++i) {
       Vector3d yi = y.col(i);
       if (const auto touch = body.first_touch(x.col(i), yi, t_, 0, kClosest * range_)) yi = *touch;
       // Newton's method doubles a gap that is far too small, so points in touch keep theirs.
       if (const RigidBody::Gap gap = body.gap(yi, t_); gap.distance < kFirst * range_) {
         const double before = body.gap(x.col(i), t_before_).distance;
-        const double kept = std::clamp(before, kClosest * range_, kFirst * range_);
+        const double kept = before > kClosest * range_ ? std::min(before, kFirst * range_) : kFirst * range_;
         if (gap.distance < kept) yi += (kept - gap.distance) * gap.normal;
       }
       is_moved |= yi != y.col(i);
@@ -96,7 +162,7 @@ double Barrier::largest_step(const Matrix3Xd& x, const Matrix3Xd& dx) const {
   constexpr double kKept = 0.1;  // of the gap along the way
   double part = 1;
   for (const RigidBody& body : bodies_)
-    for (int i = 0; i < weights_.size(); ++i) {
+    for (int i = 0; i < weights_.rows(); ++i) {
       const Vector3d xi = x.col(i);
       const double gap = body.gap(xi, t_).distance, length = dx.col(i).norm();
       if (gap > part * length) continue;
@@ -108,8 +174,8 @@ double Barrier::largest_step(const Matrix3Xd& x, const Matrix3Xd& dx) const {
 
 double Barrier::energy(const Matrix3Xd& x) const {
   double sum = 0;
-  for_each_near(x, [&](int i, const RigidBody::Gap& gap) {
-    sum += gap.distance > 0 ? kappa_ * weights_(i) * barrier_at(gap.distance, range_).b
+  for_each_near(x, [&](int, double stiffness, const RigidBody::Gap& gap) {
+    sum += gap.distance > 0 ? stiffness * barrier_at(gap.distance, range_).b
                             : std::numeric_limits<double>::infinity();
   });
   for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip_).value;
@@ -117,8 +183,8 @@ double Barrier::energy(const Matrix3Xd& x) const {
 }
 
 void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
-  for_each_near(x, [&](int i, const RigidBody::Gap& gap) {
-    f.col(i) -= kappa_ * weights_(i) * barrier_at(gap.distance, range_).db * gap.normal;
+  for_each_near(x, [&](int i, double stiffness, const RigidBody::Gap& gap) {
+    f.col(i) -= stiffness * barrier_at(gap.distance, range_).db * gap.normal;
   });
   for (const Held& held : held_) {
     const Vector3d way = slid(held, x);
@@ -129,9 +195,8 @@ void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
 void Barrier::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature) const {
   std::vector<Eigen::Matrix3d>& diagonal = H.diagonal;
   if (diagonal.empty()) diagonal.assign(x.cols(), Eigen::Matrix3d::Zero());
-  for_each_near(x, [&](int i, const RigidBody::Gap& gap) {
-    diagonal[i] +=
-        kappa_ * weights_(i) * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
+  for_each_near(x, [&](int i, double stiffness, const RigidBody::Gap& gap) {
+    diagonal[i] += stiffness * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
   });
   // Of norm * friction = limit * way by x, the symmetric part.
   for (const Held& held : held_) {
@@ -149,19 +214,35 @@ void Barrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
     const Vector3d before = slid(held, x), way = slid(held, y);
     const SmoothLength length = smooth_length(before.norm(), slip_);
     const double grown = length.dnorm * direction(before).dot(way - before);
-    held.friction = (held.limit * way - grown * held.friction) / length.norm;
-    if (const double size = held.friction.norm(); size > held.limit) held.friction *= held.limit / size;
+    held.friction = no_longer_than(held.limit, (held.limit * way - grown * held.friction) / length.norm);
   }
+  if (lag_ == FrictionLag::Iteration) find_friction(y, t_);
 }
 
 std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Matrix3Xd& X,
                                               const Eigen::MatrixXi& faces, double E,
-                                              const std::vector<char>& is_constrained) {
+                                              const std::vector<char>& is_constrained, FrictionLag lag) {
   constexpr double kRange = 1e-3, kStiff = 1. / 50;
-  const double range = kRange * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
-  WeightedPoints points = contact_points(faces, X, is_constrained);
-  return std::make_shared<EnergyOfPoints>(
-      std::make_shared<Barrier>(std::move(points.weights), range, kStiff * E / range, bodies), points.W);
+  const double range = kRange * diagonal_of(X);
+  ContactPoints points = contact_points(faces, X, is_constrained);
+  auto barrier = std::make_shared<Barrier>(Eigen::VectorXd::Zero(points.W.rows()), range, kStiff * E / range,
+                                           bodies, lag);
+  return std::make_shared<BarrierOnFaces>(std::move(barrier), std::move(points), X, faces);
+}
+
+SurfaceEnergies obstacles_in_statics(const std::vector<RigidBody>& bodies, const Matrix3Xd& X,
+                                     const Eigen::MatrixXi& faces, double E,
+                                     const std::vector<char>& is_constrained) {
+  SurfaceEnergies energies{barrier_around(bodies, X, faces, E, is_constrained, FrictionLag::Iteration)};
+  const Eigen::MatrixXd motions = rigid_motions(X);
+  Eigen::Matrix<double, 6, 6> fixed = Eigen::Matrix<double, 6, 6>::Zero();
+  for (Eigen::Index i = 0; i < X.cols(); ++i)
+    if (is_constrained[i]) fixed += motions.middleRows<3>(3 * i).transpose() * motions.middleRows<3>(3 * i);
+  constexpr double kSoft = 1e-3;  // of the body: what linear solves leave of rigid motions stays small
+  if (free_rigid_motions(motions, fixed).cols() > 0)
+    energies.push_back(
+        std::make_shared<ProximalTerm>(kSoft * E * diagonal_of(X) / static_cast<double>(X.cols())));
+  return energies;
 }
 
 }  // namespace testbed::meshing

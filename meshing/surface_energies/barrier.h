@@ -6,6 +6,12 @@
 
 namespace testbed::meshing {
 
+/// When friction takes over contact forces and the directions in which bodies press.
+enum class FrictionLag {
+  Step,      ///< as a step begins, so that it has a potential
+  Iteration  ///< after each iteration of Newton's method, so that its end is Coulomb's law: statics
+};
+
 /// An energy of points of a surface that rises without bound towards the bodies,
 ///   kappa sum_q w_q b(d_q), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0, [(26)]
 /// d_q the gap of point q and w_q its share of the surface at rest. Friction is the lagged potential of
@@ -15,9 +21,17 @@ class Barrier : public SurfaceEnergy {
   /// @param weights  of the points (m2)
   /// @param range  D (m)
   /// @param kappa  Pa/m
-  /// @param bodies  outlive it
-  Barrier(Eigen::VectorXd weights, double range, double kappa, const std::vector<RigidBody>& bodies)
-      : bodies_(bodies), weights_(std::move(weights)), range_(range), kappa_(kappa) {}
+  Barrier(const Eigen::VectorXd& weights, double range, double kappa, std::vector<RigidBody> bodies,
+          FrictionLag lag = FrictionLag::Step)
+      : bodies_(std::move(bodies)),
+        weights_(weights.replicate(1, static_cast<Eigen::Index>(bodies_.size()))),
+        range_(range),
+        kappa_(kappa),
+        lag_(lag) {}
+
+  const std::vector<RigidBody>& bodies() const { return bodies_; }
+  /// @param weights  of each point towards each body from here on (m2)
+  void set_weights(Eigen::MatrixXd weights) { weights_ = std::move(weights); }
 
   double energy(const Eigen::Matrix3Xd& x) const override;  ///< J; infinite inside
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
@@ -36,32 +50,45 @@ class Barrier : public SurfaceEnergy {
 
  private:
   struct Held {
+    size_t body;
     int point;
     Eigen::Vector3d normal, start;  ///< start: of the point, moving with the body (m)
     double limit;                   ///< friction coefficient times contact force (N)
     Eigen::Vector3d friction;       ///< that the point exerts, as foreseen (N)
   };
   Eigen::Vector3d slid(const Held& held, const Eigen::Matrix3Xd& x) const;
+  void find_friction(const Eigen::Matrix3Xd& x, double t);
   template <class Visit>
   void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;
 
-  const std::vector<RigidBody>& bodies_;
-  Eigen::VectorXd weights_;  ///< m2
+  std::vector<RigidBody> bodies_;
+  Eigen::MatrixXd weights_;  ///< of points and bodies (m2)
   double range_, kappa_;     ///< m, Pa/m
+  FrictionLag lag_;
   double t_before_ = 0, t_ = 0;
-  double slip_ = 0;  ///< below which friction is smoothed (m)
+  Eigen::Matrix3Xd start_;  ///< points at t_before_ (m)
+  double slip_ = 0;         ///< below which friction is smoothed (m)
   std::vector<Held> held_;
 };
 
 /// The barrier of a scene on the points contact_points of a body's faces. Its range and kappa are those of the
 /// body at rest, however fine its mesh is: D a thousandth of the diagonal of its box and kappa = E/(50 D), so
-/// that a pressure of 0.024 E halves the gap at which bodies begin to touch.
+/// that a pressure of 0.024 E halves the gap at which bodies begin to touch. A face counts by the cosine
+/// between its normal, as a step begins, and the way to a body: at the edge of what is pressed its neighbours do
+/// not count twice.
 /// @param X  nodes at rest (3 x n, m)
 /// @param faces  3 or 6 nodes each
 /// @param E  Young's modulus (Pa)
 /// @param is_constrained  per node, whether nothing moves it but its supports
 std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Eigen::Matrix3Xd& X,
                                               const Eigen::MatrixXi& faces, double E,
-                                              const std::vector<char>& is_constrained);
+                                              const std::vector<char>& is_constrained,
+                                              FrictionLag lag = FrictionLag::Step);
+
+/// What obstacles are in statics: the barrier, with friction that ends as Coulomb's law, and a ProximalTerm where
+/// constrained nodes do not hold the body.
+SurfaceEnergies obstacles_in_statics(const std::vector<RigidBody>& bodies, const Eigen::Matrix3Xd& X,
+                                     const Eigen::MatrixXi& faces, double E,
+                                     const std::vector<char>& is_constrained);
 
 }  // namespace testbed::meshing

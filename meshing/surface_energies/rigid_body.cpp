@@ -56,7 +56,7 @@ std::function<Gap(const Vector3d&)> gap_to_mesh(const ClosedMesh& mesh) {
 
 }  // namespace
 
-RigidBody::RigidBody(const Obstacle& obstacle)
+RigidBody::RigidBody(const Obstacle& obstacle, const Eigen::Matrix3d& frame)
     : friction(obstacle.friction),
       motion_(obstacle.motion),
       is_flat_(std::holds_alternative<HalfSpace>(obstacle.shape)),
@@ -71,7 +71,14 @@ RigidBody::RigidBody(const Obstacle& obstacle)
             else
               return [shape](const Vector3d& x) { return gap_of(shape, x); };
           },
-          obstacle.shape)) {}
+          obstacle.shape)) {
+  if (frame == Eigen::Matrix3d::Identity()) return;
+  for (auto& point : motion_) point.tail<3>() = (frame.transpose() * point.tail<3>()).eval();
+  gap_ = [frame, along_axes = std::move(gap_)](const Vector3d& x) -> Gap {
+    const Gap gap = along_axes(frame * x);
+    return {gap.distance, frame.transpose() * gap.normal};
+  };
+}
 
 Vector3d RigidBody::translation(double t) const {
   return motion_.empty() ? Vector3d::Zero() : position_at(motion_, t);

@@ -10,8 +10,9 @@ namespace testbed::meshing {
 
 class RigidBody {
  public:
+  /// @param frame  axes of the coordinates that it is asked in, in columns
   /// @throws std::runtime_error when a mesh cannot be read or is not closed
-  explicit RigidBody(const Obstacle& obstacle);
+  explicit RigidBody(const Obstacle& obstacle, const Eigen::Matrix3d& frame = Eigen::Matrix3d::Identity());
 
   struct Gap {
     double distance;         ///< to the body's surface (m), negative inside

@@ -5,6 +5,15 @@
 
 namespace testbed::meshing {
 
+bool is_invariant(const SurfaceEnergies& energies) {
+  return std::all_of(energies.begin(), energies.end(),
+                     [](const auto& energy) { return energy->is_invariant(); });
+}
+
+bool is_stiff(const SurfaceEnergies& energies) {
+  return std::any_of(energies.begin(), energies.end(), [](const auto& energy) { return energy->is_stiff(); });
+}
+
 bool SurfaceHessian::empty() const {
   return diagonal.empty() && pairs.empty() && blocks.empty() && roots.empty() && curvatures.empty();
 }

@@ -162,4 +162,9 @@ class PlainEnergy : public SurfaceEnergy {
 /// All that acts on a surface, in the order in which it is summed.
 using SurfaceEnergies = std::vector<std::shared_ptr<SurfaceEnergy>>;
 
+/// Whether rigid motions of the body leave all of them as they are; if not, they may hold it.
+bool is_invariant(const SurfaceEnergies& energies);
+/// Whether any is contact.
+bool is_stiff(const SurfaceEnergies& energies);
+
 }  // namespace testbed::meshing

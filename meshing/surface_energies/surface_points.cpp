@@ -57,25 +57,24 @@ SurfacePoints points_on(const Eigen::MatrixXi& faces, const Matrix3Xd& places, E
   return points;
 }
 
-WeightedPoints contact_points(const Eigen::MatrixXi& faces, const Matrix3Xd& X,
-                              const std::vector<char>& is_constrained) {
+ContactPoints contact_points(const Eigen::MatrixXi& faces, const Matrix3Xd& X,
+                             const std::vector<char>& is_constrained) {
   constexpr double kCorner = 1. / 20, kMiddle = 2. / 15, kCentroid = 9. / 20;
   std::vector<Eigen::Triplet<double>> entries;
-  std::vector<double> weights;
+  std::vector<ContactPoints::Share> shares;
+  int n_points = 0;
   std::map<std::pair<int, int>, int> shared;  // the point of a corner, twice, or of an edge; -1: constrained
-  const auto add = [&](const Eigen::VectorXi& face, double r, double s, double weight) {
+  const auto add = [&](const Eigen::VectorXi& face, double r, double s) {
     const Matrix3Xd N = shape_functions(face.size(), r, s);
     bool is_free = false;
     for (Eigen::Index a = 0; a < face.size(); ++a) is_free |= N(0, a) != 0 && !is_constrained[face(a)];
     if (!is_free) return -1;
-    const int p = static_cast<int>(weights.size());
     for (Eigen::Index a = 0; a < face.size(); ++a)
-      if (N(0, a) != 0) entries.emplace_back(p, face(a), N(0, a));
-    weights.push_back(weight);
-    return p;
+      if (N(0, a) != 0) entries.emplace_back(n_points, face(a), N(0, a));
+    return n_points++;
   };
-  for (const auto& column : faces.colwise()) {
-    const Eigen::VectorXi face = column;
+  for (int f = 0; f < faces.cols(); ++f) {
+    const Eigen::VectorXi face = faces.col(f);
     const Eigen::Vector3d a = X.col(face(0)), b = X.col(face(1)), c = X.col(face(2));
     const double area = (b - a).cross(c - a).norm() / 2;
     for (int i = 0; i < 3; ++i)
@@ -83,18 +82,13 @@ WeightedPoints contact_points(const Eigen::MatrixXi& faces, const Matrix3Xd& X,
         Eigen::Vector3d place = Eigen::Vector3d::Zero();
         place(i) += 0.5;
         place(j) += 0.5;
-        const double weight = area * (i == j ? kCorner : kMiddle);
         const auto [found, is_new] = shared.try_emplace(std::minmax(face(i), face(j)), -1);
-        if (is_new)
-          found->second = add(face, place(1), place(2), weight);
-        else if (found->second >= 0)
-          weights[found->second] += weight;
+        if (is_new) found->second = add(face, place(1), place(2));
+        if (found->second >= 0) shares.push_back({found->second, f, area * (i == j ? kCorner : kMiddle)});
       }
-    add(face, 1. / 3, 1. / 3, kCentroid * area);
+    if (const int p = add(face, 1. / 3, 1. / 3); p >= 0) shares.push_back({p, f, kCentroid * area});
   }
-  WeightedPoints points{
-      SurfacePoints(static_cast<Eigen::Index>(weights.size()), X.cols()),
-      Eigen::Map<Eigen::VectorXd>(weights.data(), static_cast<Eigen::Index>(weights.size()))};
+  ContactPoints points{SurfacePoints(n_points, X.cols()), std::move(shares)};
   points.W.setFromTriplets(entries.begin(), entries.end());
   return points;
 }

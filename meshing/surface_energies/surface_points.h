@@ -19,9 +19,13 @@ Eigen::Matrix3Xd shape_functions(Eigen::Index n, double r, double s);
 /// @param places  barycentric coordinates, 3 x k
 SurfacePoints points_on(const Eigen::MatrixXi& faces, const Eigen::Matrix3Xd& places, Eigen::Index n_nodes);
 
-struct WeightedPoints {
+struct ContactPoints {
+  struct Share {
+    int point, face;
+    double area;  ///< of the face at rest, that the point stands for (m2)
+  };
   SurfacePoints W;
-  Eigen::VectorXd weights;  ///< the area at rest that each stands for (m2)
+  std::vector<Share> shares;
 };
 
 /// Corners, middles of edges and centroids, at 1/20, 2/15 and 9/20 of a face's area: exact for polynomials of
@@ -30,8 +34,8 @@ struct WeightedPoints {
 /// @param faces  3 or 6 nodes each
 /// @param X  nodes at rest (3 x n, m), edges straight
 /// @param is_constrained  per node
-WeightedPoints contact_points(const Eigen::MatrixXi& faces, const Eigen::Matrix3Xd& X,
-                              const std::vector<char>& is_constrained);
+ContactPoints contact_points(const Eigen::MatrixXi& faces, const Eigen::Matrix3Xd& X,
+                             const std::vector<char>& is_constrained);
 
 /// W^T H W: what the Hessian at points is at the nodes that they hang on.
 SurfaceHessian at_nodes(const SurfaceHessian& H, const SurfacePoints& W);
@@ -62,9 +66,10 @@ class EnergyOfPoints : public SurfaceEnergy {
   bool is_stiff() const override { return energy_->is_stiff(); }
   bool is_invariant() const override { return energy_->is_invariant(); }
 
- private:
+ protected:
   Eigen::Matrix3Xd at_points(const Eigen::Matrix3Xd& x) const { return x * W_.transpose(); }
 
+ private:
   std::shared_ptr<SurfaceEnergy> energy_;
   SurfacePoints W_;
 };

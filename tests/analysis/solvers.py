@@ -43,7 +43,10 @@ ENDS = {
     "massspring_diverge": {"status": "diverged"},
     "massspring_stuck": {"status": "not_converged", "reason": "step 2 of 5"},
     "fem_reference_far": {"status": "not_converged"},
-    "fem_reference_touched": {"status": "not_solved", "reason": "obstacles: the reference has no contact"},
+    "fem_reference_touched": {
+        "status": "not_solved",
+        "reason": "self_contact: the reference's surface passes through itself",
+    },
 }
 
 ERRORS = {"0.25": 0.1, "0.3": 0.2, "0.45": 0.4}  # of the stand-in for the springs

@@ -28,8 +28,15 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
     const std::string part = unmodelled_part(scene);
     return part.substr(0, part.find(':'));
   };
-  EXPECT_EQ(part_with(moving, [](Scene& s) { s.obstacles.emplace_back(); }), "obstacles or self_contact");
-  EXPECT_EQ(part_with(moving, [](Scene& s) { s.self_contact.is_on = true; }), "obstacles or self_contact");
+  for (const Scene& scene : {still, moving})
+    EXPECT_EQ(part_with(scene, [](Scene& s) { s.obstacles.emplace_back(); }), "");
+  EXPECT_EQ(part_with(moving,
+                      [](Scene& s) {
+                        s.obstacles.emplace_back();
+                        s.reference.integrator = "central_differences";
+                      }),
+            "obstacles with reference.integrator = central_differences");
+  EXPECT_EQ(part_with(moving, [](Scene& s) { s.self_contact.is_on = true; }), "self_contact");
   EXPECT_EQ(part_with(still, [](Scene& s) { s.seams.emplace_back(); }), "seams");
   EXPECT_EQ(part_with(still, [](Scene& s) { s.volume.emplace(); }), "volume or skin");
   EXPECT_EQ(part_with(still, [](Scene& s) { s.skin.emplace(); }), "volume or skin");

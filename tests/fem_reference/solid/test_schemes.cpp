@@ -30,7 +30,7 @@ TEST(CheckScheme, RefusesANameThatIsNotKnownWithItsPlaceAndTheKnownOnes) {
   scene.places["reference.integrator"] = "a.toml:7";
   EXPECT_EQ(refusal_of(scene),
             "a.toml:7: reference.integrator = 'central_difference': no such scheme, did you mean "
-            "central_differences? (known: generalised_alpha, central_differences)");
+            "central_differences? (known: generalised_alpha, minimising_euler, central_differences)");
 }
 
 }  // namespace

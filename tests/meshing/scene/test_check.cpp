@@ -37,15 +37,15 @@ TEST(CheckScene, AcceptsWhatGoesTogether) {
   EXPECT_EQ(refusal_of(scene), "");
 }
 
-TEST(CheckScene, RefusesContactsInStaticScenesAndWithATolerance) {
-  const char* in_statics = "a.toml: obstacles or self_contact, expected none with time.mode = static";
+TEST(CheckScene, RefusesSelfContactInStaticScenesAndContactsWithATolerance) {
   for (const bool is_self : {false, true}) {
     Scene scene = ball();
     if (is_self)
       scene.self_contact.is_on = true;
     else
       scene.obstacles.emplace_back();
-    EXPECT_EQ(refusal_of(scene), in_statics);
+    EXPECT_EQ(refusal_of(scene),
+              is_self ? "a.toml: self_contact.on = true, expected false with time.mode = static" : "");
     scene.time.mode = TimeMode::Dynamic;
     EXPECT_EQ(refusal_of(scene), "");
     scene.time.tolerance = 0.01;
@@ -119,11 +119,13 @@ TEST(CheckSupports, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
   scene.supports.emplace_back().region.shape = HalfSpace{{0, 0, 0}, {1, 0, 0}};
   expect_parts(refusal_on(scene, surface),
                {"1 of the surface's 2 parts meet no support", "from  4 -1 -1 to 6 1 1"});
-  Scene relieved = scene, moving = scene, constrained = scene;
+  Scene relieved = scene, moving = scene, constrained = scene, on_a_floor = scene;
   relieved.reference.inertia_relief = true;
   moving.time.mode = TimeMode::Dynamic;
   constrained.supports[0].region.shape = Everywhere{};
-  for (const Scene& other : {relieved, moving, constrained}) EXPECT_EQ(refusal_on(other, surface), "");
+  on_a_floor.obstacles.emplace_back();
+  for (const Scene& other : {relieved, moving, constrained, on_a_floor})
+    EXPECT_EQ(refusal_on(other, surface), "");
 }
 
 TEST(CheckSupports, TakesTheWallOfACavityForAPartOfItsBody) {

@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <vector>
+
 #include "meshing/surface_energies/barrier.h"
 #include "meshing/surface_energies/surface_points.h"
 #include "tests/massspring/small_network.h"
@@ -87,19 +90,26 @@ TEST(SurfacePoints, HessianAtNodesIsThatAtPointsBetweenTheMapAndItsTranspose) {
   }
 }
 
+/// Areas that points stand for (m2).
+Eigen::VectorXd weights_of(const ContactPoints& points) {
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(points.W.rows());
+  for (const ContactPoints::Share& share : points.shares) weights(share.point) += share.area;
+  return weights;
+}
+
 TEST(ContactPoints, IntegrateCubicPolynomialsAndAreSharedByFaces) {
   for (const int n : {3, 6}) {
     const Eigen::MatrixXi faces = two_faces(n);
     const Matrix3Xd X = unit_square(n);
     const std::vector<char> is_constrained(X.cols(), false);
-    const WeightedPoints points = contact_points(faces, X, is_constrained);
+    const ContactPoints points = contact_points(faces, X, is_constrained);
     ASSERT_EQ(points.W.rows(), 4 + 5 + 2);
     const Matrix3Xd at = X * points.W.transpose();
+    const Eigen::VectorXd weights = weights_of(points);
     for (int i = 0; i <= 3; ++i)
       for (int j = 0; i + j <= 3; ++j) {
         double sum = 0;
-        for (int q = 0; q < at.cols(); ++q)
-          sum += points.weights(q) * std::pow(at(0, q), i) * std::pow(at(1, q), j);
+        for (int q = 0; q < at.cols(); ++q) sum += weights(q) * std::pow(at(0, q), i) * std::pow(at(1, q), j);
         EXPECT_NEAR(sum, 1. / ((i + 1) * (j + 1)), 1e-14) << i << ' ' << j;
       }
   }
@@ -107,9 +117,9 @@ TEST(ContactPoints, IntegrateCubicPolynomialsAndAreSharedByFaces) {
 
 TEST(ContactPoints, GiveAUniformPressureToMiddlesOfCurvedFacesAndInThirdsToCornersOfStraightOnes) {
   const auto forces = [](int n) -> Eigen::VectorXd {
-    const WeightedPoints points =
+    const ContactPoints points =
         contact_points(two_faces(n).leftCols(1), unit_square(n), std::vector<char>(n_nodes(n), false));
-    return points.W.transpose() * points.weights;
+    return points.W.transpose() * weights_of(points);
   };
   EXPECT_LT((forces(3).head<3>().array() - 0.5 / 3).matrix().norm(), 1e-15);
   const Eigen::VectorXd curved = forces(6);
@@ -120,10 +130,17 @@ TEST(ContactPoints, GiveAUniformPressureToMiddlesOfCurvedFacesAndInThirdsToCorne
 TEST(ContactPoints, HangOnNothingThatOnlySupportsMove) {
   std::vector<char> is_constrained(4, false);
   is_constrained[0] = is_constrained[1] = true;  // the edge of the first face alone
-  const WeightedPoints points = contact_points(two_faces(3), unit_square(3), is_constrained);
+  const ContactPoints points = contact_points(two_faces(3), unit_square(3), is_constrained);
   EXPECT_EQ(points.W.rows(), 11 - 3);
   is_constrained.assign(4, true);
   EXPECT_EQ(contact_points(two_faces(3), unit_square(3), is_constrained).W.rows(), 0);
+}
+
+/// Faces the other way round.
+Eigen::MatrixXi downward(const Eigen::MatrixXi& faces) {
+  const std::vector<int> rows =
+      faces.rows() == 3 ? std::vector<int>{0, 2, 1} : std::vector<int>{0, 2, 1, 5, 4, 3};
+  return faces(rows, Eigen::all);
 }
 
 /// Faces some way above a plane with friction, with a barrier at points on them.
@@ -139,7 +156,7 @@ struct AboveAPlane {
     plane.friction = 0.4;
     bodies.emplace_back(plane);
     x = unit_square(n);
-    energy = barrier_around(bodies, x, two_faces(n), 1e5, std::vector<char>(x.cols(), false));
+    energy = barrier_around(bodies, x, downward(two_faces(n)), 1e5, std::vector<char>(x.cols(), false));
     x.row(2).array() += 0.5 * kRange;
     x.row(2) += 0.2 * kRange * random_points(static_cast<int>(x.cols()), 1, 4).row(0);
     x.row(2) -= 0.1 * kRange * x.row(0);  // no two points lie alike
@@ -195,6 +212,35 @@ TEST(EnergyOfPoints, StepsEndBeforeAPointWouldPassAndGuessesAreKeptOut) {
     far.row(2).array() += 1;
     EXPECT_FALSE(above.energy->keep_out(above.x, far));
   }
+}
+
+// Two faces at right angles, one of them on the plane: the other's part of their edge does not press.
+TEST(BarrierAround, CountsFacesByHowFarTheyFaceABody) {
+  constexpr double kGap = 5e-4;
+  Obstacle plane;
+  plane.shape = HalfSpace{{0, 0, -kGap}, {0, 0, 1}};
+  const std::vector<RigidBody> bodies{RigidBody(plane)};
+  Matrix3Xd X(3, 4);
+  X << 0, 1, 0, 0,  //
+      0, 0, 1, 0,   //
+      0, 0, 0, 1;
+  const auto force = [&](const Eigen::MatrixXi& faces, double angle) {
+    const Matrix3Xd x = Eigen::AngleAxisd(angle, Vector3d::UnitX()).matrix() * X;
+    const auto energy = barrier_around(bodies, X, faces, 1e5, std::vector<char>(4, false));
+    energy->begin_step(0, 1, x);
+    Matrix3Xd f = Matrix3Xd::Zero(3, 4);
+    energy->add_forces(x, f);
+    return f(2, 0) + f(2, 1);  // of the edge about which it is turned
+  };
+  const Eigen::MatrixXi lower = Eigen::Vector3i(0, 2, 1);
+  const Eigen::MatrixXi both = (Eigen::MatrixXi(3, 2) << 0, 0, 2, 1, 1, 3).finished();
+  const double alone = force(lower, 0);
+  EXPECT_GT(alone, 0);
+  EXPECT_NEAR(force(both, 0), alone, 2e-3 * alone);
+  EXPECT_GT(force(both, 0), (1 + 1e-4) * alone) << "nothing passes";
+  const double at_45 = force(both, M_PI / 4);
+  // Corners and middle of the edge alone, of what goes to two of three corners of a face.
+  EXPECT_NEAR(at_45, std::sqrt(0.5) * 2 * (1. / 10 + 2. / 15) / (2. / 3) * alone, 1e-6 * alone);
 }
 
 TEST(EnergyOfPoints, IsAsItsEnergyInWhatAStepAsksFirst) {
