@@ -11,14 +11,14 @@ using Eigen::Matrix3Xd;
 /// The lowest in energy of x, and the line and the parabola through the last equilibria.
 void LoadPath::predict(const LoadedBody& body, double load_factor, Matrix3Xd& x) const {
   body.prescribe(load_factor, x);
-  if (last_.size() < 2) return;
+  if (last.size() < 2) return;
   double lowest = body.energy(load_factor, x);
-  for (size_t n_points = 2; n_points <= last_.size(); ++n_points) {
-    const auto begin = last_.end() - static_cast<std::ptrdiff_t>(n_points);
+  for (size_t n_points = 2; n_points <= last.size(); ++n_points) {
+    const auto begin = last.end() - static_cast<std::ptrdiff_t>(n_points);
     Matrix3Xd ahead = Matrix3Xd::Zero(3, x.cols());
-    for (auto point = begin; point != last_.end(); ++point) {
+    for (auto point = begin; point != last.end(); ++point) {
       double weight = 1;
-      for (auto other = begin; other != last_.end(); ++other)
+      for (auto other = begin; other != last.end(); ++other)
         if (other != point)
           weight *= (load_factor - other->load_factor) / (point->load_factor - other->load_factor);
       ahead += weight * point->x;
@@ -36,28 +36,28 @@ bool LoadPath::follow(const LoadedBody& body, double load_factor, Matrix3Xd& x) 
   constexpr double kRounding = 1e-9;     // of a stride: what it would leave is no step
   constexpr int kMaxCuts = 3;            // in a row
   constexpr size_t kPoints = 3;
-  const double shortest = kShortest * std::abs(load_factor - last_.back().load_factor);
+  const double shortest = kShortest * std::abs(load_factor - last.back().load_factor);
   Matrix3Xd start = x;
   int n_cuts = 0;
   while (true) {
-    const double from = last_.back().load_factor, way = load_factor - from;
-    const bool is_last = std::abs(way) <= (1 + kRounding) * stride_;
-    const double next = is_last ? load_factor : from + std::copysign(stride_, way);
+    const double from = last.back().load_factor, way = load_factor - from;
+    const bool is_last = std::abs(way) <= (1 + kRounding) * stride;
+    const double next = is_last ? load_factor : from + std::copysign(stride, way);
     predict(body, next, x);
     if (body.balance(next, x)) {
       const auto is_there = [&](const Equilibrium& e) { return e.load_factor == next; };
-      last_.erase(std::remove_if(last_.begin(), last_.end(), is_there), last_.end());
-      if (last_.size() == kPoints) last_.erase(last_.begin());
-      last_.push_back({next, x});
+      last.erase(std::remove_if(last.begin(), last.end(), is_there), last.end());
+      if (last.size() == kPoints) last.erase(last.begin());
+      last.push_back({next, x});
       if (is_last) return true;
       start = x;
-      stride_ *= 2;
+      stride *= 2;
       n_cuts = 0;
     } else {
-      stride_ = std::min(stride_, std::abs(way)) / 2;
+      stride = std::min(stride, std::abs(way)) / 2;
       x = start;
-      if (++n_cuts > kMaxCuts || stride_ < shortest || way == 0) {
-        stride_ = std::numeric_limits<double>::infinity();
+      if (++n_cuts > kMaxCuts || stride < shortest || way == 0) {
+        stride = std::numeric_limits<double>::infinity();
         return false;
       }
     }

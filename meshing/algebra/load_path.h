@@ -21,27 +21,27 @@ struct LoadedBody {
 /// Follows a body's equilibria in adaptive load steps. A step starts where the last equilibria point to, if
 /// the total energy is lower there. A step that finds no equilibrium is cut by halves, and later steps grow
 /// again.
-class LoadPath {
- public:
+struct LoadPath {
+  struct Equilibrium {
+    double load_factor;
+    Eigen::Matrix3Xd x;
+  };
+
   /// @param x  equilibrium without loads
-  explicit LoadPath(const Eigen::Matrix3Xd& x) : last_{{0, x}} {}
+  explicit LoadPath(const Eigen::Matrix3Xd& x) : last{{0, x}} {}
 
   /// Moves x from where it is to equilibrium at the load factor. Returns whether it got there; if not, x is
   /// where it came to last.
   bool follow(const LoadedBody& body, double load_factor, Eigen::Matrix3Xd& x);
 
   /// Of the last equilibrium.
-  double load_factor() const { return last_.back().load_factor; }
+  double load_factor() const { return last.back().load_factor; }
+
+  std::vector<Equilibrium> last;  ///< up to three, whose load factors differ; the latest at the end
+  double stride = std::numeric_limits<double>::infinity();  ///< load factors that a step may go
 
  private:
-  struct Equilibrium {
-    double load_factor;
-    Eigen::Matrix3Xd x;
-  };
   void predict(const LoadedBody& body, double load_factor, Eigen::Matrix3Xd& x) const;
-
-  std::vector<Equilibrium> last_;  ///< up to three, whose load factors differ; the latest at the end
-  double stride_ = std::numeric_limits<double>::infinity();  ///< load factors that a step may go
 };
 
 }  // namespace testbed::meshing

@@ -74,9 +74,9 @@ SurfaceContact::SurfaceContact(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, do
   margin_ = length / 2;
 }
 
-void SurfaceContact::find_pairs(const Matrix3Xd& x) {
-  std::vector<Pair> before;
-  before.swap(pairs_);
+std::shared_ptr<SurfaceMemory> SurfaceContact::find_pairs(const Matrix3Xd& x) const {
+  const std::vector<Pair>& before = memory_->pairs;
+  std::vector<Pair> pairs;
   const auto order = [](const Pair& a, const Pair& b) {
     return std::pair(a.is_edges, a.node) < std::pair(b.is_edges, b.node);
   };
@@ -91,7 +91,7 @@ void SurfaceContact::find_pairs(const Matrix3Xd& x) {
       pair.side = known->side;
     else
       pair.side = between(node, nearest(node, is_edges, x), x).normalized();
-    pairs_.push_back(pair);
+    pairs.push_back(pair);
   };
   const double reach = (thickness_ + margin_) / 2;
   const Eigen::RowVectorXi vertices = Eigen::RowVectorXi::LinSpaced(F_.maxCoeff() + 1, 0, F_.maxCoeff());
@@ -106,22 +106,25 @@ void SurfaceContact::find_pairs(const Matrix3Xd& x) {
     const auto [first, second] = std::minmax<int>({a.info(), b.info()});
     add({E_(0, first), E_(1, first), E_(0, second), E_(1, second)}, true);
   });
-  std::sort(pairs_.begin(), pairs_.end(), order);  // CGAL's order is not the same everywhere
-  listed_ = x;
+  std::sort(pairs.begin(), pairs.end(), order);  // CGAL's order is not the same everywhere
+  return std::make_shared<SurfaceMemory>(SurfaceMemory{x, std::move(pairs)});
 }
 
 void SurfaceContact::begin_step(double, double, const Matrix3Xd& x) {
-  if (listed_.cols() == 0 || (x - listed_).colwise().norm().maxCoeff() > margin_ / 4) find_pairs(x);
-  for (Pair& pair : pairs_) {
+  const Matrix3Xd& listed = memory_->listed;
+  const bool is_new = listed.cols() == 0 || (x - listed).colwise().norm().maxCoeff() > margin_ / 4;
+  const auto memory = is_new ? find_pairs(x) : std::make_shared<SurfaceMemory>(*memory_);
+  for (Pair& pair : memory->pairs) {
     const Vector3d e = between(pair.node, nearest(pair.node, pair.is_edges, x), x);
     if (e.dot(pair.side) > 0) pair.side = e.normalized();
   }
+  memory_ = memory;
 }
 
 /// Calls visit(pair, weights, normal, D - d) for every pair closer than the thickness.
 template <class Visit>
 void SurfaceContact::for_each_near(const Matrix3Xd& x, const Visit& visit) const {
-  for (const Pair& pair : pairs_) {
+  for (const Pair& pair : memory_->pairs) {
     const Weights w = nearest(pair.node, pair.is_edges, x);
     const Vector3d e = between(pair.node, w, x);
     const double length = e.norm();

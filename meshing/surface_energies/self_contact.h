@@ -22,14 +22,12 @@ class SurfaceContact : public SurfaceEnergy {
   /// Remembers on which side of each other pairs lie. Looks for pairs again when nodes have moved so far that
   /// new ones may have met.
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override;
+  std::shared_ptr<const SurfaceMemory> memory() const override { return memory_; }
+  void remember(std::shared_ptr<const SurfaceMemory> memory) override { memory_ = std::move(memory); }
   bool is_stiff() const override { return true; }
 
  private:
-  struct Pair {
-    std::array<int, 4> node;
-    bool is_edges;         ///< edge 0-1 and edge 2-3; else vertex 0 and triangle 1-2-3
-    Eigen::Vector3d side;  ///< direction of e when they were last apart
-  };
+  using Pair = SidedPair;
   struct Smoothing {
     double m;
     Eigen::Vector3d by_u, by_v;  ///< derivatives by the edges 0-1 and 2-3
@@ -37,15 +35,14 @@ class SurfaceContact : public SurfaceEnergy {
   Smoothing smoothing_of(const Pair& pair, const Eigen::Matrix3Xd& x) const;
   template <class Visit>
   void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;
-  void find_pairs(const Eigen::Matrix3Xd& x);
+  std::shared_ptr<SurfaceMemory> find_pairs(const Eigen::Matrix3Xd& x) const;
 
   Eigen::Matrix3Xd X_;
   Eigen::Matrix3Xi F_;
   Eigen::Matrix2Xi E_;
   double thickness_, stiffness_;
-  double margin_;            ///< beyond the thickness up to which pairs are listed (m)
-  Eigen::Matrix3Xd listed_;  ///< where the nodes were when pairs were listed
-  std::vector<Pair> pairs_;
+  double margin_;  ///< beyond the thickness up to which pairs are listed (m)
+  std::shared_ptr<const SurfaceMemory> memory_ = std::make_shared<const SurfaceMemory>();
 };
 
 }  // namespace testbed::meshing

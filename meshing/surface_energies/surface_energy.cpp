@@ -90,4 +90,17 @@ void SurfaceHessian::add_product(const std::vector<PaddedField>& single, const P
   y.topLeftCorner(3, n) += z.cast<float>();
 }
 
+SurfaceMemories memories_of(const SurfaceEnergies& energies) {
+  SurfaceMemories memories;
+  for (const auto& energy : energies)
+    if (const auto memory = energy->memory()) memories.push_back(memory);
+  return memories;
+}
+
+void remember(const SurfaceMemories& memories, const SurfaceEnergies& energies) {
+  auto memory = memories.begin();
+  for (const auto& energy : energies)
+    if (memory != memories.end() && energy->memory()) energy->remember(*memory++);
+}
+
 }  // namespace testbed::meshing

@@ -93,6 +93,19 @@ struct SurfaceHessian {
   std::vector<PaddedField> single_roots() const;
 };
 
+/// Two of the surface's parts that may meet.
+struct SidedPair {
+  std::array<int, 4> node;
+  bool is_edges;         ///< edge 0-1 and edge 2-3; else vertex 0 and triangle 1-2-3
+  Eigen::Vector3d side;  ///< direction from the second to the first when they were last apart
+};
+
+/// What an energy knows of the steps so far, which decides those to come.
+struct SurfaceMemory {
+  Eigen::Matrix3Xd listed;       ///< where the nodes were when pairs were listed (m)
+  std::vector<SidedPair> pairs;  ///< ascending
+};
+
 /// An energy of the positions x (3 x n, m), in the order in which a step by Newton's method calls it.
 class SurfaceEnergy {
  public:
@@ -103,6 +116,10 @@ class SurfaceEnergy {
 
   /// A step of h seconds begins at t (s) and x: what it keeps fixed meanwhile is taken from there.
   virtual void begin_step(double, double, const Eigen::Matrix3Xd&) {}
+
+  /// What it remembers besides what the next begin_step is told; null: nothing.
+  virtual std::shared_ptr<const SurfaceMemory> memory() const { return {}; }
+  virtual void remember(std::shared_ptr<const SurfaceMemory>) {}
 
   /// Moves the first guess y to where the energy is finite, coming from x. Returns whether it had to.
   virtual bool keep_out(const Eigen::Matrix3Xd&, Eigen::Matrix3Xd&) const { return false; }
@@ -166,5 +183,12 @@ using SurfaceEnergies = std::vector<std::shared_ptr<SurfaceEnergy>>;
 bool is_invariant(const SurfaceEnergies& energies);
 /// Whether any is contact.
 bool is_stiff(const SurfaceEnergies& energies);
+
+/// Memories of those that have any.
+using SurfaceMemories = std::vector<std::shared_ptr<const SurfaceMemory>>;
+SurfaceMemories memories_of(const SurfaceEnergies& energies);
+
+/// Gives them back. Where there are none, energies keep what they have.
+void remember(const SurfaceMemories& memories, const SurfaceEnergies& energies);
 
 }  // namespace testbed::meshing

@@ -50,6 +50,10 @@ class EnergyOfPoints : public SurfaceEnergy {
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override {
     energy_->begin_step(t, h, at_points(x));
   }
+  std::shared_ptr<const SurfaceMemory> memory() const override { return energy_->memory(); }
+  void remember(std::shared_ptr<const SurfaceMemory> memory) override {
+    energy_->remember(std::move(memory));
+  }
   /// Moves the nodes of a point by as much as it has to go, and again until all points are where they should be.
   /// Faces that are met stay even so.
   bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const override;
