@@ -102,7 +102,7 @@ void add_adapted(const AdaptedSurface& adapted, Session& session) {
 void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
   const SimulationReport& report = simulation.report();
   record["n_steps"] = report.n_steps;
-  record["n_steps_done"] = report.n_done;
+  record["n_steps_done"] = simulation.n_done();
   if (scene.time.sleep_below > 0) record["n_steps_at_rest"] = report.n_at_rest;
   if (report.n_halved > 0) record["n_steps_halved"] = report.n_halved;
   record["newton_iterations"] = report.newton_iterations;

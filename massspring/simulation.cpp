@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -70,58 +72,102 @@ std::ptrdiff_t n_holding_at(const Scene& scene, double t) {
                        [t](const Support& support) { return holds_at(support, t); });
 }
 
+bool is_of(const std::string& key, const std::string& table) {
+  return key.rfind(table + ".", 0) == 0;
+}
+
+/// Whether a run may go on under another value of a key.
+bool is_changeable(const std::string& key) {
+  for (const char* whole :
+       {"material.E", "material.nu", "gravity", "loads.pressure", "time.integrator", "time.step"})
+    if (key == whole) return true;
+  return is_of(key, "collapse") || is_of(key, "obstacles");
+}
+
+/// Keys that two scenes do not share or give different values, each once.
+std::set<std::string> changed_keys(const Scene& before, const Scene& after) {
+  std::map<std::string, std::vector<std::string>> values[2];
+  for (const int k : {0, 1})
+    for (const SceneKey& key : keys_of(k == 0 ? before : after)) values[k][key.path].push_back(key.value);
+  std::set<std::string> changed;
+  for (const int k : {0, 1})
+    for (const auto& [key, value] : values[k]) {
+      const auto other = values[1 - k].find(key);
+      if (other == values[1 - k].end() || other->second != value) changed.insert(key);
+    }
+  return changed;
+}
+
 }  // namespace
 
 Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
-    : scene_(scene),
-      problem_(discretise(scene, surface_of(network))),
-      model_(model_of(scene, problem_, network)),
-      forces_(forces_of(scene, problem_, model_)),
-      n_holding_(n_holding_at(scene, 0)) {
-  const SurfaceMesh surface = surface_of(model_);
-  contacts_ = contacts_of(scene, surface);
-  if (model_.consistent_mass) lump(driven_nodes(forces_.constraints), *model_.consistent_mass);
+    : scene_(scene), network_(network), problem_(discretise(scene, surface_of(network))) {
+  make_model();
+  act_on_model();
   state_ = initial_state(model_);
   state_.v = initial_velocity(scene, model_.network.X, model_.mass);
   filter(forces_.constraints, state_.v);
-  rest_volume_ = state_.target_volume;
-  const TimeOptions& time = scene.time;
-  if (law_of(scene) == MaterialLaw::SmallStrain) {
-    // Statics hold floppy motions. In motion, linear forces would let them drift without bound.
-    constexpr double kForever = std::numeric_limits<double>::infinity();
-    const int n_floppy = time.mode == TimeMode::Dynamic
-                             ? n_floppy_motions(model_, constraints_of(problem_, surface, kForever))
-                             : 0;
-    if (n_floppy == 0)
-      linearise(model_);
-    else
-      report_.full_geometry = std::to_string(n_floppy) +
-                              " motions of the network cost no energy, and would "
-                              "drift without bound in linear geometry";
-  }
+  begin_stepping();
+  count_steps();
+}
+
+void Simulation::make_model() {
+  model_ = model_of(scene_, problem_, network_);
+  if (model_.consistent_mass)
+    lump(driven_nodes(constraints_of(problem_, surface_of(model_))), *model_.consistent_mass);
+  report_.full_geometry.clear();
+  if (law_of(scene_) != MaterialLaw::SmallStrain) return;
+  // Statics hold floppy motions. In motion, linear forces would let them drift without bound.
+  constexpr double kForever = std::numeric_limits<double>::infinity();
+  const int n_floppy = scene_.time.mode == TimeMode::Dynamic
+                           ? n_floppy_motions(model_, constraints_of(problem_, surface_of(model_), kForever))
+                           : 0;
+  if (n_floppy == 0)
+    linearise(model_);
+  else
+    report_.full_geometry = std::to_string(n_floppy) +
+                            " motions of the network cost no energy, and would "
+                            "drift without bound in linear geometry";
+}
+
+/// Of the body at rest, whatever the state.
+void Simulation::act_on_model() {
+  forces_ = forces_of(scene_, problem_, model_);
+  contacts_ = contacts_of(scene_, surface_of(model_));
+  const TimeOptions& time = scene_.time;
   if (time.mode == TimeMode::Static) {
     if (!contacts_.bodies.empty()) add_obstacles(contacts_, model_, forces_);
-    equilibrium_ = std::make_unique<QuasiStaticSolver>(model_, forces_, time.residual);
-    report_.n_steps = time.load_steps;
-    report_.tolerance = time.residual;
     return;
   }
-  if (scene.material.damping_ratio > 0)
-    forces_.mass_damping += damping_of_ratio(model_, forces_.constraints, scene.material.damping_ratio);
+  if (scene_.material.damping_ratio > 0)
+    forces_.mass_damping += damping_of_ratio(model_, forces_.constraints, scene_.material.damping_ratio);
   const Integrator& integrator = find_integrator(time.integrator);
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
   step_ = time.step;
   if (step_ == 0)
-    step_ =
-        integrator.is_explicit ? kSafety * stable_step(model_, forces_, state_) : time.end / kDefaultSteps;
-  report_.n_steps = meshing::n_steps(time, step_);
+    step_ = integrator.is_explicit ? kSafety * stable_step(model_, forces_, initial_state(model_))
+                                   : time.end / kDefaultSteps;
+}
+
+/// From the state at hand, with nothing kept of steps before.
+void Simulation::begin_stepping() {
+  const TimeOptions& time = scene_.time;
+  report_.tolerance.reset();
+  if (time.mode == TimeMode::Static) {
+    equilibrium_ = std::make_unique<QuasiStaticSolver>(model_, forces_, time.residual);
+    report_.tolerance = time.residual;
+    return;
+  }
+  n_holding_ = n_holding_at(scene_, state_.t);
+  forces_.constraints = constraints_of(problem_, surface_of(model_), state_.t);
   options_.gradients = {time.volume_gradient, time.bend_gradient};
   options_.linear_solver = time.linear_solver;
-  if (scene.is_paper) options_.curvature = Curvature::Exact;
+  if (scene_.is_paper) options_.curvature = Curvature::Exact;
   options_.tolerance = time.tolerance;
   options_.residual = time.residual;
   options_.sleep_below = time.sleep_below;
   stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options_, contacts_);
+  const Integrator& integrator = find_integrator(time.integrator);
   if (model_.linear && !integrator.is_explicit)
     report_.tolerance = ConstantMatrix::kTolerance;
   else if (integrator.is_linearised)
@@ -131,32 +177,75 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
         contacts_.bodies.empty() && !contacts_.self_thickness ? time.residual : ImplicitStage::kStepTolerance;
 }
 
+/// Of the whole run, those from the state at hand on of the present length.
+void Simulation::count_steps() {
+  report_.n_steps = scene_.time.load_steps;
+  if (is_static()) return;
+  constexpr double kRounding = 1e-6;  // of a step, of the sum of those so far
+  TimeOptions rest = scene_.time;
+  rest.end -= state_.t + (state_.n_done > 0 ? kRounding * step_ : 0);
+  report_.n_steps = state_.n_done + (rest.end > 0 ? meshing::n_steps(rest, step_) : 0);
+}
+
+void Simulation::set_state(const State& state) {
+  if (state.x.cols() != model_.network.X.cols())
+    throw std::runtime_error("a state of " + std::to_string(state.x.cols()) + " nodes, expected " +
+                             std::to_string(model_.network.X.cols()));
+  state_ = state;
+  report_.status = Status::Ok;
+  begin_stepping();
+  count_steps();
+}
+
+void Simulation::change(const Scene& scene) {
+  if (law_of(scene) != law_of(scene_))
+    throw std::runtime_error("material.law = " + std::string(name_of(law_of(scene))) +
+                             " in a run that began with another one");
+  const std::set<std::string> changed = changed_keys(scene_, scene);
+  for (const std::string& key : changed)
+    if (!is_changeable(key)) throw std::runtime_error(key + " changes in a run, expected a new run");
+  bool is_new_model = false, is_new_force = false;
+  for (const std::string& key : changed) {
+    is_new_model |= key == "material.E" || key == "material.nu" || key == "time.integrator";
+    is_new_force |= !is_of(key, "collapse");
+    if (is_of(key, "obstacles")) {  // which are not where they were
+      state_.history.active_set.clear();
+      state_.history.clearance.clear();
+    }
+  }
+  scene_ = scene;
+  report_.status = Status::Ok;
+  if (!is_new_force) return;
+  problem_ = discretise(scene_, surface_of(network_));
+  if (is_new_model) make_model();
+  act_on_model();
+  begin_stepping();
+  count_steps();
+}
+
 bool Simulation::has_ended() const {
-  return report_.n_done == report_.n_steps || report_.status == Status::Diverged ||
+  return state_.n_done >= report_.n_steps || report_.status == Status::Diverged ||
          (is_static() && report_.status == Status::NotConverged);
 }
 
 void Simulation::set_target_volume(double t) {
   if (!scene_.volume) return;
   if (!scene_.volume->target.empty())
-    state_.target_volume = rest_volume_ * value_at(scene_.volume->target, t);
+    state_.target_volume = volume(model_.network.X, model_.network.F) * value_at(scene_.volume->target, t);
   else if (scene_.collapse)  // [paper 4.4]
     state_.target_volume = volume(state_.x, model_.network.F);
 }
 
 /// Where supports have ended, steps begin anew with those that are left.
 void Simulation::release_nodes() {
-  const auto n_holding = n_holding_at(scene_, state_.t);
-  if (n_holding == n_holding_) return;
-  n_holding_ = n_holding;
-  forces_.constraints = constraints_of(problem_, surface_of(model_), state_.t);
-  stepper_ = std::make_unique<TimeStepper>(model_, forces_, scene_.time.integrator, scene_.time.end, options_,
-                                           contacts_);
+  if (n_holding_at(scene_, state_.t) == n_holding_) return;
+  state_.history.x.resize(3, 0);
+  begin_stepping();
 }
 
 StepReport Simulation::take_step() {
   if (is_static()) {
-    const double load_factor = static_cast<double>(report_.n_done + 1) / report_.n_steps;
+    const double load_factor = static_cast<double>(state_.n_done + 1) / report_.n_steps;
     if (scene_.collapse) collapse_to(*scene_.collapse, model_, load_factor, state_);
     set_target_volume(load_factor);
     StepReport step = equilibrium_->solve(load_factor, state_);
@@ -164,31 +253,32 @@ StepReport Simulation::take_step() {
     state_.t = load_factor;
     return step;
   }
-  release_nodes();
   if (scene_.collapse) collapse(*scene_.collapse, model_, step_, state_);
   if (scene_.skin && scene_.skin->relaxation > 0)
     relax_surface(scene_.skin->relaxation, model_, scene_.is_paper ? 1 : step_, state_);
   set_target_volume(state_.t + step_);
-  return stepper_->step(state_, step_);
+  const StepReport step = stepper_->step(state_, step_);
+  report_.solver = stepper_->solver_choice();
+  release_nodes();
+  return step;
 }
 
-bool Simulation::advance() {
+Status Simulation::advance() {
   const StepReport step = take_step();
-  ++report_.n_done;
+  ++state_.n_done;
   report_.newton_iterations += step.newton_iterations;
   report_.linear_iterations += step.linear_iterations;
   report_.n_at_rest += step.is_at_rest;
   report_.n_halved += step.is_halved;
   report_.residual = step.residual;
-  if (stepper_) report_.solver = stepper_->solver_choice();
-  if (step.status == Status::Ok) return true;
+  if (step.status == Status::Ok) return step.status;
   report_.status = step.status;
-  if (!is_static()) return true;
+  if (!is_static()) return step.status;
   std::ostringstream reason;
-  reason << "load factor " << state_.t << ", step " << report_.n_done << " of " << report_.n_steps << ": "
+  reason << "load factor " << state_.t << ", step " << state_.n_done << " of " << report_.n_steps << ": "
          << (step.reason.empty() ? name_of(step.status) : step.reason);
   report_.reason = reason.str();
-  return true;
+  return step.status;
 }
 
 Snapshot Simulation::snapshot() const {

@@ -14,7 +14,7 @@ namespace testbed::massspring {
 struct SimulationReport {
   Status status = Status::Ok;
   std::string reason;  ///< why it ended early
-  int n_steps = 0, n_done = 0;
+  int n_steps = 0;
   int n_at_rest = 0, n_halved = 0;  ///< of the steps done
   int newton_iterations = 0, linear_iterations = 0;
   double residual = 0;              ///< of the last step
@@ -30,17 +30,27 @@ class Simulation {
   Simulation(const Scene& scene, const SpringNetwork& network);
   Simulation(const Simulation&) = delete;
 
-  /// Takes the next load step or time step. Returns whether there is a state to show for it, as there always
-  /// is.
-  bool advance();
+  /// Takes the next load step or time step. Returns how it ended; there is a state to show for it in any case.
+  Status advance();
   /// All steps are done, or one found no state to go on from.
   bool has_ended() const;
 
   const MassSpringModel& model() const { return model_; }
   const Forces& forces() const { return forces_; }
+  /// All that decides how the run goes on. What is kept from step to step besides changes a step within its
+  /// tolerance: preconditioners, factors of matrices that change, and first guesses. Explicit steps and those of
+  /// a linear model have none of these.
   const State& state() const { return state_; }
+  /// Goes on from a state of a simulation of the same scene and network, and forgets what is kept besides.
+  /// @throws std::runtime_error for another number of nodes
+  void set_state(const State& state);
+  /// Goes on from the state at hand under a scene with other values: those of material.E and nu, gravity, the
+  /// loads' pressure, collapse, obstacles, time.integrator and time.step.
+  /// @throws std::runtime_error where other keys differ, or the law that they imply
+  void change(const Scene& scene);
   const SimulationReport& report() const { return report_; }
-  int n_done() const { return report_.n_done; }
+  Status status() const { return report_.status; }
+  int n_done() const { return state_.n_done; }
   int n_steps() const { return report_.n_steps; }
   /// In [0, 1]: linear equilibria are in proportion to the first.
   double progress() const {
@@ -55,17 +65,21 @@ class Simulation {
   const QuasiStaticSolver* equilibrium() const { return equilibrium_.get(); }  ///< of statics
 
  private:
+  void make_model();
+  void act_on_model();
+  void begin_stepping();
+  void count_steps();
   void set_target_volume(double t);
   StepReport take_step();
   void release_nodes();
 
   Scene scene_;
+  SpringNetwork network_;
   SurfaceProblem problem_;
   MassSpringModel model_;
   Forces forces_;
   Contacts contacts_;
   State state_;
-  double rest_volume_;  ///< m3
   double step_ = 0;
   SimulationReport report_;
   std::unique_ptr<QuasiStaticSolver> equilibrium_;

@@ -89,10 +89,12 @@ void add_obstacles(const Contacts& contacts, const MassSpringModel& model, Force
     forces.surface.push_back(std::move(energy));
 }
 
-void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd& v) {
-  for (size_t b = 0; b < bodies_.size(); ++b) {
-    const RigidBody& body = bodies_[b];
-    Eigen::VectorXd& clearance = clearance_[b];
+void push_out(const std::vector<RigidBody>& bodies, const State& before, double h,
+              std::vector<Eigen::VectorXd>& clearances, Matrix3Xd& x, Matrix3Xd& v) {
+  clearances.resize(bodies.size());
+  for (size_t b = 0; b < bodies.size(); ++b) {
+    const RigidBody& body = bodies[b];
+    Eigen::VectorXd& clearance = clearances[b];
     if (clearance.size() == 0) clearance.setZero(x.cols());
     const Vector3d shift = h * velocity_of(body, before.t, h);
     for_each_chunk(x.cols(), [&](Eigen::Index begin, Eigen::Index end) {
@@ -110,13 +112,14 @@ void PushOut::operator()(const State& before, double h, Matrix3Xd& x, Matrix3Xd&
   }
 }
 
-void ActiveSet::hold(const std::vector<RigidBody>& bodies, const State& state, double h,
-                     std::vector<Constraint>& constraints, Matrix3Xd& friction) const {
+void constrain_active(const std::vector<RigidBody>& bodies, const State& state, double h,
+                      std::vector<Constraint>& constraints, Matrix3Xd& friction) {
+  const std::vector<Touch>& touches = state.history.active_set;
   friction.setZero(3, state.x.cols());
   std::vector<Constraint*> of_node(state.x.cols(), nullptr);
-  constraints.reserve(constraints.size() + touches_.size());
+  constraints.reserve(constraints.size() + touches.size());
   for (Constraint& c : constraints) of_node[c.node] = &c;
-  for (const Touch& touch : touches_) {
+  for (const Touch& touch : touches) {
     const RigidBody& body = bodies[touch.body];
     const RigidBody::Gap gap = body.gap(state.x.col(touch.node), state.t);
     const Vector3d u = velocity_of(body, state.t, h) - gap.distance / h * gap.normal;
@@ -138,11 +141,11 @@ void ActiveSet::hold(const std::vector<RigidBody>& bodies, const State& state, d
   }
 }
 
-void ActiveSet::settle(const std::vector<RigidBody>& bodies, const State& before, double h,
-                       const Matrix3Xd& r, Matrix3Xd& x, Matrix3Xd& v) {
+std::vector<Touch> settle_active(const std::vector<RigidBody>& bodies, const State& before, double h,
+                                 const Matrix3Xd& r, Matrix3Xd& x, Matrix3Xd& v) {
   std::vector<Touch> kept;
   std::vector<char> is_touching(x.cols(), false);
-  for (Touch touch : touches_) {
+  for (Touch touch : before.history.active_set) {
     const RigidBody& body = bodies[touch.body];
     const Vector3d n = body.gap(x.col(touch.node), before.t + h).normal;
     const double pressing = n.dot(r.col(touch.node));
@@ -178,7 +181,7 @@ void ActiveSet::settle(const std::vector<RigidBody>& bodies, const State& before
     }
   }
   std::sort(kept.begin(), kept.end(), [](const Touch& a, const Touch& b) { return a.node < b.node; });
-  touches_ = std::move(kept);
+  return kept;
 }
 
 }  // namespace testbed::massspring

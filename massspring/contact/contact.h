@@ -29,18 +29,10 @@ void add_obstacles(const Contacts& contacts, const MassSpringModel& model, Force
 /// Explicit schemes: nodes that end a step inside a body, or went through it, are set onto its surface.
 /// They lose their velocity into it and, by Coulomb's friction, of that along it as much as the blow allows.
 /// Takes energy only. The step leads from `before` to positions x and velocities v.
-class PushOut {
- public:
-  explicit PushOut(const std::vector<RigidBody>& bodies) : bodies_(bodies), clearance_(bodies.size()) {}
-
-  /// To be called for every step in turn: nodes are not looked
-  /// at while they have gone less far than a body was away.
-  void operator()(const State& before, double h, Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
-
- private:
-  const std::vector<RigidBody>& bodies_;
-  std::vector<Eigen::VectorXd> clearance_;  ///< per body and node, what it may go before it is looked at (m)
-};
+/// @param clearance  of `before`, then of x: nodes are not looked at while they have gone less far than a body
+/// was away
+void push_out(const std::vector<RigidBody>& bodies, const State& before, double h,
+              std::vector<Eigen::VectorXd>& clearance, Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
 /// Friction of nodes that slide, the same within a step.
 struct SlidingFriction : SurfaceEnergy {
@@ -53,29 +45,15 @@ struct SlidingFriction : SurfaceEnergy {
 };
 
 /// The active set of the linearised implicit scheme: nodes in touch move along their obstacle, or with it while
-/// friction holds them, until the force that keeps them there would pull.
-class ActiveSet {
- public:
-  /// Adds the constraints of the nodes in touch to `constraints`. Adds to `friction` (N, 3 x n)
-  /// that of the nodes that slide, as known from the step before.
-  void hold(const std::vector<RigidBody>& bodies, const State& state, double h,
-            std::vector<Constraint>& constraints, Eigen::Matrix3Xd& friction) const;
+/// friction holds them, until the force that keeps them there would pull. Adds their constraints to `constraints`, and to
+/// `friction` (N, 3 x n) that of the nodes that slide, as known from the step before.
+void constrain_active(const std::vector<RigidBody>& bodies, const State& state, double h,
+                      std::vector<Constraint>& constraints, Eigen::Matrix3Xd& friction);
 
-  /// Looks at the forces r = M dv/h - f (N) that the constraints took in the
-  /// step from `before`: lets nodes go where they pull, and slide or stick
-  /// where friction gives or holds; then pushes out what else is inside.
-  void settle(const std::vector<RigidBody>& bodies, const State& before, double h, const Eigen::Matrix3Xd& r,
-              Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
-
-  bool empty() const { return touches_.empty(); }
-
- private:
-  struct Touch {
-    int node, body;
-    bool is_stuck;
-    Eigen::Vector3d friction;  ///< of the next step where it slides (N)
-  };
-  std::vector<Touch> touches_;  ///< ascending nodes, one each
-};
+/// Looks at the forces r = M dv/h - f (N) that the constraints took in the step from `before`: lets nodes go
+/// where they pull, and slide or stick where friction gives or holds; then pushes out what else is inside.
+/// Returns the nodes in touch at the end.
+std::vector<Touch> settle_active(const std::vector<RigidBody>& bodies, const State& before, double h,
+                                 const Eigen::Matrix3Xd& r, Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
 }  // namespace testbed::massspring

@@ -14,6 +14,7 @@
 #include "massspring/energies/tet_springs.h"
 #include "massspring/model/mass.h"
 #include "massspring/model/small_strain.h"
+#include "massspring/model/state.h"
 #include "meshing/algebra/status.h"
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
@@ -63,16 +64,6 @@ int n_energies(const MassSpringModel& model);
 /// Gives the surface of a model at rest the skin of a scene: what its membrane adds to the springs along its
 /// edges, k = stiffness (A_1 + A_2)/|e|^2 [Van Gelder 1998], and bending.
 void add_skin(const Skin& skin, MassSpringModel& model);
-
-struct State {
-  double t = 0;        ///< s; static scenes: load factor
-  Eigen::Matrix3Xd x;  ///< positions (m)
-  Eigen::Matrix3Xd u;  ///< displacements (m) without the rounding of x; empty: x less positions at rest
-  Eigen::Matrix3Xd v;  ///< velocities (m/s)
-  Eigen::VectorXd rest_length;  ///< m per independent spring
-  Eigen::VectorXd patch_scale;  ///< length of the rest shape of each patch of coupled springs; empty: ones
-  double target_volume = 0;     ///< of the global volume force (m3)
-};
 
 struct StepReport {
   Status status = Status::Ok;

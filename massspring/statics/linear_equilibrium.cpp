@@ -12,30 +12,29 @@ using Eigen::Matrix3Xd;
 StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   constexpr int kMaxSolves = 5;  // later ones take what rounding left to the first
   // Displacements are kept on their own: beside the positions of a stiff body they would lose their digits.
-  if (linear_factor_ > 0)
-    u_ *= load_factor / linear_factor_;
-  else
-    u_ = Matrix3Xd::Zero(3, state.x.cols());
+  const LoadPath::Equilibrium& last = state.loading->path.last.back();
+  Matrix3Xd u = last.x;
+  if (last.load_factor > 0) u *= load_factor / last.load_factor;
   if (single_K_.empty()) {
     single_K_ = single_precision(stiffness());
     x_ = model_.network.X;
   }
-  prescribe(forces_.constraints, Matrix3Xd::Zero(3, u_.cols()), load_factor, 1, u_);
+  prescribe(forces_.constraints, Matrix3Xd::Zero(3, u.cols()), load_factor, 1, u);
 
   StepReport report;
   Matrix3Xd f, r, du;
   // Elastic forces at the end vanish where supports only move a body, or where it only shrinks.
-  f = Matrix3Xd::Zero(3, u_.cols());
+  f = Matrix3Xd::Zero(3, u.cols());
   add_shrinkage_forces(model_, state, f);
   constexpr double kRounding = std::numeric_limits<double>::epsilon();
   double scale = f.norm();
   const auto measure = [&] {
     f.setZero();
-    add_linear_forces(model_, state, u_, f);
+    add_linear_forces(model_, state, u, f);
     r = f + load_factor * forces_.load;
     project(r);
     // No solver does better than the rounding of its products [Rigal & Gaches 1967].
-    const double rounding = kRounding * largest_stiffness_ * u_.norm() / tolerance_;
+    const double rounding = kRounding * largest_stiffness_ * u.norm() / tolerance_;
     scale = std::max({scale, load_factor * forces_.load.norm() + f.norm(), r.norm(), rounding});
     report.residual = scale > 0 ? r.norm() / scale : 0;
   };
@@ -44,14 +43,14 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   measure();
   for (int n = 0; n < kMaxSolves && report.residual > tolerance_; ++n) {
     const double tolerance = tolerance_ / report.residual / 2;
-    du = Matrix3Xd::Zero(3, u_.cols());
+    du = Matrix3Xd::Zero(3, u.cols());
     report.linear_iterations += solver_.solve(A, r, du, tolerance).iterations;
-    u_ += du;
+    u += du;
     ++report.newton_iterations;
     measure();
   }
-  displace(u_, state);
-  linear_factor_ = load_factor;
+  displace(u, state);
+  state.loading->path.last = {{load_factor, u}};
   if (!std::isfinite(report.residual))
     report.status = Status::Diverged;
   else if (report.residual > tolerance_) {

@@ -114,11 +114,13 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
                                : Eigen::MatrixXd(model.network.X.size(), 0)),
       K_(model.linear ? BlockMatrix() : stiffness_pattern(model)),
       solver_(LinearSolver::of_stiffness(!model.tet_springs)),
-      path_(Matrix3Xd::Zero(3, model.network.X.cols())) {
+      rest_{LoadPath(Matrix3Xd::Zero(3, model.network.X.cols())), {}, {}, 0} {
   n_free_rigid_motions_ = static_cast<int>(zero_energy_motions_.cols());
   check_balance(model.network.X, zero_energy_motions_, forces.load, "more supports or balanced loads");
   const State rest = initial_state(model);
-  last_rest_ = {rest.rest_length, rest.patch_scale, rest.target_volume};
+  rest_.rest_length = rest.rest_length;
+  rest_.patch_scale = rest.patch_scale;
+  rest_.target_volume = rest.target_volume;
   if (!model.linear) add_stiffness(model, rest, K_);
   largest_stiffness_ = largest_diagonal(stiffness());
   if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
@@ -218,9 +220,11 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     report.residual = std::numeric_limits<double>::quiet_NaN();
     return report;
   }
+  if (!state.loading) state.loading = rest_;
   if (model_.linear) return solve_linear(load_factor, state);
-  const Rest from = last_rest_, to{state.rest_length, state.patch_scale, state.target_volume};
-  const double first = path_.load_factor(), way = load_factor - first;
+  const LoadHistory from = *state.loading;
+  const State to = state;
+  const double first = from.path.load_factor(), way = load_factor - first;
   State trial = state;
   const auto set_rest = [&](double factor) {
     const double part = way == 0 ? 1 : (factor - first) / way;
@@ -241,10 +245,12 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   Matrix3Xd last = state.x;          // equilibrium
   std::optional<double> stepped_to;  // load factor of the step at hand of what acts on the surface
   LoadedBody body;
+  LoadHistory& history = *state.loading;
   body.prescribe = [&](double factor, Matrix3Xd& u) {
+    const double from_factor = history.path.load_factor();
     if (stepped_to != factor)
       for (const auto& energy : forces_.surface)
-        energy->begin_step(path_.load_factor(), factor - path_.load_factor(), last);
+        energy->begin_step(from_factor, factor - from_factor, last);
     stepped_to = factor;
     prescribe(forces_.constraints, Matrix3Xd::Zero(3, u.cols()), factor, 1, u);
   };
@@ -264,7 +270,11 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     return true;
   };
   Matrix3Xd u = displacement(model_, state);
-  if (path_.follow(body, load_factor, u)) last_rest_ = to;
+  if (history.path.follow(body, load_factor, u)) {
+    history.rest_length = to.rest_length;
+    history.patch_scale = to.patch_scale;
+    history.target_volume = to.target_volume;
+  }
   displace(u, state);
   return report;
 }

@@ -33,7 +33,8 @@ class QuasiStaticSolver {
   /// limit point, where the energy has no minimum, ends at the last equilibrium, once the body has run away
   /// by its own size. Starts from where the last equilibria point to, if the energy is lower there. A linear
   /// model [small_strain.h], under dead loads alone, takes one linear solve from what the last equilibrium is
-  /// in proportion to.
+  /// in proportion to. The last equilibria are those in the state; preconditioners are kept from step to step and
+  /// change a step within its tolerance.
   StepReport solve(double load_factor, State& state);
 
   /// How linear systems are solved, and why.
@@ -48,12 +49,6 @@ class QuasiStaticSolver {
   double floppy_load_share() const { return floppy_load_share_; }
 
  private:
-  /// What load steps change in a state besides positions.
-  struct Rest {
-    Eigen::VectorXd rest_length, patch_scale;
-    double target_volume;
-  };
-
   StepReport solve_linear(double load_factor, State& state);
   void find_balance(double load_factor, const Eigen::Matrix3Xd& last_x, State& state, StepReport& report);
   void displace(const Eigen::Matrix3Xd& u, State& state) const;
@@ -85,11 +80,7 @@ class QuasiStaticSolver {
 
   BlockMatrix P_;  ///< of which preconditioners are made
   LinearSolver solver_;
-  LoadPath path_;
-  Rest last_rest_;
-
-  Eigen::Matrix3Xd u_;        ///< of a linear model: displacement at the last equilibrium (m)
-  double linear_factor_ = 0;  ///< its load factor
+  LoadHistory rest_;  ///< of a state at rest
 };
 
 /// Motions other than rigid ones that the constraints leave free and that cost no energy at rest.

@@ -56,17 +56,12 @@ class Bdf2 : public StagedScheme {
  public:
   using StagedScheme::StagedScheme;
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
-    const bool has_history =
-        before_.x.cols() == state.x.cols() && std::abs(state.t - before_.t - h) < 1e-9 * h;
-    const StepReport report = has_history ? stage_.solve(state, 2 * h / 3, (4 * state.x - before_.x) / 3,
-                                                         (4 * state.v - before_.v) / 3, x, v)
-                                          : stage_.solve(state, h, state.x, state.v, x, v);
-    before_ = state;
-    return report;
+    const StepHistory& before = state.history;
+    const bool has_history = before.x.cols() == state.x.cols() && std::abs(state.t - before.t - h) < 1e-9 * h;
+    return has_history ? stage_.solve(state, 2 * h / 3, (4 * state.x - before.x) / 3,
+                                      (4 * state.v - before.v) / 3, x, v)
+                       : stage_.solve(state, h, state.x, state.v, x, v);
   }
-
- private:
-  State before_;
 };
 
 /// Trapezoidal rule to t + gamma h, then BDF2 over both parts; gamma = 2 - sqrt(2) gives both the same

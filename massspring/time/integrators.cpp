@@ -19,7 +19,6 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, con
       options_(options),
       end_(end),
       supports_(motion_.constraints),
-      push_out_(contacts.bodies),
       size_((model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
       rest_norm_(model.network.X.norm()),
       scheme_(integrator_.make(motion_, options)) {
@@ -48,7 +47,7 @@ StepReport TimeStepper::step(State& state, double h) {
 
 /// Slow, and no force would make any node fast within a second. Damping does not count: it holds back only
 /// what moves.
-bool TimeStepper::stays_at_rest(const State& state, double h) const {
+bool TimeStepper::stays_at_rest(const State& state, double h) {
   constexpr double kWhile = 1;  // s
   const double slow = options_.sleep_below;
   if (state.v.colwise().norm().maxCoeff() >= slow) return false;
@@ -56,10 +55,22 @@ bool TimeStepper::stays_at_rest(const State& state, double h) const {
     if (prescribed(c, state.t, end_) != prescribed(c, state.t + h, end_)) return false;
   for (const RigidBody& body : motion_.contacts.bodies)
     if (body.translation(state.t) != body.translation(state.t + h)) return false;
+  // What begins a step anew at its end forgets the friction that held in it.
+  remember(state.history.surface, motion_.surface());
+  if (const StepHistory& last = state.history; last.x.cols() > 0)
+    for (const auto& energy : motion_.surface()) energy->begin_step(last.t, last.h, last.x);
+  constrain_touching(state, h);
   Matrix3Xd f;
   motion_.undamped_forces_at(state, f);
   filter(motion_.constraints, f);
   return (f.colwise().norm().transpose().array() * kWhile < slow * motion_.model.mass.array()).all();
+}
+
+/// Nodes that the linearised scheme constrains to obstacles.
+void TimeStepper::constrain_touching(const State& state, double h) {
+  if (!motion_.friction) return;
+  motion_.constraints = supports_;
+  constrain_active(motion_.contacts.bodies, state, h, motion_.constraints, motion_.friction->force);
 }
 
 StepReport TimeStepper::step_or_halves(State& state, double h, int n_halvings) {
@@ -89,9 +100,9 @@ StepReport TimeStepper::step_in_parts(State& state, double h) {
   constexpr double kShortest = 1e-9;  // of the step
   const double end = state.t + h, order = integrator_.order;
   StepReport total;
-  if (part_ == 0) part_ = h;
+  double next = state.history.part == 0 ? h : state.history.part;
   while (end - state.t > kShortest * h) {
-    const double part = std::min(part_, end - state.t);
+    const double part = std::min(next, end - state.t);
     State whole = state, halves = state;
     Status status = Status::Ok;
     for (const auto& [end_state, length] :
@@ -110,9 +121,10 @@ StepReport TimeStepper::step_in_parts(State& state, double h) {
         std::clamp(kSafety * std::pow(options_.tolerance / error, 1 / (order + 1)), kShrink, kGrow);
     const bool is_accepted = error <= options_.tolerance;
     if (is_accepted) state = halves;
-    if (!is_accepted || part == part_)
-      part_ = factor * part;  // one cut by the end does not tell what more does
-    if (part_ < kShortest * h) {
+    if (!is_accepted || part == next)
+      next = factor * part;  // one cut by the end does not tell what more does
+    state.history.part = next;
+    if (next < kShortest * h) {
       total.status = std::max(status, Status::NotConverged);
       return total;
     }
@@ -123,36 +135,47 @@ StepReport TimeStepper::step_in_parts(State& state, double h) {
 
 StepReport TimeStepper::step_whole(State& state, double h) {
   state.u.resize(3, 0);  // of a state that statics left
+  state.loading.reset();
   const std::vector<RigidBody>& bodies = motion_.contacts.bodies;
-  for (const auto& energy : motion_.surface()) energy->begin_step(state.t, h, state.x);
+  const SurfaceEnergies surface = motion_.surface();
+  remember(state.history.surface, surface);
+  for (const auto& energy : surface) energy->begin_step(state.t, h, state.x);
   for (size_t i = 0; i < supports_.size(); ++i) {
     Constraint& c = supports_[i];
     c.velocity = (prescribed(c, state.t + h, end_) - prescribed(c, state.t, end_)) / h;
     motion_.constraints[i].velocity = c.velocity;
   }
-  if (integrator_.is_linearised && !bodies.empty()) {
-    motion_.constraints = supports_;
-    active_set_.hold(bodies, state, h, motion_.constraints, motion_.friction->force);
-    v_before_ = state.v;
-  }
+  constrain_touching(state, h);
+  if (motion_.friction) v_before_ = state.v;
   motion_.constrain(state.v);
   StepReport report = scheme_->advance(state, h, x_, v_);
-  if (integrator_.is_linearised && !bodies.empty()) {
+  StepHistory history;
+  history.part = state.history.part;
+  if (motion_.friction) {
     State after = state;
     after.x = x_;
     after.v = v_;
     Matrix3Xd f;
     motion_.forces_at(after, f);
     f = momenta(motion_.model, (v_ - v_before_) / h) - f;
-    active_set_.settle(bodies, state, h, f, x_, v_);
+    history.active_set = settle_active(bodies, state, h, f, x_, v_);
   } else if (integrator_.is_explicit) {
-    push_out_(state, h, x_, v_);
+    history.clearance = state.history.clearance;
+    push_out(bodies, state, h, history.clearance, x_, v_);
   }
   prescribe(supports_, motion_.model.network.X, state.t + h, end_, x_);
   constexpr double kFarOff = 1e6;
   if (!(x_.norm() < rest_norm_ + kFarOff * size_) || !std::isfinite(v_.squaredNorm()))
     report.status = Status::Diverged;
   if (report.status == Status::Diverged) return report;
+  if (integrator_.has_memory || (options_.sleep_below > 0 && !surface.empty())) {
+    history.t = state.t;
+    history.h = h;
+    history.x = state.x;
+    history.v = state.v;
+  }
+  history.surface = memories_of(surface);
+  state.history = std::move(history);
   state.x.swap(x_);
   state.v.swap(v_);
   state.t += h;

@@ -20,6 +20,8 @@ class TimeStepper {
   /// or velocity is not finite or the body a million times its size. With a tolerance in parts, each taken
   /// whole and in halves, whose difference tells the error [Hairer et al. 1993, II.4]. A step within which
   /// Newton's method of a scheme that minimises does not end is taken in halves, again and again if need be.
+  /// What decides later steps is in the state; matrices, their factors and preconditioners, and first guesses
+  /// are kept from step to step and change a step within its tolerance.
   StepReport step(State& state, double h);
 
   std::string solver_choice() const { return scheme_->solver_choice(); }
@@ -28,16 +30,14 @@ class TimeStepper {
   StepReport step_whole(State& state, double h);
   StepReport step_or_halves(State& state, double h, int n_halvings);
   StepReport step_in_parts(State& state, double h);
-  bool stays_at_rest(const State& state, double h) const;
+  bool stays_at_rest(const State& state, double h);
+  void constrain_touching(const State& state, double h);
 
   EquationOfMotion motion_;
   const Integrator& integrator_;
   IntegratorOptions options_;
-  double part_ = 0;  ///< length of the next part of a step (s)
   double end_;
   std::vector<Constraint> supports_;
-  ActiveSet active_set_;
-  PushOut push_out_;
   double size_;       ///< of the body's box (m)
   double rest_norm_;  ///< of all positions at rest (m)
   std::unique_ptr<Scheme> scheme_;

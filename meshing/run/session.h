@@ -97,8 +97,7 @@ class Session {
   double cpu_begin_;  ///< s
 };
 
-/// Takes all steps of a simulation, each of which leaves a snapshot where advance() says that there is a new
-/// state.
+/// Takes all steps of a simulation, each of which leaves a snapshot where it counts as done.
 template <class Simulation>
 void take_steps(Simulation& simulation, Session& session) {
   const auto add = [&] {
@@ -112,7 +111,9 @@ void take_steps(Simulation& simulation, Session& session) {
   add();
   while (!simulation.has_ended()) {
     session.timer.start("solve");
-    if (simulation.advance()) add();
+    const int n = simulation.n_done();
+    simulation.advance();
+    if (simulation.n_done() > n) add();
   }
   session.timer.stop();
 }

@@ -260,16 +260,16 @@ TEST(PushOut, LeavesAloneOnlyNodesThatItWouldNotMove) {
   State state;
   state.x = random_points(n, 1, 1);
   state.v = random_points(n, 3, 2);
-  PushOut push_out(bodies);
+  std::vector<Eigen::VectorXd> clearance;
   int n_moved = 0;
   while (state.t < 1) {
     state.v.row(1).array() -= 9.81 * h;
     state.v -= 20 * h * state.x;  // sends them round and past the obstacles again and again
     const Matrix3Xd free_x = state.x + h * state.v;
     Matrix3Xd x = free_x, v = state.v, all_x = x, all_v = v;
-    push_out(state, h, x, v);
-    PushOut looks_at_all(bodies);
-    looks_at_all(state, h, all_x, all_v);
+    push_out(bodies, state, h, clearance, x, v);
+    std::vector<Eigen::VectorXd> unknown;
+    push_out(bodies, state, h, unknown, all_x, all_v);
     ASSERT_EQ(x, all_x) << state.t;
     ASSERT_EQ(v, all_v) << state.t;
     n_moved += static_cast<int>((x - free_x).colwise().any().count());

@@ -157,6 +157,25 @@ TEST_F(TwoBalls, ThatHavePassedThroughKeepTheirSidesWhenTheyMoveOnAndPairsAreLis
   EXPECT_LT((forces(on) - before).norm(), 1e-10 * before.norm());
 }
 
+TEST_F(TwoBalls, GoOnFromWhatOthersRememberOfThem) {
+  for (double by = 0; by < 0.41; by += 0.02) contact.begin_step(0, 1, moved(by));
+  const Matrix3Xd x = moved(0.4);
+  const auto of_step_at_x = [&](const SurfaceEnergies& energies) {
+    energies[0]->begin_step(0, 1, x);
+    Matrix3Xd f = Matrix3Xd::Zero(3, x.cols());
+    energies[0]->add_forces(x, f);
+    return f;
+  };
+  const SurfaceEnergies known{std::make_shared<SurfaceContact>(contact)},
+      taught{std::make_shared<SurfaceContact>(contact_of(model, thickness))},
+      fresh{std::make_shared<SurfaceContact>(contact_of(model, thickness))};
+  remember(memories_of(known), taught);
+  const Matrix3Xd expected = of_step_at_x(known);
+  EXPECT_EQ(of_step_at_x(taught), expected);
+  EXPECT_LT((of_step_at_x(fresh) + expected).norm(), (of_step_at_x(fresh) - expected).norm())
+      << "passed unseen";
+}
+
 TEST_F(TwoBalls, ForceIsMinusEnergyGradientAndKeepsMomentum) {
   for (double by = 0; by < 0.34; by += 0.02) contact.begin_step(0, 1, moved(by));
   const Matrix3Xd x = moved(0.34) + random_points(2 * n, 2e-3, 7), f = forces(x);
