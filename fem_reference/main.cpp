@@ -77,10 +77,8 @@ double foreseen_seconds(const Simulation& simulation, const Scene& scene) {
 
 void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
   record["solver"] = simulation.solver();
-  std::string failure = "not_converged";
   if (const Integrator* integrator = simulation.integrator()) {
     const bool is_explicit = find_scheme(scene.reference.integrator).is_explicit();
-    if (is_explicit) failure = name_of(meshing::Status::Diverged);
     record["integrator"] = scene.reference.integrator;
     record["mass"] = name_of(simulation.mass());
     record["mass_damping"] = simulation.damping();
@@ -98,7 +96,7 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
     record["tolerance"] = equilibrium.tolerance;
     record["load_factor_reached"] = static_cast<double>(simulation.n_done()) / simulation.n_steps();
   }
-  record["status"] = simulation.is_converged() ? "ok" : failure;
+  record["status"] = name_of(simulation.status());
 }
 
 void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann::ordered_json& record) {
@@ -150,7 +148,7 @@ ExitStatus run(const Arguments& arguments) {
   session.foresee(simulation.X().cols(), foreseen_seconds(simulation, scene));
   take_steps(simulation, session);
   report(simulation, scene, session.record);
-  if (arguments.n_levels > 0 && scene.time.mode == TimeMode::Static && simulation.is_converged())
+  if (arguments.n_levels > 0 && scene.time.mode == TimeMode::Static && simulation.status() == Status::Ok)
     session.record["convergence"] = study_convergence(session, surface, mesh, arguments.n_levels);
   if (arguments.n_frequencies > 0)
     add_frequencies(solid, scene.reference.mass, arguments.n_frequencies, session.record);

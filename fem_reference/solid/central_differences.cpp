@@ -35,18 +35,18 @@ void CentralDifferences::find_free() {
   inverse_mass_ = inverse_of_free(system_);
 }
 
-/// The acceleration that u_ has without damping, and the velocity that it gives within a time.
+/// The acceleration that u_ has without damping, which a_ is, 0 of constrained unknowns, and the velocity that it gives within a time.
 void CentralDifferences::accelerate(double time) {
   if (system_.forces)
-    system_.forces(u_, f_);
+    system_.forces(u_, force_);
   else
-    f_ = respond(u_, false).force.reshaped(3, u_.size() / 3);
+    force_ = respond(u_, false).force.reshaped(3, u_.size() / 3);
   a_.resize(u_.size());
-  meshing::for_each_chunk(f_.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+  meshing::for_each_chunk(force_.cols(), [&](Eigen::Index begin, Eigen::Index end) {
     const auto first = 3 * begin, m = 3 * (end - begin);
     auto a = a_.segment(first, m), v = v_.segment(first, m);
     a = inverse_mass_.segment(first, m).cwiseProduct(system_.load.segment(first, m) -
-                                                     f_.reshaped().segment(first, m));
+                                                     force_.reshaped().segment(first, m));
     v = (v + time * a) / (1 + time * system_.damping);
   });
 }
@@ -60,7 +60,7 @@ bool CentralDifferences::step() {
   begin_step();
   const ConstrainedState constrained = constrained_at(t() + h_);
   // Damping is taken at the mean of the velocities in the middle of two steps.
-  meshing::for_each_chunk(f_.cols(), [&](Eigen::Index begin, Eigen::Index end) {
+  meshing::for_each_chunk(force_.cols(), [&](Eigen::Index begin, Eigen::Index end) {
     const auto first = 3 * begin, m = 3 * (end - begin);
     auto u = u_.segment(first, m), v = v_.segment(first, m);
     v += h_ / 2 * (a_.segment(first, m) - system_.damping * v);

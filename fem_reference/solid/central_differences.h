@@ -21,8 +21,7 @@ class CentralDifferences : public Integrator {
   void accelerate(double time);
 
   Eigen::VectorXd inverse_mass_;  // 0 of constrained unknowns
-  Eigen::VectorXd a_;             // without damping, 0 of constrained unknowns
-  Eigen::Matrix3Xd f_;
+  Eigen::Matrix3Xd force_;
 };
 
 /// Longest stable step of central differences for small motions about rest (s): 2 over the highest frequency

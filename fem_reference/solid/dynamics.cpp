@@ -174,6 +174,16 @@ void Integrator::hold(const std::vector<int>& constrained, std::function<VectorX
   go_on(u, v);
 }
 
+void Integrator::set_state(const MotionState& state) {
+  n_steps_ = state.n_steps;
+  u_ = state.u;
+  v_ = state.v;
+  a_ = state.a;
+  f_ = state.force;
+  remember(state.surface, system_.surface);
+  find_free();
+}
+
 Integrator::ConstrainedState Integrator::start_at(const VectorXd& u, const VectorXd& v) {
   u_ = u;
   v_ = v;

@@ -62,6 +62,14 @@ struct Dynamics {
   meshing::SurfaceEnergies surface = {};  ///< what of f acts on it, of positions X + u
 };
 
+/// All that decides how a motion goes on.
+struct MotionState {
+  int n_steps = 0;          ///< taken
+  Eigen::VectorXd u, v, a;  ///< m, m/s, m/s2
+  Eigen::VectorXd force;    ///< f(u) as the last step found it (N); empty where no scheme asks for it
+  meshing::SurfaceMemories surface;  ///< of what acts on it
+};
+
 /// A body in motion by steps of h, from rest.
 class Integrator {
  public:
@@ -78,6 +86,11 @@ class Integrator {
   }
   /// Goes on from here with other unknowns constrained, and their motion as in Dynamics.
   void hold(const std::vector<int>& constrained, std::function<Eigen::VectorXd(double t)> motion);
+  /// What is kept from step to step besides, as factors of tangents are, changes a step within its tolerance.
+  /// Steps of linear forces and explicit ones have none of it.
+  MotionState state() const { return {n_steps_, u_, v_, a_, f_, memories_of(system_.surface)}; }
+  /// Goes on from a state with what is constrained now, and forgets what is kept besides.
+  void set_state(const MotionState& state);
   double t() const { return n_steps_ * h_; }                            ///< s
   const Eigen::VectorXd& u() const { return u_; }                       ///< m
   const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
@@ -109,7 +122,7 @@ class Integrator {
 
   Dynamics system_;
   double h_;
-  Eigen::VectorXd u_, v_;
+  Eigen::VectorXd u_, v_, a_, f_;  // f_: f(u_), where a scheme keeps it
   int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0;
 };
 
@@ -136,7 +149,6 @@ class GeneralisedAlpha : public Integrator {
   bool find_acceleration(const ConstrainedState& constrained, Trial& trial);
 
   TimeScheme scheme_;
-  Eigen::VectorXd a_, f_;  // f_: f(u_)
   std::vector<int> free_;
   std::optional<meshing::SparseCholesky> factor_;
   // At finite strain:

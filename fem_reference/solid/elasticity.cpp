@@ -120,6 +120,17 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.find_load();
 }
 
+ElasticState ElasticSolid::state() const {
+  return {self_->u, self_->factor, *self_->path};
+}
+
+void ElasticSolid::set_state(const ElasticState& state) {
+  self_->u = state.u;
+  self_->factor = state.load_factor;
+  self_->path = state.path;
+  self_->stepped_to.reset();
+}
+
 void ElasticSolid::set_tolerance(double tolerance) {
   self_->tolerance = tolerance;
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fem_reference/elements/laws.h"
+#include "meshing/algebra/load_path.h"
 #include "meshing/base/mesh.h"
 #include "meshing/base/stage_timer.h"
 #include "meshing/surface_energies/surface_energy.h"
@@ -37,6 +38,13 @@ struct ConstrainedComponent {
   int node, component;
   double displacement;
   int support = 0;  ///< of the scene, that prescribes it
+};
+
+/// The equilibrium that the next one is looked for from, and those before it.
+struct ElasticState {
+  Eigen::Matrix3Xd u;  ///< m
+  double load_factor = 0;
+  meshing::LoadPath path;  ///< at finite strain
 };
 
 struct ElasticReport {
@@ -100,6 +108,9 @@ class ElasticSolid {
   /// @throws std::runtime_error when rigid motions are left free
   /// and the loads drive them: names the motions, force and torque.
   ElasticReport solve(double load_factor = 1, StageTimer* timer = nullptr);
+  ElasticState state() const;
+  /// Goes on from a state of the same problem.
+  void set_state(const ElasticState& state);
   /// 3 x n_nodes (m); orthogonal in L2 to the rigid motions that are free.
   const Eigen::Matrix3Xd& displacement() const;
 

@@ -105,20 +105,39 @@ void Simulation::set_in_motion() {
   integrator_->restart(Eigen::VectorXd::Zero(v.size()), v.reshaped());
 }
 
-bool Simulation::advance() {
+State Simulation::state() const {
+  if (integrator_) return {n_done_, integrator_->state(), {}, {}};
+  return {n_done_, {}, solid_.state(), equilibrium_};
+}
+
+void Simulation::set_state(const State& state) {
+  if ((integrator_ != nullptr) == state.statics.has_value())
+    throw std::runtime_error("a state of the other time.mode");
+  n_done_ = state.n_done;
+  status_ = Status::Ok;
+  equilibrium_ = state.equilibrium;
+  if (!integrator_) return solid_.set_state(*state.statics);
+  integrator_->set_state(state.motion);
+  release_nodes();
+  integrator_->set_state(state.motion);
+}
+
+Status Simulation::advance() {
+  status_ = Status::Ok;
   if (integrator_) {
+    if (!integrator_->step())
+      return status_ = scheme().is_explicit() ? Status::Diverged : Status::NotConverged;
     release_nodes();
-    is_converged_ = integrator_->step();
   } else if (n_done_ == 0 || !is_proportional_) {
     const double factor = is_proportional_ ? 1 : static_cast<double>(n_done_ + 1) / n_steps_;
     const int n_newton = equilibrium_.newton_iterations, n_linear = equilibrium_.linear_iterations;
     equilibrium_ = solid_.solve(factor, &timer_);
     equilibrium_.newton_iterations += n_newton;
     equilibrium_.linear_iterations += n_linear;
-    is_converged_ = equilibrium_.is_converged;
+    if (!equilibrium_.is_converged) return status_ = Status::NotConverged;
   }
-  n_done_ += is_converged_;
-  return is_converged_;
+  ++n_done_;
+  return status_;
 }
 
 std::vector<std::pair<std::string, double>> Simulation::strains(const Eigen::Matrix3Xd& u,

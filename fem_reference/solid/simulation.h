@@ -4,15 +4,25 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
 #include "fem_reference/solid/schemes.h"
+#include "meshing/algebra/status.h"
 #include "meshing/base/snapshot.h"
 #include "meshing/scene/scene.h"
 
 namespace testbed::fem {
+
+/// All that decides how a run goes on.
+struct State {
+  int n_done = 0;  ///< load or time steps that converged
+  MotionState motion;
+  std::optional<ElasticState> statics;  ///< absent: in motion
+  ElasticReport equilibrium;
+};
 
 class Simulation {
  public:
@@ -21,10 +31,13 @@ class Simulation {
 
   Simulation(const Simulation&) = delete;
 
-  /// Takes the next load step or time step. Returns whether it converged, without which it has ended.
-  bool advance();
-  bool has_ended() const { return n_done_ == n_steps_ || !is_converged_; }
-  bool is_converged() const { return is_converged_; }
+  /// Takes the next load step or time step. Returns how it ended: with a state to show, or the run with it.
+  Status advance();
+  bool has_ended() const { return n_done_ == n_steps_ || status_ != Status::Ok; }
+  Status status() const { return status_; }  ///< of the last step
+  State state() const;
+  /// Goes on from a state of a simulation of the same scene and mesh.
+  void set_state(const State& state);
   int n_done() const { return n_done_; }  ///< that converged
   int n_steps() const { return n_steps_; }
   /// In [0, 1]: linear equilibria are in proportion to the first.
@@ -54,7 +67,8 @@ class Simulation {
   StageTimer& timer_;
   Eigen::Matrix3d frame_;  ///< axes of the solid's coordinates, in columns
   ElasticSolid solid_;
-  bool is_proportional_, is_converged_ = true;
+  bool is_proportional_;
+  Status status_ = Status::Ok;
   int n_steps_, n_done_ = 0;
   size_t n_constrained_ = 0;  ///< unknowns in the step at hand
   double step_ = 0, damping_ = 0;

@@ -105,7 +105,7 @@ TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
   const auto last_of = [](FreeBox& box) {
     Simulation simulation = box.simulation();
     while (!simulation.has_ended()) simulation.advance();
-    EXPECT_TRUE(simulation.is_converged());
+    EXPECT_EQ(simulation.status(), Status::Ok);
     return std::pair(simulation.X(), simulation.snapshot().u);
   };
   for (const TimeMode mode : {TimeMode::Static, TimeMode::Dynamic})
@@ -180,6 +180,94 @@ TEST(Supports, LetGoAtTheirEnd) {
       }
       EXPECT_NEAR(simulation.integrator()->t(), box.scene.time.end, 1e-12);
     }
+}
+
+/// Clamped at one end, which moves; the other end is free from kEnd on. Gravity and a follower pressure act.
+FreeBox moved_box(const Scheme& scheme, MaterialLaw law) {
+  FreeBox box;
+  box.scene.initial.clear();
+  box.scene.gravity = Vector3d(1, -9.81, 0);
+  box.scene.material.law = law;
+  box.scene.reference.integrator = scheme.name;
+  box.scene.reference.degree = 1;
+  if (scheme.has_spectral_radius) box.scene.reference.spectral_radius = 0.5;
+  box.scene.supports.resize(2);
+  box.scene.supports[0].region.shape = HalfSpace{Vector3d(0, 0, 0), Vector3d(1, 0, 0)};
+  box.scene.supports[0].motion = {{0, 0, 0, 0}, {0.1, 0.05, 0, 0}};
+  box.scene.supports[1].region.shape = HalfSpace{Vector3d(1, 0, 0), Vector3d(-1, 0, 0)};
+  box.scene.supports[1].end = 0.02;
+  box.scene.loads.resize(1);
+  box.scene.loads[0].pressure = 1e4;
+  box.scene.loads[0].is_follower = law == MaterialLaw::NeoHookean;
+  return box;
+}
+
+Simulation& after(int n_steps, Simulation& simulation) {
+  for (int n = 0; n < n_steps; ++n) EXPECT_EQ(simulation.advance(), Status::Ok);
+  return simulation;
+}
+
+void expect_same(const Simulation& found, const Simulation& expected, double tolerance) {
+  const Snapshot a = found.snapshot(), b = expected.snapshot();
+  EXPECT_EQ(a.time, b.time);
+  EXPECT_EQ(found.n_done(), expected.n_done());
+  EXPECT_LE((a.u - b.u).norm(), tolerance * b.u.norm());
+  EXPECT_LE(std::abs(a.elastic_energy - b.elastic_energy), tolerance * b.elastic_energy);
+  EXPECT_EQ(a.strains.size(), b.strains.size());
+}
+
+TEST(State, OfAMotionIsAllThatDecidesHowItGoesOn) {
+  constexpr int kAfter = 10;
+  for (const Scheme& scheme : schemes())
+    for (const MaterialLaw law : {MaterialLaw::SmallStrain, MaterialLaw::NeoHookean})
+      for (const int n_before : {19, 20, 21}) {
+        FreeBox box = moved_box(scheme, law);
+        Simulation whole = box.simulation(), again = box.simulation(), forgetful = box.simulation();
+        const State middle = after(n_before, whole).state();
+        after(kAfter, whole);
+        again.set_state(middle);
+        after(kAfter, again);
+        const bool keeps_factors = !scheme.is_explicit() && law == MaterialLaw::NeoHookean;
+        constexpr double kSolved = 1e-8;  // Newton's method ends at 1e-10 of the forces
+        expect_same(again, whole, keeps_factors ? kSolved : 0);
+        after(n_before, forgetful).set_state(middle);
+        expect_same(after(kAfter, forgetful), again, 0);
+        State still = middle;
+        still.motion.a.setZero();
+        again.set_state(still);
+        EXPECT_GT((after(kAfter, again).snapshot().u - whole.snapshot().u).norm(),
+                  1e-6 * whole.snapshot().u.norm())
+            << "accelerations decide";
+      }
+}
+
+TEST(State, OfStaticsIsAllThatDecidesHowTheyGoOn) {
+  for (const MaterialLaw law : {MaterialLaw::SmallStrain, MaterialLaw::NeoHookean})
+    for (const bool is_proportional : {false, true}) {
+      FreeBox box = moved_box(schemes()[0], law);
+      box.scene.supports.resize(1);
+      box.scene.supports[0].motion = {{0, 0, 0, 0}, {1, 0.05, 0, 0}};
+      if (is_proportional) box.scene.supports[0].motion.clear();
+      box.scene.time.mode = TimeMode::Static;
+      box.scene.time.load_steps = 6;
+      Simulation whole = box.simulation(), again = box.simulation();
+      const State middle = after(3, whole).state();
+      again.set_state(middle);
+      expect_same(again, whole, 0);
+      after(3, whole);
+      after(3, again);
+      expect_same(again, whole, 1e-8);
+      EXPECT_EQ(again.state().statics->path.last.size(), whole.state().statics->path.last.size());
+      EXPECT_TRUE(again.has_ended());
+    }
+}
+
+TEST(State, OfTheOtherModeIsRefused) {
+  FreeBox box = moved_box(schemes()[0], MaterialLaw::SmallStrain), statics = box;
+  statics.scene.time.mode = TimeMode::Static;
+  statics.scene.supports.resize(1);
+  Simulation motion = box.simulation();
+  EXPECT_THROW(motion.set_state(statics.simulation().state()), std::runtime_error);
 }
 
 }  // namespace
