@@ -172,8 +172,7 @@ TEST_F(TwoBalls, GoOnFromWhatOthersRememberOfThem) {
   remember(memories_of(known), taught);
   const Matrix3Xd expected = of_step_at_x(known);
   EXPECT_EQ(of_step_at_x(taught), expected);
-  EXPECT_LT((of_step_at_x(fresh) + expected).norm(), (of_step_at_x(fresh) - expected).norm())
-      << "passed unseen";
+  EXPECT_GT((of_step_at_x(fresh) - expected).norm(), 0.1 * expected.norm()) << "passed unseen";
 }
 
 TEST_F(TwoBalls, ForceIsMinusEnergyGradientAndKeepsMomentum) {
