@@ -249,8 +249,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   body.prescribe = [&](double factor, Matrix3Xd& u) {
     const double from_factor = history.path.load_factor();
     if (stepped_to != factor)
-      for (const auto& energy : forces_.surface)
-        energy->begin_step(from_factor, factor - from_factor, last);
+      for (const auto& energy : forces_.surface) energy->begin_step(from_factor, factor - from_factor, last);
     stepped_to = factor;
     prescribe(forces_.constraints, Matrix3Xd::Zero(3, u.cols()), factor, 1, u);
   };
