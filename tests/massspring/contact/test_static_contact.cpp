@@ -118,7 +118,9 @@ TEST_P(StaticContactOf, FrictionHoldsTheFacesThatPlatesPress) {
   ASSERT_EQ(cube.solve(10), Status::Ok);
   const Matrix3Xd &X = cube.model.network.X, u = cube.state.x - X;
   for (int i = 0; i < X.cols(); ++i)
-    if (X(2, i) == 0 || X(2, i) == 1) EXPECT_LT(u.col(i).head<2>().norm(), 3e-4) << i;
+    if (X(2, i) == 0 || X(2, i) == 1) {
+      EXPECT_LT(u.col(i).head<2>().norm(), 3e-4) << i;
+    }
   EXPECT_GT(u.row(0).maxCoeff(), 0.01);
 }
 

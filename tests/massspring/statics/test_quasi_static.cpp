@@ -67,7 +67,9 @@ TEST(QuasiStatic, SaysThatALoadDrownsInTheRoundingOfTheLengthsOfSprings) {
     QuasiStaticSolver solver(model, forces);
     const StepReport report = solver.solve(1, state);
     EXPECT_EQ(report.status, force > 1e-10 ? Status::Ok : Status::NotConverged);
-    if (force < 1e-10) EXPECT_NE(report.reason.find("rounding"), std::string::npos) << report.reason;
+    if (force < 1e-10) {
+      EXPECT_NE(report.reason.find("rounding"), std::string::npos) << report.reason;
+    }
   }
 }
 
