@@ -175,7 +175,9 @@ TEST(Supports, LetGoAtTheirEnd) {
         simulation.advance();
         const double t = simulation.integrator()->t(), fall = std::max(0., t - kEnd);
         const Matrix3Xd u = simulation.snapshot().u;
-        const Matrix3Xd expected = Vector3d(0, 0, -kGravity * fall * fall / 2).replicate(1, u.cols());
+        const double late = scheme.name == "minimising_euler" ? box.scene.time.step : 0;  // implicit Euler
+        const Matrix3Xd expected =
+            Vector3d(0, 0, -kGravity * fall * (fall + late) / 2).replicate(1, u.cols());
         ASSERT_LT((u - expected).norm(), 1e-9) << t;
       }
       EXPECT_NEAR(simulation.integrator()->t(), box.scene.time.end, 1e-12);
@@ -232,6 +234,7 @@ TEST(State, OfAMotionIsAllThatDecidesHowItGoesOn) {
         expect_same(again, whole, keeps_factors ? kSolved : 0);
         after(n_before, forgetful).set_state(middle);
         expect_same(after(kAfter, forgetful), again, 0);
+        if (scheme.name == "minimising_euler") continue;  // to which accelerations are a first guess
         State still = middle;
         still.motion.a.setZero();
         again.set_state(still);

@@ -93,8 +93,7 @@ struct SlidingCube : Cube {
   std::optional<TimeStepper> stepper;
 
   SlidingCube(const std::string& integrator, double angle, const Obstacle& floor)
-      : Cube(pressing(angle), {floor}, 1e-3, 1e8),
-        h(integrator == "symplectic_euler" ? 2e-4 : 5e-4) {
+      : Cube(pressing(angle), {floor}, 1e-3, 1e8), h(integrator == "symplectic_euler" ? 2e-4 : 5e-4) {
     const auto begin = [&] { stepper.emplace(model, forces, integrator, 1, IntegratorOptions{}, contacts); };
     forces.mass_damping = 50;
     const double friction = std::exchange(contacts.bodies[0].friction, 0);
