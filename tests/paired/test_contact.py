@@ -51,7 +51,7 @@ def test_block_slides_where_the_slope_is_a_hundredth_too_steep(program, tmp_path
 
 def test_ball_bounces_alike_in_both_programs(tmp_path):
     experiment, comparison = compared("ball_drop", tmp_path)
-    assert comparison["models"]["node_averaged"]["displacement_error_l2"] < 0.05
+    assert comparison["models"]["node_averaged"]["displacement_error_l2"] < 0.1
     for folder in (experiment.reference_folder, experiment.massspring_folder("node_averaged")):
         run = load_run(folder)
 
