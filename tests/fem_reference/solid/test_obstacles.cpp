@@ -5,8 +5,8 @@
 #include <Eigen/QR>
 #include <cmath>
 
-#include "fem_reference/solid/dynamics.h"
 #include "meshing/surface_energies/barrier.h"
+#include "tests/fem_reference/dynamics_of.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::fem {
@@ -95,20 +95,11 @@ TEST_P(AmongObstacles, AThrownCubeBouncesByStepsThatGainNoEnergy) {
   loads.surface = {barrier_around({plate(-0.02, 1, 0)}, X, solid.faces(), kMaterial.E,
                                   std::vector<char>(X.cols(), false))};
   solid.assemble(kMaterial, ElasticLaw::NeoHookean, loads, {});
-  Dynamics s{solid.stiffness(), solid.mass(), 0, 0, VectorXd::Zero(solid.n_dofs()), {}, {}, {}};
-  s.linearise = [&](const VectorXd& u, bool with_tangent) {
-    return solid.linearise(u.reshaped(3, X.cols()), 1, with_tangent);
-  };
-  s.potential = [&](const VectorXd& u) { return solid.energy(u.reshaped(3, X.cols())); };
-  s.X = X;
-  s.surface = solid.surface();
+  const Dynamics s = dynamics_of(solid);
   GeneralisedAlpha motion(s, 0.002, kImplicitEuler);
   const VectorXd start = Vector3d(0.5, 0, -0.3).replicate(1, X.cols()).reshaped();
   motion.restart(VectorXd::Zero(start.size()), start);
-  const auto momentum = [&](int c) {
-    const VectorXd p = s.M * motion.v();
-    return VectorXd(p(Eigen::seq(c, Eigen::last, 3))).sum();
-  };
+  const auto momentum = [&](int c) { return momentum_of(s, motion.v(), c); };
   const double along = momentum(0), down = momentum(2), first = motion.kinetic_energy();
   double energy = first, lowest = 1;
   for (int n = 0; n < 150; ++n) {

@@ -3,12 +3,12 @@
 
 #include <Eigen/LU>
 
-#include "fem_reference/solid/dynamics.h"
 #include "meshing/surface_energies/barrier.h"
 #include "meshing/surface_energies/bending.h"
 #include "meshing/surface_energies/seams.h"
 #include "meshing/surface_energies/surface_points.h"
 #include "meshing/surface_energies/volume_penalty.h"
+#include "tests/fem_reference/dynamics_of.h"
 #include "tests/fem_reference/tets.h"
 #include "tests/meshing/box_tets.h"
 
@@ -196,20 +196,11 @@ TEST_P(OnSurfaces, AThrownBoxBouncesOffAFloorAndKeepsItsMomentumAlongIt) {
     ElasticLoads loads;
     loads.surface = {barrier_on_faces(solid, bodies, 1e3)};
     solid.assemble(kMaterial, law, loads, {});
-    Dynamics s{solid.stiffness(), solid.mass(), 0, 0, VectorXd::Zero(solid.n_dofs()), {}, {}, {}};
-    s.linearise = [&](const VectorXd& u, bool with_tangent) {
-      return solid.linearise(u.reshaped(3, X.cols()), 1, with_tangent);
-    };
-    s.potential = [&](const VectorXd& u) { return solid.energy(u.reshaped(3, X.cols())); };
-    s.X = X;
-    s.surface = solid.surface();
+    const Dynamics s = dynamics_of(solid);
     GeneralisedAlpha motion(s, 0.01, generalised_alpha(0));
     const VectorXd start = Vector3d(0.5, 0, -0.3).replicate(1, X.cols()).reshaped();
     motion.restart(VectorXd::Zero(start.size()), start);
-    const auto momentum = [&](int c) {
-      const VectorXd p = s.M * motion.v();
-      return VectorXd(p(Eigen::seq(c, Eigen::last, 3))).sum();
-    };
+    const auto momentum = [&](int c) { return momentum_of(s, motion.v(), c); };
     const double along = momentum(0), down = momentum(2), energy = motion.kinetic_energy();
     double lowest = 1, most = 0;
     for (int n = 0; n < 100; ++n) {
