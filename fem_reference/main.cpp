@@ -70,7 +70,7 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
 double foreseen_seconds(const Simulation& simulation, const Scene& scene) {
   const auto n = static_cast<double>(simulation.X().cols());
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
-  if (!simulation.integrator()) return n * (is_linear ? 1.6e-4 : 2.8e-4 * scene.time.load_steps);
+  if (!simulation.integrator()) return n * (is_linear ? 1e-4 : 2.8e-4 * scene.time.load_steps);
   const bool is_explicit = find_scheme(scene.reference.integrator).is_explicit();
   return simulation.n_steps() * n * (is_explicit ? 1e-6 : is_linear ? 6e-6 : 4e-5);
 }

@@ -25,6 +25,7 @@ from . import (
     reference,
     scaling,
     stability,
+    strips,
     verdicts,
     work_precision,
 )
@@ -68,6 +69,11 @@ STUDIES = {
         "table 1 and figures 7, 9, 10 and 11 beside the paper's, as published too, and a verdict for each of its claims",
         paper.study,
         frozenset({"scenes", "quick", "repetitions"}),
+    ),
+    "strips": Study(
+        "figure 11 by springs and by elements: shapes, volume and seconds, and what chance alone makes",
+        strips.study,
+        frozenset({"scenes", "quick"}),
     ),
     "reference": Study(
         "what elements lose by degree and refinement, what explicit ones cost, and frequencies beside the springs'",

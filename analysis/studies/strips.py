@@ -1,0 +1,295 @@
+"""The paper's strips with a referee: each scene of figure 11 by finite elements and by springs, on one surface.
+
+Such bodies fold and wrinkle where chance decides, so vertices are not compared one by one. Measured is what two bodies share
+all the same [analysis/shape_measures.py], at every frame that both have. Runs of slightly moved copies of the surface tell how
+far apart chance alone sets two runs of one method [analysis/spread.py].
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..drawing.film import draw_film, draw_strip
+from ..drawing.style import style_of, svg_of
+from ..methods import FEM_P1, FEM_P2, label_of
+from ..paths import SCENES
+from ..report import Table
+from ..run_store import Outcome, RunRequest, Store, read_toml, say
+from ..runs import Array, Run, RunError, load_frames
+from ..shape_measures import (
+    Surface,
+    curvature_histogram,
+    earth_movers_distance,
+    mass_properties,
+    shared_edges,
+    silhouette_differences,
+    surface_distance,
+)
+from ..spread import spread, statement
+from ..wording import percent
+from .bodies import random_of
+from .published import overrides_of, sound_part
+from .result import Figures, Result, Section, alone
+
+STRIPS = ("ball_deflates", "torus_implodes", "handle_folds", "head_crushes", "ball_inflates")
+_N_VERTICES = 300  # of the surfaces, as near as shapes allow
+_N_COPIES, _JITTER = 10, 1e-3  # of the surface for chance; what vertices move by, of the mean edge
+_N_FRAMES = 8  # of a motion, at which shapes are compared
+_LIMIT, _QUICK_LIMIT = 1500.0, 120.0  # s of a run
+PUBLISHED = "uniform, as published"
+_COUPLED = "node_averaged"
+
+
+def _elements(degree: int) -> tuple[str, tuple[str, ...]]:
+    return "fem_reference", (f"reference.degree={degree}", 'reference.integrator="minimising_euler"')
+
+
+def _springs(model: str) -> tuple[str, tuple[str, ...]]:
+    return "massspring", (f"network.calibration={model}", "time.integrator=minimising_euler")
+
+
+#: Method -> program and overrides; both programs minimise the same potential of a step.
+METHODS: dict[str, tuple[str, tuple[str, ...]]] = {
+    FEM_P2: _elements(2),
+    FEM_P1: _elements(1),
+    _COUPLED: _springs(_COUPLED),
+    "edge_coupled": _springs("edge_coupled"),
+    "uniform": _springs("uniform"),
+}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Of two motions, the mean over their shared frames but the first; lengths over the body's size at rest."""
+
+    volume: float  #: over that at rest
+    area: float  #: over that at rest
+    centre: float
+    inertia: float  #: Frobenius norm, over that at rest
+    mean_distance: float
+    hausdorff: float
+    silhouette: float  #: area of the symmetric difference over that of the union
+    curvature: float  #: earth mover's distance, times the body's size
+
+
+def size_of(X: Array) -> float:
+    """Diagonal of the box around points (m)."""
+    return float(np.linalg.norm(np.ptp(X, axis=0)))
+
+
+def surface_at(run: Run, time: float) -> Surface:
+    """The surface at a time (s), linear between frames."""
+    after = int(np.clip(np.searchsorted(run.times, time), 1, len(run.times) - 1))
+    a, b = run.frame(after - 1), run.frame(after)
+    share = np.clip((time - run.times[after - 1]) / (run.times[after] - run.times[after - 1]), 0, 1)
+    return a.X + (1 - share) * a.u + share * b.u, a.F
+
+
+def differences(run: Run, referee: Run, n_frames: int = _N_FRAMES) -> Difference:
+    """Of a run from its referee, to the end of the one that ends first. Raises RunError where there is one frame alone."""
+    end = min(run.times[-1], referee.times[-1])
+    if min(len(run.times), len(referee.times)) < 2 or not end > referee.times[0]:
+        raise RunError(f"{run.folder}: expected two frames")
+    rest = referee.frame(0)
+    of_rest, size = mass_properties((rest.X, rest.F)), size_of(rest.X)
+    rows = []
+    for time in np.linspace(referee.times[0], end, n_frames + 1)[1:]:
+        first, second = surface_at(run, time), surface_at(referee, time)
+        a, b = mass_properties(first), mass_properties(second)
+        apart = surface_distance(first, second)
+        edges = shared_edges([first, second])
+        histograms = [curvature_histogram(surface, edges) for surface in (first, second)]
+        rows.append(
+            [
+                abs(a.volume - b.volume) / of_rest.volume,
+                abs(a.area - b.area) / of_rest.area,
+                np.linalg.norm(a.centre - b.centre) / size,
+                np.linalg.norm(a.inertia - b.inertia) / np.linalg.norm(of_rest.inertia),
+                apart.mean / size,
+                apart.hausdorff / size,
+                silhouette_differences(first, second).mean(),
+                earth_movers_distance(*histograms, edges) * size,
+            ]
+        )
+    return Difference(*(float(value) for value in np.mean(rows, axis=0)))
+
+
+def jittered(frame_X: Array, F: Array, name: str) -> Array:
+    """Vertices (n, 3) moved at random, in the same way for the same name."""
+    edges = frame_X[F] - frame_X[np.roll(F, 1, axis=1)]
+    by = _JITTER * float(np.linalg.norm(edges, axis=2).mean())
+    moved: Array = frame_X + by * random_of(name).standard_normal(frame_X.shape)
+    return moved
+
+
+def _write_obj(file: Path, X: Array, F: Array) -> None:
+    lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in X]
+    lines += [f"f {a} {b} {c}" for a, b, c in F + 1]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("\n".join(lines) + "\n")
+
+
+def methods_of(scene: Path) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """The methods, and the paper's own where the scene has what it is made of."""
+    published = ("massspring", overrides_of(scene, "implicit_euler", 1))
+    return METHODS | {PUBLISHED: published}
+
+
+class Strip:
+    """One scene by every method."""
+
+    def __init__(self, scene: Path, store: Store, overrides: Sequence[str]) -> None:
+        self.scene, self.store, self.overrides = scene, store, tuple(overrides)
+        self.outcomes: dict[str, Outcome] = {}
+        self.runs: dict[str, Run] = {}
+
+    def run(self, method: str, overrides: Sequence[str] = ()) -> Outcome:
+        program, own = methods_of(self.scene)[method]
+        options = ("--no-diagnostics",) if program == "massspring" else ()
+        return self.store.run(RunRequest(program, self.scene, (*self.overrides, *own, *overrides), options))
+
+    def measure(self, methods: Sequence[str]) -> None:
+        for method in methods:
+            outcome = self.outcomes[method] = self.run(method)
+            if (outcome.folder / "frames.pvd").exists():
+                run = sound_part(load_frames(outcome.folder))
+                if len(run.times) > 1:
+                    self.runs[method] = run
+
+    @property
+    def referee(self) -> str | None:
+        """The finest elements that came to the end."""
+        for method in (FEM_P2, FEM_P1):
+            if method in self.outcomes and self.outcomes[method].status == "ok":
+                return method
+        return None
+
+    def rows(self) -> list[list[str]]:
+        rows = []
+        for method, outcome in self.outcomes.items():
+            seconds = outcome.record.get("seconds", {}).get("solve")
+            row = [
+                self.scene.stem,
+                label_of(method),
+                outcome.status,
+                "-" if seconds is None else f"{seconds:.3g}",
+            ]
+            if self.referee and method in self.runs and method != self.referee:
+                of = differences(self.runs[method], self.runs[self.referee])
+                row += [percent(value, 2) for value in (of.volume, of.area, of.centre, of.inertia)]
+                row += [percent(value, 2) for value in (of.mean_distance, of.hausdorff, of.silhouette)]
+                row += [f"{of.curvature:.2g}"]
+            else:
+                row += ["0" if method == self.referee else "-"] * 8
+            rows.append(row)
+        return rows
+
+    def copies(self, method: str, n: int, folder: Path) -> list[Surface]:
+        """Ends of runs of moved copies of the surface."""
+        rest = next(iter(self.runs.values())).frame(0)
+        ends = []
+        for number in range(n):
+            file = folder / f"{self.scene.stem}_{number}.obj"
+            if not file.exists():
+                _write_obj(file, jittered(rest.X, rest.F, file.stem), rest.F)
+            as_file = [
+                f'surface.file="{file}"', 'surface.shape=""', "surface.size=[0,0,0]", "surface.across=0"
+            ]  # fmt: skip
+            outcome = self.run(method, as_file)
+            if outcome.status == "ok":
+                run = load_frames(outcome.folder)
+                ends.append(surface_at(run, run.times[-1]))
+        return ends
+
+
+def curves(strip: Strip) -> str:
+    """Volume, area and kinetic energy of every method over time."""
+    figure = Figure(figsize=(9, 3))
+    for axes, name in zip(figure.subplots(1, 3), ("volume", "area", "kinetic_energy"), strict=True):
+        for number, (method, run) in enumerate(strip.runs.items()):
+            first = run.curves[name][0] if name != "kinetic_energy" else 1
+            axes.plot(
+                run.curves["time"],
+                run.curves[name] / first,
+                color=style_of(method, number).colour,
+                linestyle="--" if method == strip.referee else "-",
+                label=label_of(method),
+            )
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel("kinetic energy (J)" if name == "kinetic_energy" else f"{name} over that at rest")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
+    figure.set_layout_engine("constrained")
+    return svg_of(figure)
+
+
+def chance(strip: Strip, n: int, folder: Path) -> str:
+    """Whether coupled springs and linear elements differ by more than copies of either do."""
+    first, second = (strip.copies(method, n, folder) for method in (_COUPLED, FEM_P1))
+    if min(len(first), len(second)) < 2:
+        return f"{strip.scene.stem}: of {n} copies too few ended."
+    size = size_of(first[0][0])
+    found = spread(first, second, lambda a, b: 100 * surface_distance(a, b).mean / size)
+    return f"{strip.scene.stem}: {statement(found, _COUPLED, FEM_P1, '% of the size')}"
+
+
+HEAD = [
+    "scene", "method", "status", "seconds", "volume", "area", "centre", "inertia", "distance", "Hausdorff", "silhouette",
+    "curvature",
+]  # fmt: skip
+
+
+def finding(rows: list[list[str]]) -> str:
+    """The study in one sentence."""
+    scenes = sorted({row[0] for row in rows})
+    judged = [row for row in rows if row[1] == label_of(_COUPLED) and row[8] not in ("-", "0")]
+    return (
+        f"{len({row[0] for row in judged})} of {len(scenes)} strips have a referee; surfaces of {_COUPLED} lie "
+        + ", ".join(f"{row[8]} ({row[0]})" for row in judged)
+        + " of the body's size from it in the mean."
+    )
+
+
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """--quick: the first scene, without quadratic elements and copies."""
+    is_quick = arguments.quick
+    store = Store(folder / "runs", time_limit=_QUICK_LIMIT if is_quick else _LIMIT)
+    names = STRIPS[:1] if is_quick else STRIPS
+    scenes = arguments.scenes or [SCENES / f"{name}.toml" for name in names]
+    rows: list[list[str]] = []
+    sections = []
+    for scene in scenes:
+        has_shape = "shape" in read_toml(scene).get("surface", {})
+        strip = Strip(scene, store, [f"surface.n_vertices={_N_VERTICES}"] if has_shape else [])
+        methods = [method for method in methods_of(scene) if not (is_quick and method == FEM_P2)]
+        with alone(arguments.quiet):
+            for method in methods:
+                say(f"{scene.stem}, {method}", arguments.quiet)
+                strip.measure([method])
+        rows += strip.rows()
+        figures: Figures = {}
+        if len(strip.runs) > 1:
+            film = folder / f"{scene.stem}.gif"
+            draw_strip(folder / f"{scene.stem}.png", strip.runs)
+            draw_film(film, strip.runs)
+            figures[f"{scene.stem}_strip"] = (folder / f"{scene.stem}.png", f"{scene.stem} by each method.")
+            figures[f"{scene.stem}_curves"] = (curves(strip), "Dashed: what judges.")
+        sentences = []
+        if not is_quick and strip.referee:
+            say(f"{scene.stem}, copies", arguments.quiet)
+            sentences.append(chance(strip, _N_COPIES, folder / "surfaces"))
+        sections.append(Section(scene.stem, sentences, figures))
+    table: Table = (HEAD, rows)
+    sections.insert(0, Section("Differences", [_HOW], {}, {"strips": table}))
+    return Result("The paper's strips with a referee", finding(rows), sections)
+
+
+_HOW = (
+    "Each row is the mean over the motion's frames. Volume, area and inertia are over those at rest, lengths over the body's "
+    "size, silhouettes over their union. Quadratic elements judge where they come to the end, linear ones elsewhere."
+)

@@ -1,0 +1,83 @@
+"""Strips of motions whose differences are known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from synthetic import write_run
+
+from analysis.methods import FEM_P1, FEM_P2
+from analysis.run_store import Outcome
+from analysis.runs import RunError, load_frames
+from analysis.studies import strips
+
+SIZE = 2 * np.sqrt(3)  # of a ball of radius 1
+
+
+def motion(folder, ball, displacement, times=None):
+    times = np.linspace(0, 1, 5) if times is None else times
+    write_run(folder, *ball, displacement, times, calibration="uniform")
+    return load_frames(folder)
+
+
+def test_a_motion_differs_from_itself_by_nothing(ball, tmp_path):
+    run = motion(tmp_path / "a", ball, lambda X: 0.1 * X)
+    found = strips.differences(run, run)
+    assert max(vars(found).values()) < 1e-12
+
+
+def test_a_body_beside_another_differs_by_the_way_between(ball, tmp_path):
+    """Displacements grow evenly over time, so that the mean over four frames of five is 5/8 of the last."""
+    still = motion(tmp_path / "a", ball, lambda X: 0 * X)
+    moved = motion(tmp_path / "b", ball, lambda X: 0 * X + [0.2, 0, 0])
+    found = strips.differences(moved, still, 4)
+    assert found.centre == pytest.approx(0.2 * 5 / 8 / SIZE, rel=1e-2)
+    assert found.volume < 1e-12 and found.area < 1e-12 and found.inertia < 1e-9
+    assert 0 < found.mean_distance < found.hausdorff <= 0.2 * 5 / 8 / SIZE + 1e-2
+
+
+def test_a_body_that_grows_differs_by_its_volume(ball, tmp_path):
+    still = motion(tmp_path / "a", ball, lambda X: 0 * X)
+    grown = motion(tmp_path / "b", ball, lambda X: 0.1 * X)
+    found = strips.differences(grown, still, 1)
+    assert found.volume == pytest.approx(1.1**3 - 1, rel=1e-9)
+    assert found.area == pytest.approx(1.1**2 - 1, rel=1e-9)
+    assert found.inertia == pytest.approx(1.1**5 - 1, rel=1e-9)
+    assert found.silhouette == pytest.approx(1 - 1 / 1.1**2, rel=1e-6)
+    assert found.mean_distance == pytest.approx(0.1 / SIZE, rel=2e-2)
+
+
+def test_surfaces_between_frames_are_linear_in_time(ball, tmp_path):
+    run = motion(tmp_path / "a", ball, lambda X: 0.4 * X, np.linspace(0, 1, 2))
+    X, _ = strips.surface_at(run, 0.25)
+    assert X == pytest.approx(1.1 * run.frame(0).X)
+    assert strips.surface_at(run, 9.0)[0] == pytest.approx(1.4 * run.frame(0).X)
+
+
+def test_a_run_of_one_frame_is_refused(ball, tmp_path):
+    run = motion(tmp_path / "a", ball, lambda X: 0 * X, np.array([0.0]))
+    with pytest.raises(RunError, match="two frames"):
+        strips.differences(run, run)
+
+
+def test_copies_move_by_a_part_of_an_edge_and_by_their_name(ball):
+    X, F = ball
+    moved = strips.jittered(X, F, "a_1")
+    edges = np.linalg.norm(X[F] - X[np.roll(F, 1, axis=1)], axis=2).mean()
+    assert (moved - X).std() == pytest.approx(1e-3 * edges, rel=0.2)
+    assert (moved == strips.jittered(X, F, "a_1")).all()
+    assert (moved != strips.jittered(X, F, "a_2")).any()
+
+
+@pytest.mark.parametrize(
+    ("ends", "referee"),
+    [
+        ({FEM_P1: "ok", FEM_P2: "ok"}, FEM_P2),
+        ({FEM_P1: "ok", FEM_P2: "time limit"}, FEM_P1),
+        ({FEM_P1: "not_converged", FEM_P2: "not_converged"}, None),
+    ],
+)
+def test_the_finest_elements_that_came_to_the_end_judge(ends, referee):
+    strip = strips.Strip(SimpleNamespace(stem="scene"), None, [])
+    strip.outcomes = {method: Outcome(status, "", 1, 1, 0) for method, status in ends.items()}
+    assert strip.referee == referee
