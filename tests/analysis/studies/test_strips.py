@@ -70,7 +70,7 @@ def test_copies_move_by_a_part_of_an_edge_and_by_their_name(ball):
 
 
 @pytest.mark.parametrize(
-    ("ends", "referee"),
+    "ends, referee",
     [
         ({FEM_P1: "ok", FEM_P2: "ok"}, FEM_P2),
         ({FEM_P1: "ok", FEM_P2: "time limit"}, FEM_P1),
