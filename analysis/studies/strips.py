@@ -114,7 +114,7 @@ def differences(run: Run, referee: Run, n_frames: int = _N_FRAMES) -> Difference
                 apart.mean / size,
                 apart.hausdorff / size,
                 silhouette_differences(first, second).mean(),
-                earth_movers_distance(*histograms, edges) * size,
+                earth_movers_distance(histograms[0], histograms[1], edges) * size,
             ]
         )
     return Difference(*(float(value) for value in np.mean(rows, axis=0)))
