@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from ..drawing.film import draw_strip
 from ..drawing.network_pictures import draw_before_and_after
 from ..drawing.style import style_of, svg_of
-from ..drawing.warp import WARPS, warp_of
+from ..time_warp import WARPS, warp_of
 from ..paths import PROGRAMS, SCENES, write_text
 from ..report import Table
 from ..run_store import RunRequest, Store
