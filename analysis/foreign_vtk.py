@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 DISPLACEMENTS = ("displacement", "displacements", "disp", "u")  # names of arrays, in any case
-_START, _BYTE = 20, 5e-7  # s of computing, and for each byte
+_START, _BYTE = 10, 5e-7  # s of computing, and for each byte
 _MEMORY, _MEMORY_OF_BYTE = (
     6_000_000_000,
     60,
