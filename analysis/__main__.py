@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import shlex
 import signal
 import sys
+import traceback
 from pathlib import Path
 
 from . import grid, pair, remesh, reproduce
 from .experiment import TIME_LIMIT, default_folder, run_solvers, surface_file, surface_overrides
+from .folder_lock import locked
 from .index import write_index
+from .outputs import forget
 from .paths import OUT, SCENES
 from .report import text_of
 from .results import results_of
@@ -52,6 +56,12 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="./testbed", description="Run and compare both solvers.")
     commands = parser.add_subparsers(dest="command", required=True)
     common = argparse.ArgumentParser(add_help=False)
+    forced = argparse.ArgumentParser(add_help=False)
+    forced.add_argument(
+        "--force",
+        action="store_true",
+        help="forget all results in the output folder, and run everything anew",
+    )
     common.add_argument("--quiet", action="store_true", help="no progress")
     scene = argparse.ArgumentParser(add_help=False)
     scene.add_argument(
@@ -75,7 +85,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         )  # fmt: skip
 
     run = add(
-        "run", [scene],
+        "run", [scene, forced],
         "Runs both solvers on a scene and reports how far they differ. What has not changed is not run again.",
         _RUN_EXAMPLES,
     )  # fmt: skip
@@ -118,7 +128,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     )  # fmt: skip
 
     sweep = add(
-        "sweep", [scene],
+        "sweep", [scene, forced],
         "Runs both solvers over a grid of values: a table and a plot of how far they differ. A sweep that was killed "
         "continues; a run that fails is a row that says why.",
         _SWEEP_EXAMPLES,
@@ -146,7 +156,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     compare.add_argument("reference", type=Path, metavar="B", help="the reference")
     compare.add_argument("--out", type=Path, metavar="DIR", help="default: out/compare/A-B")
     again = add(
-        "reproduce", [],
+        "reproduce", [forced],
         "Makes published tables and figures again and shows what differs from the stored ones, by analysis/manifest.toml. "
         "What is finished is not run again; the exit status is 1 where anything differs. Rows of bodies that are not shipped "
         "are left out, and it is said where these are found.",
@@ -159,7 +169,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     study.add_arguments(
         add(
             "study",
-            [],
+            [forced],
             "Measures something over many runs and reports it. A study that was killed continues. Timed runs are made one "
             "at a time: leave the machine alone meanwhile.",
             study.examples(),
@@ -177,6 +187,13 @@ def _part(text: str) -> tuple[int, int]:
 
 def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or default_folder(arguments.scene, arguments.surface)
+    with locked(folder):
+        return _run_in(folder, arguments)
+
+
+def _run_in(folder: Path, arguments: argparse.Namespace) -> int:
+    if arguments.force:
+        forget(folder)
     surface, overrides = arguments.surface, [*arguments.overrides, *surface_overrides(arguments)]
     if arguments.remesh:
         surface = remesh.remeshed_of(surface or surface_file(arguments.scene), folder)
@@ -197,6 +214,9 @@ _COMMANDS = {
 
 
 def main() -> int:
+    for stream in (sys.stdout, sys.stderr):
+        assert isinstance(stream, io.TextIOWrapper)
+        stream.reconfigure(errors="backslashreplace")  # names of files need not be text
     try:
         arguments = parse_arguments(sys.argv[1:])
         status = _COMMANDS[arguments.command](arguments)
@@ -206,6 +226,9 @@ def main() -> int:
         if not error.is_told:
             print(f"error: {error}", file=sys.stderr)
         return 1
+    except MemoryError:
+        print("error: takes more memory than there is, expected a coarser body", file=sys.stderr)
+        return 1
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python fails again when it ends
         return 128 + signal.SIGPIPE
@@ -213,6 +236,16 @@ def main() -> int:
         # What is finished is kept; a solver at work has got the signal, too, or dies with this process.
         print(f"\nstopped; to continue: ./testbed {shlex.join(sys.argv[1:])}", file=sys.stderr)
         return 130
+    except Exception as error:  # a file that cannot be written, or our mistake
+        print(f"error: {told(error)}", file=sys.stderr)
+        return 1
+
+
+def told(error: Exception) -> str:
+    """An unforeseen error in one line, with the place in the code that met it."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    where = "" if isinstance(error, OSError) else f" ({Path(last.filename).name}:{last.lineno})"
+    return " ".join(f"{type(error).__name__}: {error}{where}".split())
 
 
 if __name__ == "__main__":

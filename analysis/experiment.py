@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import shutil
 import sys
-import tomllib
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,20 @@ from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
 from .paths import PROGRAMS, ROOT
 from .references import halve_step, refine
-from .run_store import read_toml, say
-from .runs import LATE, NOT_MODELLED, NOT_OK, REFUSED, SOLVED, RunError, built, outcome_of
+from .run_store import say, value_of
+from .runs import (
+    LATE,
+    NOT_MODELLED,
+    NOT_OK,
+    REFUSED,
+    SOLVED,
+    RunError,
+    built,
+    outcome_of,
+    read_toml,
+    record_of,
+)
+from .time_warp import warp_of
 from .wording import significant
 
 #: s, that a further solve of the reference for its error may take, as foreseen
@@ -38,12 +50,15 @@ def _scaling(checked: str) -> tuple[str, ...]:
 
 
 def default_folder(scene: Path, surface: Path | None) -> Path:
-    """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's."""
+    """out/NAME, or out/NAME-SURFACE where a surface is given, NAME being the scene's.
+
+    Raises RunError for a name that names no folder in out.
+    """
     name = scene.stem
-    with suppress(
-        OSError, UnicodeDecodeError, tomllib.TOMLDecodeError
-    ):  # the solver says what is wrong with it
-        name = tomllib.loads(scene.read_text()).get("name", name)
+    with suppress(RunError):  # the solver says what is wrong with it
+        name = read_toml(scene).get("name", name)
+    if not isinstance(name, str) or name in ("", ".", "..") or re.search(r"[/\x00\ud800-\udfff]", name):
+        raise RunError(f"{scene}: name = {name!r}, expected the name of a folder: without / and NUL")
     return ROOT / "out" / (f"{name}-{surface.stem}" if surface else name)
 
 
@@ -66,6 +81,28 @@ def _run(command: list[str], is_quiet: bool, limit: float | None = None) -> Ende
     ended = execute(command, is_quiet, limit)
     sys.stderr.write(ended.remarks)
     return ended
+
+
+@contextmanager
+def _no_report_of_a_failure(folder: Path) -> Iterator[None]:
+    """What fails within it leaves no report of other values."""
+    try:
+        yield
+    except RunError:
+        for name in ("comparison.json", "report.html"):
+            (folder / name).unlink(missing_ok=True)
+        raise
+
+
+def check_playback(scene: Path, overrides: list[str]) -> None:
+    """Raises RunError for a time warp of the scene that is none, before anything is solved for it."""
+    settings = dict(read_toml(scene).get("playback", {}))
+    for override in overrides:
+        key, _, text = override.partition("=")
+        if key.startswith("playback."):
+            settings[key.removeprefix("playback.")] = value_of(text)
+    if settings.get("warp"):
+        warp_of(settings["warp"], settings.get("points"), settings.get("expression", ""))
 
 
 def run_solvers(
@@ -97,59 +134,63 @@ def run_solvers(
     checked = _run(command_of("massspring", folder, options=("--check",)), is_quiet=True)
     if checked.status != SOLVED:
         raise RunError(checked.errors or "massspring refuses the scene: nothing has been solved")
-    wanted = load_scale.wanted_strain(read_toml(scene_file), overrides)
-    if wanted is not None:
-        trial = folder / "load_scale_trial"
-        say(f"a trial for a strain of {wanted:g}", is_quiet)
-        status, errors = run("massspring", trial, *load_scale.TRIAL, options=load_scale.OPTIONS)
-        if status != SOLVED:
+    check_playback(scene_file, overrides)
+    with _no_report_of_a_failure(folder):
+        wanted = load_scale.wanted_strain(read_toml(scene_file), overrides)
+        if wanted is not None:
+            trial = folder / "load_scale_trial"
+            say(f"a trial for a strain of {wanted:g}", is_quiet)
+            status, errors = run("massspring", trial, *load_scale.TRIAL, options=load_scale.OPTIONS)
+            if status != SOLVED:
+                raise RunError(
+                    errors
+                    or f"load_scale.strain = {wanted}: the trial solve that finds a factor for it failed, see {trial}"
+                )
+            overrides = [*overrides, load_scale.factor_override(wanted, trial)]
+        say(label_of(REFERENCE), is_quiet)
+        status, errors = run("fem_reference", folder / "fem_reference", options=("--checked",))
+        if status not in (SOLVED, NOT_OK, NOT_MODELLED):
+            is_told = status == REFUSED and not errors
+            raise RunError(errors or f"fem_reference gave no result (exit status {status})", is_told)
+        shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
+        scene = read_toml(folder / "scene.toml")
+        # The springs' program names the models: where the scene is the paper's, those that the scene names do not count.
+        scene["network"]["calibration"], *scene["comparison"]["calibrations"] = json.loads(checked.output)[
+            "models"
+        ]
+        record = record_of(folder / "fem_reference")
+        # A static one that came some way is compared there.
+        if status == NOT_OK and not record.get("load_factor_reached"):
             raise RunError(
-                errors
-                or f"load_scale.strain = {wanted}: the trial solve that finds a factor for it failed, see {trial}"
+                f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}"
             )
-        overrides = [*overrides, load_scale.factor_override(wanted, trial)]
-    say(label_of(REFERENCE), is_quiet)
-    status, errors = run("fem_reference", folder / "fem_reference", options=("--checked",))
-    if status not in (SOLVED, NOT_OK, NOT_MODELLED):
-        is_told = status == REFUSED and not errors
-        raise RunError(errors or f"fem_reference gave no result (exit status {status})", is_told)
-    shutil.copyfile(folder / "fem_reference" / "scene.toml", folder / "scene.toml")
-    scene = tomllib.loads((folder / "scene.toml").read_text())
-    # The springs' program names the models: where the scene is the paper's, those that the scene names do not count.
-    scene["network"]["calibration"], *scene["comparison"]["calibrations"] = json.loads(checked.output)[
-        "models"
-    ]
-    record = json.loads((folder / "fem_reference" / "run.json").read_text())
-    # A static one that came some way is compared there.
-    if status == NOT_OK and not record.get("load_factor_reached"):
-        raise RunError(
-            f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}"
-        )
-    unsolved = record["reason"] if status == NOT_MODELLED else ""
+        unsolved = record["reason"] if status == NOT_MODELLED else ""
 
-    notes = (*(f"{warning}." for warning in checked.warnings), *_scaling(checked.output))
-    experiment = Experiment(folder, scene, {}, unsolved, notes, command)
-    for calibration in experiment.calibrations:
-        out = experiment.massspring_folder(calibration)
-        say(label_of(calibration), is_quiet)
-        status, errors = run("massspring", out, f"network.calibration={calibration}", options=("--checked",))
-        outcome = errors or f"exit status {status}"
-        if status in (SOLVED, NOT_OK):
-            outcome = outcome_of(json.loads((out / "run.json").read_text()))
-        if outcome != "ok":
-            experiment.failed[calibration] = outcome
+        notes = (*(f"{warning}." for warning in checked.warnings), *_scaling(checked.output))
+        experiment = Experiment(folder, scene, {}, unsolved, notes, command)
+        for calibration in experiment.calibrations:
+            out = experiment.massspring_folder(calibration)
+            say(label_of(calibration), is_quiet)
+            status, errors = run(
+                "massspring", out, f"network.calibration={calibration}", options=("--checked",)
+            )
+            outcome = errors or f"exit status {status}"
+            if status in (SOLVED, NOT_OK):
+                outcome = outcome_of(record_of(out))
+            if outcome != "ok":
+                experiment.failed[calibration] = outcome
 
-    def solve_by(program: str, *more: str) -> Callable[[Path, list[str], float], tuple[int, str]]:
-        def solve(out: Path, words: list[str], limit: float) -> tuple[int, str]:
-            ended = _run(command_of(program, out, *more, *words, options=("--checked",)), is_quiet, limit)
-            return LATE if ended.is_late else ended.status, ended.errors
+        def solve_by(program: str, *more: str) -> Callable[[Path, list[str], float], tuple[int, str]]:
+            def solve(out: Path, words: list[str], limit: float) -> tuple[int, str]:
+                ended = _run(command_of(program, out, *more, *words, options=("--checked",)), is_quiet, limit)
+                return LATE if ended.is_late else ended.status, ended.errors
 
-        return solve
+            return solve
 
-    if unsolved:
-        own = solve_by("massspring", f"network.calibration={experiment.calibration}")
-        return halve_step(experiment, own, time_limit, is_quiet)
-    return refine(experiment, solve_by("fem_reference"), time_limit, is_quiet, is_refined_once)
+        if unsolved:
+            own = solve_by("massspring", f"network.calibration={experiment.calibration}")
+            return halve_step(experiment, own, time_limit, is_quiet)
+        return refine(experiment, solve_by("fem_reference"), time_limit, is_quiet, is_refined_once)
 
 
 def _command(scene: Path, surface: Path | None, overrides: list[str]) -> str:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
-import pyvista as pv
 
+from . import foreign_vtk
+from .paths import ROOT
 from .runs import Array, Run, RunError, load_run
 
 _VTK = (".vtk", ".vtu", ".vtp")
-_DISPLACEMENTS = ("displacement", "displacements", "disp", "u")  # names of VTK's arrays, in any case
 _FEBIO = ("x", "y", "z", "ux", "uy", "uz")
 
 
@@ -39,7 +43,7 @@ def read_result(path: Path) -> Result:
     if path.is_dir():
         run = load_run(path, may_stop=True)
         return Result(str(path), (run.last.X,), run.last.u, run.last.F, run)
-    if not path.exists():
+    if not path.is_file():  # pipes and devices may never end
         raise RunError(
             f"{path}: missing, expected the folder of a run, .frd, .vtk, .vtu, .vtp or FEBio's node data"
         )
@@ -51,18 +55,41 @@ def read_result(path: Path) -> Result:
 
 
 def _read_vtk(file: Path) -> Result:
-    mesh = pv.read(file)
-    names = {name.lower(): name for name in mesh.point_data}
-    name = next((names[name] for name in _DISPLACEMENTS if name in names), None)
-    if name is None or mesh.point_data[name].shape != (mesh.n_points, 3):
-        raise RunError(
-            f"{file}: arrays {', '.join(mesh.point_data) or 'none'}, expected 'displacement' of 3 components at points"
-        )
-    mesh.point_data["of_point"] = np.arange(mesh.n_points)
-    surface = mesh.extract_surface(algorithm="dataset_surface").triangulate()
-    F = np.asarray(surface.point_data["of_point"])[surface.regular_faces] if surface.n_cells else None
-    x, u = (np.asarray(values, dtype=float) for values in (mesh.points, mesh.point_data[name]))
-    return Result(str(file), (x, x - u), u, F)
+    """By a process of its own, which may crash or never end."""
+    with TemporaryDirectory() as folder:
+        out = Path(folder) / "result.npz"
+        command = [
+            "setpriv",
+            "--pdeathsig",
+            "KILL",
+            sys.executable,
+            "-m",
+            foreign_vtk.__name__,
+            str(file),
+            str(out),
+        ]
+        paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
+        one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        waiting = 10 * foreign_vtk.seconds_of(file)
+        try:
+            done = subprocess.run(
+                command, env=os.environ | one_thread | {"PYTHONPATH": paths}, stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL, timeout=waiting, check=False,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            raise RunError(
+                f"{file}: VTK did not read it in {waiting:.0f} s, expected an undamaged file"
+            ) from None
+        if done.returncode == 1:
+            raise RunError(f"{file}: {done.stdout[:1000].decode(errors='replace').strip()}")
+        if done.returncode != 0:
+            raise RunError(
+                f"{file}: VTK's reader fails on it ({done.returncode}), expected an undamaged file"
+            )
+        with np.load(out) as arrays:
+            x, u = arrays["x"], arrays["u"]
+            F = arrays["F"]
+    return Result(str(file), (x, x - u), u, F if len(F) else None)
 
 
 def _read_frd(file: Path) -> Result:
@@ -85,7 +112,11 @@ def _read_frd(file: Path) -> Result:
             elif kind[:1] == ["-3"]:
                 into = None
             elif line[:3] == " -1" and into is not None:
+                if len(line) < 49:
+                    raise ValueError
                 into[int(line[3:13])] = [float(line[at : at + 12]) for at in (13, 25, 37)]
+        if into is not None:
+            raise RunError(f"{file}: ends within its nodes or displacements, expected a whole file")
     except ValueError:
         raise RunError(f"{place}, expected a node and three numbers") from None
     if not positions or positions.keys() != displacements.keys():
@@ -105,13 +136,18 @@ def _read_febio(file: Path) -> Result:
     rows: list[list[float]] = []
     place = str(file)
     try:
-        for number, line in enumerate(file.read_text(errors="replace").splitlines(), 1):
+        text = file.read_text(errors="replace")
+        for number, line in enumerate(text.splitlines(), 1):
             place = f"{file}:{number}: '{line.strip()[:60]}'"
             if line.startswith("*"):
                 if match := re.match(r"\*Data\s*=\s*(.*)", line):
                     names, rows = match[1].strip().split(";"), []
             elif line.strip() and names:
                 rows.append([float(word) for word in re.split(r"[\s,;]+", line.strip())])
+                if len(rows[-1]) != 1 + len(names):
+                    raise ValueError
+        if not text.endswith("\n"):
+            raise RunError(f"{place}: the last line has no end, expected a whole file")
         if not set(_FEBIO) <= set(names) or not rows:
             raise RunError(f"{file}: data {';'.join(names) or 'none'}, {asked}")
         table = np.array(rows)[:, 1:]  # the first word is the node's number

@@ -16,10 +16,12 @@ from matplotlib.figure import Figure
 from .compare import compare_runs
 from .drawing.style import number_logarithmic, style_of, svg_of
 from .experiment import default_folder, surface_overrides
+from .folder_lock import locked
+from .outputs import forget
 from .paths import ROOT, write_text
 from .report import html_table, page, svg_figure, text_table
-from .run_store import Outcome, RunRequest, Store, read_toml, reminders, say
-from .runs import RunError, load_run
+from .run_store import Outcome, RunRequest, Store, reminders, say
+from .runs import RunError, load_run, read_toml
 from .verdict import SERVES
 from .wording import percent
 
@@ -225,6 +227,20 @@ def sweep(
 
     part: (i, n) runs the i-th of every n runs only, and writes no table: the share of one of n machines.
     """  # fmt: skip
+    if part == (1, 1):
+        with locked(folder):
+            return _sweep(scene, grid, folder, part, is_quiet, store)
+    return _sweep(scene, grid, folder, part, is_quiet, store)  # beside other parts
+
+
+def _sweep(
+    scene: Path,
+    grid: dict[str, list[str]],
+    folder: Path,
+    part: tuple[int, int],
+    is_quiet: bool,
+    store: Store | None,
+) -> list[Row]:
     store = store or Store(folder / "runs")
     settings = settings_of(grid)
     share = settings[part[0] - 1 :: part[1]]
@@ -261,6 +277,10 @@ def main(arguments: Any) -> int:
         key, _, value = override.partition("=")
         grid[key] = [value]
     folder = arguments.out or ROOT / "out" / "sweep" / default_folder(arguments.scene, arguments.surface).name
+    if arguments.force and arguments.part != (1, 1):
+        raise RunError("--force with --part: other parts may be at work, expected one of them")
+    if arguments.force:
+        forget(folder)
     with reminders("sweep", arguments.quiet):
         rows = sweep(arguments.scene.resolve(), grid, folder, arguments.part, arguments.quiet)
     if arguments.part == (1, 1):

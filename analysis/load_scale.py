@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from .runs import Array, RunError
+from .runs import Array, RunError, load_frames
 from .small_strain import stays_below
 
 _SHARE = (
@@ -50,7 +50,7 @@ def factor_override(wanted: float, trial: Path) -> str:
 
 def strain_of(folder: Path) -> float:
     """Of a run's last frame with tetrahedra: what all but a hundredth of the volume stays below."""
-    grid = pv.read(sorted((folder / "frames").glob("*.vtu"))[-1])
+    grid = pv.read(load_frames(folder).file(-1))
     X, u = (np.asarray(grid.point_data[name], dtype=float) for name in ("rest_position", "displacement"))
     return strain_in(X, grid.cells_dict[pv.CellType.TETRA], u)
 

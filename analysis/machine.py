@@ -15,7 +15,15 @@ from typing import Any
 
 THREADS = ("OMP_NUM_THREADS", "DEAL_II_NUM_THREADS")
 _WAITED = 0.1  # of its time: a run that waits longer tells nothing on seconds
-_PROGRAMS = {"massspring", "fem_reference", "gmsh_worker", "tetgen_worker", "stability", "bench_step"}
+_PROGRAMS = {
+    "massspring",
+    "fem_reference",
+    "gmsh_worker",
+    "tetgen_worker",
+    "vtk_worker",
+    "stability",
+    "bench_step",
+}
 # Debian packages that the programs are linked with.
 _LIBRARIES = (
     "libdeal.ii-dev", "libgmsh-dev", "libtet1.5-dev", "libcgal-dev", "libvtk9-dev", "libeigen3-dev", "libsuitesparse-dev",

@@ -25,6 +25,7 @@ from .comparison_figures import row_of
 from .drawing.bodies import Body
 from .drawing.plots import Panel, plot_curves
 from .drawing.view import Shown
+from .folder_lock import locked
 from .foreign import Result, read_result
 from .methods import REFERENCE
 from .paths import ROOT, write_text
@@ -238,7 +239,11 @@ def main(arguments: Any) -> int:
     folder = arguments.out or ROOT / "out" / "compare" / "-".join(
         path.resolve().name for path in (arguments.model, arguments.reference)
     )
-    folder.mkdir(parents=True, exist_ok=True)
+    with locked(folder):
+        return _write(pair, values, folder)
+
+
+def _write(pair: Pair, values: dict[str, Any], folder: Path) -> int:
     table = table_of(values)
     parts = [row_figure(row_of_pair(pair, folder)), html_table(*table)]
     if curves := curves_of(pair):
@@ -247,7 +252,7 @@ def main(arguments: Any) -> int:
         )
     parts.append(_EXPLAINED)
     text = json.dumps(values, indent=2)
-    title = f"{arguments.model.name} against {arguments.reference.name}"
+    title = f"{Path(pair.model.name).name} against {Path(pair.reference.name).name}"
     write_text(folder / "report.html", page(title, finding(values), parts, {"figures": text}))
     write_text(folder / "comparison.json", text + "\n")
     print(f"{finding(values)}\n\n{text_table(*table)}\n\nreport: {folder / 'report.html'}")

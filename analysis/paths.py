@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
@@ -16,6 +17,6 @@ MESHES = ROOT.parent / "shared" / "meshes"  #: real meshes, which the project do
 
 def write_text(file: Path, text: str) -> None:
     """Writes to a temporary name, then renames."""
-    temporary = file.with_name(file.name + ".tmp")
+    temporary = file.with_name(f"{file.name}.{os.getpid()}.tmp")  # others may write the same
     temporary.write_text(text)
     temporary.replace(file)

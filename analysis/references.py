@@ -5,7 +5,6 @@ Springs that have no reference are run once more, at half their step.
 
 from __future__ import annotations
 
-import json
 import math
 import shutil
 from collections.abc import Callable
@@ -17,7 +16,7 @@ from .comparison import compare
 from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
 from .run_store import say
-from .runs import LATE, NOT_OK, SOLVED, outcome_of
+from .runs import LATE, NOT_OK, SOLVED, outcome_of, record_of
 from .verdict import needs_finer_reference
 from .wording import duration
 
@@ -37,7 +36,7 @@ def refine(
     time_limit: seconds that a further solve may take, as the last one foretells. The experiment that is returned says why
     the reference was not refined further, and what it would take.
     """
-    record = _record_of(experiment.reference_folder)
+    record = record_of(experiment.reference_folder)
     while experiment.n_refinements == 0 or (
         not is_once and needs_finer_reference(compare(experiment).as_json())
     ):
@@ -55,7 +54,7 @@ def refine(
         if status not in (SOLVED, NOT_OK):
             experiment = replace(experiment, unrefined=message or f"exit status {status}")
             break
-        record = _record_of(folder)
+        record = record_of(folder)
         if status != SOLVED and not record.get("load_factor_reached"):
             experiment = replace(experiment, unrefined=outcome_of(record))
             break
@@ -75,7 +74,7 @@ def halve_step(experiment: Experiment, solve: Solve, time_limit: float, is_quiet
     shutil.rmtree(experiment.half_step_folder, ignore_errors=True)
     if experiment.is_static or experiment.calibration in experiment.failed:
         return experiment
-    record = _record_of(experiment.massspring_folder(experiment.calibration))
+    record = record_of(experiment.massspring_folder(experiment.calibration))
     seconds = 2 * _solution(record)
     if seconds > time_limit:
         unknown = (
@@ -87,11 +86,6 @@ def halve_step(experiment: Experiment, solve: Solve, time_limit: float, is_quiet
     words = [f"time.step={record['step'] / 2!r}", "output.frames_every=0"]
     status, _ = solve(experiment.half_step_folder, words, _LATE * time_limit)
     return replace(experiment, has_half_step=status == SOLVED)
-
-
-def _record_of(folder: Path) -> dict[str, Any]:
-    record: dict[str, Any] = json.loads((folder / "run.json").read_text())
-    return record
 
 
 def _solution(record: dict[str, Any]) -> float:

@@ -24,7 +24,9 @@ from typing import Any
 
 from .comparison import compare, without_nan
 from .experiment import run_solvers
+from .folder_lock import locked
 from .machine import describe
+from .outputs import forget
 from .paths import MESHES, OUT, PACKAGE, PROGRAMS, ROOT, SCENES, write_text
 from .report import Table, csv_table
 from .run_store import reminders, say
@@ -161,11 +163,12 @@ def fresh_cells(entry: Entry, row: dict[str, Any]) -> list[str]:
     surface = MESHES / row["surface"] if "surface" in row else None
     folder = OUT / "reproduce" / entry.name / re.sub(r"\W+", "_", " ".join(row["label"]))
     needs_error = any(column.startswith("reference.") for column in entry.columns)
-    experiment = run_solvers(
-        SCENES / row["scene"], folder, surface, [*row.get("set", ())], is_quiet=True,
-        time_limit=_TIME_LIMIT if needs_error else 0, is_refined_once=True,
-    )  # fmt: skip
-    values = without_nan(compare(experiment, is_as_in_scene=True).as_json())
+    with locked(folder):
+        experiment = run_solvers(
+            SCENES / row["scene"], folder, surface, [*row.get("set", ())], is_quiet=True,
+            time_limit=_TIME_LIMIT if needs_error else 0, is_refined_once=True,
+        )  # fmt: skip
+        values = without_nan(compare(experiment, is_as_in_scene=True).as_json())
     return [cell_of(values, key) for key in entry.columns]
 
 
@@ -298,6 +301,16 @@ def main(arguments: argparse.Namespace) -> int:
             print(f"  {name}: {source}")
     stored = json.loads(STORED.read_text()) if STORED.exists() else {}
     n_different = 0
+    if arguments.force:
+        for folder in {
+            folder
+            for entry in chosen
+            for folder in (
+                OUT / "reproduce" / entry.name,
+                *((ROOT / source).parent for source in entry.sources),
+            )
+        }:
+            forget(folder)
     for entry in chosen:
         try:
             with reminders(entry.name, arguments.quiet):

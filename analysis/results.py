@@ -11,11 +11,14 @@ from .comparison_figures import draw_films, draw_row, plot
 from .experiment_folder import Experiment
 from .machine import describe
 from .methods import label_of
+from .outputs import are_as_written, list_of
 from .paths import PACKAGE, PROGRAMS, write_text
 from .remesh import sentence_of
 from .report import render
 from .run_store import reminders, say
 from .verdict import conclusion, finding
+
+_SHOWN = {".html", ".gif", ".jpg", ".png"}  # a run's own folder holds none of these
 
 
 def fingerprint(experiment: Experiment) -> str:
@@ -30,10 +33,16 @@ def fingerprint(experiment: Experiment) -> str:
 
 
 def results_of(experiment: Experiment, is_quiet: bool = True) -> dict[str, Any]:
-    """What comparison.json holds, which is written anew where anything has changed. Raises RunError as write_results."""
-    file = experiment.folder / "comparison.json"
-    comparison = json.loads(file.read_text()) if file.exists() else {}
-    if comparison.get("fingerprint") == fingerprint(experiment):
+    """What comparison.json holds. All is written anew where a run has changed, or a file that it lists is not as written.
+
+    Raises RunError as write_results.
+    """
+    try:
+        comparison = json.loads((experiment.folder / "comparison.json").read_text())
+        is_whole = are_as_written(experiment.folder, comparison["outputs"])
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # none, or a damaged one
+        is_whole = False
+    if is_whole and comparison["fingerprint"] == fingerprint(experiment):
         return comparison
     say("comparing and drawing", is_quiet)
     with reminders("comparing and drawing", is_quiet):
@@ -58,6 +67,10 @@ def write_results(experiment: Experiment) -> dict[str, Any]:
     plots = {caption: of.svg() for caption, of in plot(comparison).items()}
     report = render(values, row, plots, draw_films(comparison), _protocol(comparison))
     write_text(experiment.folder / "report.html", report)
+    files = [file for file in experiment.folder.rglob("*") if file.suffix in _SHOWN]
+    values["outputs"] = list_of(
+        experiment.folder, sorted(file.relative_to(experiment.folder).as_posix() for file in files)
+    )
     write_text(experiment.folder / "comparison.json", json.dumps(without_nan(values), indent=2) + "\n")
     return values
 

@@ -20,9 +20,11 @@ from typing import Any
 
 from . import load_scale
 from .execute import execute, solver
+from .folder_lock import locked
 from .machine import THREADS
+from .outputs import are_as_written
 from .paths import PROGRAMS, write_text
-from .runs import NOT_OK, SOLVED, RunError, built
+from .runs import NOT_OK, SOLVED, RunError, built, read_toml, record_of
 
 # Top-level keys of a scene that change nothing in a program's result, as in its own input hash.
 _IGNORED = {
@@ -60,7 +62,7 @@ class Outcome:
 
 class Store:
     """A folder of runs. Several processes may work on one store, and any may be killed: a run's folder appears
-    under its name only when it is whole."""
+    under its name only when it is whole. Who asks for a run that another process is making waits and takes it."""
 
     def __init__(self, folder: Path, time_limit: float = 3600, programs: Path = PROGRAMS) -> None:
         self.folder, self.time_limit, self.programs = folder, time_limit, programs
@@ -80,7 +82,7 @@ class Store:
         files = dict(_files_in(scene, "", request.scene.parent))
         for key, text in settings.items():
             files = {place: file for place, file in files.items() if not f"{place}.".startswith(f"{key}.")}
-            files |= dict(_files_in(_value_of(text), key, Path()))
+            files |= dict(_files_in(value_of(text), key, Path()))
         parts = [
             {key: value for key, value in scene.items() if key not in ignored},
             {key: value for key, value in settings.items() if key.split(".")[0] not in ignored},
@@ -89,6 +91,8 @@ class Store:
             request.prefix,
             request.repetition,
             [_hash_of_file(built(self.programs, name)) for name in (request.program, *_MESHERS)],
+            # Programs of earlier commits have none.
+            _hash_of_file(worker) if (worker := self.programs / "vtk_worker").exists() else "",
             [os.environ.get(name, "") for name in THREADS],
             {place: _hash_of_file(file) for place, file in files.items()},
         ]
@@ -103,42 +107,49 @@ class Store:
         return law
 
     def find(self, request: RunRequest) -> Outcome | None:
-        """The run's outcome if it has been run, and if it was not stopped by a time limit shorter than this one."""
+        """The run's outcome if it has been run, its files are there as they were written, and it was not stopped by a time
+        limit shorter than this one."""
         return self._known(self._loaded(request))
 
     def _known(self, request: RunRequest) -> Outcome | None:
         folder = self.folder / self.key(request)
-        file = folder / "outcome.json"
-        if not file.exists():
+        try:
+            outcome = Outcome(**json.loads((folder / "outcome.json").read_text()), folder=folder)
+            has_record = outcome.status not in ("failed", "time limit")
+            record = record_of(folder) if has_record else {}
+        except (OSError, ValueError, TypeError, RunError):  # none, or a damaged one
             return None
-        values = json.loads(file.read_text())
-        if values["status"] == "time limit" and values["wall"] < self.time_limit:
+        if outcome.status == "time limit" and outcome.wall < self.time_limit:
             return None
-        record = folder / "run.json"
-        return Outcome(
-            **values, folder=folder, record=json.loads(record.read_text()) if record.exists() else {}
-        )
+        listed = record.get("outputs", {})
+        kept = {
+            name: stamp
+            for name, stamp in listed.items()
+            if not (request.repetition and name.startswith("frames/"))
+        }
+        return replace(outcome, record=record) if are_as_written(folder, kept) else None
 
     def run(self, request: RunRequest) -> Outcome:
         """The run's outcome, running it now if that has not been done."""
         request = self._loaded(request)
         if known := self._known(request):
             return known
+        with locked(self.folder, f".{self.key(request)}.lock"):
+            return self._known(request) or self._made(request)
+
+    def _made(self, request: RunRequest) -> Outcome:
         folder = self.folder / self.key(request)
         part = folder.with_name(f"{folder.name}{_MARK}{os.getpid()}")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
-        shutil.rmtree(folder, ignore_errors=True)  # of a shorter time limit
+        shutil.rmtree(folder, ignore_errors=True)  # of a shorter time limit, or damaged
         outcome = self._execute(request, part)
         if request.repetition:
             shutil.rmtree(part / "frames", ignore_errors=True)
         values = asdict(outcome)
         del values["folder"], values["record"]
         write_text(part / "outcome.json", json.dumps(values))
-        try:
-            part.rename(folder)
-        except OSError:  # another process has been faster
-            shutil.rmtree(part)
+        part.rename(folder)
         found = self._known(request)
         assert found
         return found
@@ -171,19 +182,11 @@ class Store:
         if ended.status not in (SOLVED, NOT_OK):
             said = ended.errors or (ended.output + ended.said).strip() or f"exit status {ended.status}"
             return Outcome("failed", said.splitlines()[-1], **spent)
-        record = json.loads((folder / "run.json").read_text())
+        record = record_of(folder)
         return Outcome(record["status"], record.get("reason", ""), **spent)
 
 
-def read_toml(file: Path) -> dict[str, Any]:
-    """The values of a scene file. Raises RunError where it is none."""
-    try:
-        return tomllib.loads(file.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RunError(f"{file}: {error}") from None
-
-
-def _value_of(text: str) -> Any:
+def value_of(text: str) -> Any:
     """The value that --set KEY=TEXT gives: TOML, or the text itself where it is none."""
     try:
         return tomllib.loads(f"value = {text}")["value"]

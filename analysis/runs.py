@@ -17,6 +17,7 @@ import pyvista as pv
 
 from .machine import has_waited
 from .methods import REFERENCE
+from .outputs import is_as_written
 
 Array = np.ndarray
 _KEPT = 1_000_000  # points, of the frames of a run that are kept in memory: some 100 MB
@@ -92,12 +93,16 @@ class Run:
         """Number of the frame with the largest displacement."""
         return int(np.argmax([np.linalg.norm(self.frame(k).u, axis=1).max() for k in range(len(self.times))]))
 
+    def file(self, index: int) -> Path:
+        """Of a frame. Raises RunError where it is missing or another than run.json lists."""
+        return _checked(self.folder, self.files[index].relative_to(self.folder).as_posix(), self.record)
+
     def frame(self, index: int) -> Frame:
-        """The surface of one frame. Raises RunError for a missing, unreadable or non-finite file."""
+        """The surface of one frame. Raises RunError for a missing, foreign, unreadable or non-finite file."""
         number = index % len(self.files)
         if number in self._kept:
             return self._kept[number]
-        frame = self._read(self.files[number])
+        frame = self._read(self.file(number))
         if self.points:
             frame = self.points.frame(frame)
         if len(self._kept) * len(frame.X) < _KEPT:
@@ -110,8 +115,6 @@ class Run:
 
     @staticmethod
     def _read(file: Path) -> Frame:
-        if not file.exists():
-            raise RunError(f"{file}: frame is missing, run the solver again")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a damaged file, of which more is said below
             grid = pv.read(file)
@@ -148,13 +151,7 @@ def load_run(folder: Path | str, may_stop: bool = False) -> Run:
     may_stop: a static run that did not converge is taken as far as it came, if it came anywhere.
     """
     folder = Path(folder)
-    record_file = folder / "run.json"
-    if not record_file.exists():
-        raise RunError(f"{folder}: no run.json, the run is not finished")
-    try:
-        record = json.loads(record_file.read_text())
-    except json.JSONDecodeError as error:
-        raise RunError(f"{record_file}:{error.lineno}: not JSON: {error.msg}") from None
+    record = record_of(folder)
     is_ok = record.get("status") == "ok"
     if not is_ok and not may_stop:
         raise RunError(f"{folder}: status is '{record.get('status')}', expected 'ok'")
@@ -164,9 +161,36 @@ def load_run(folder: Path | str, may_stop: bool = False) -> Run:
 
 def load_frames(folder: Path) -> Run:
     """What a finished run left, however it ended. Raises RunError when it is damaged or a curve is not finite."""
-    times, files = _read_pvd(folder / "frames.pvd")
-    record = json.loads((folder / "run.json").read_text())
-    return Run(folder, record, _read_curves(folder / "curves.csv"), times, files)
+    record = record_of(folder)
+    if not (folder / "curves.csv").exists() and "curves.csv" not in record.get("outputs", {}):
+        raise RunError(f"{folder / 'curves.csv'}: missing; the comparison needs output.curves = true")
+    times, files = _read_pvd(_checked(folder, "frames.pvd", record))
+    return Run(folder, record, _read_curves(_checked(folder, "curves.csv", record)), times, files)
+
+
+def record_of(folder: Path) -> dict[str, Any]:
+    """What run.json holds. Raises RunError where it is missing or damaged."""
+    file = folder / "run.json"
+    if not file.is_file():
+        raise RunError(f"{folder}: no run.json, the run is not finished")
+    try:
+        record = json.loads(file.read_text())
+    except json.JSONDecodeError as error:
+        raise RunError(f"{file}:{error.lineno}: not JSON: {error.msg}") from None
+    except (UnicodeDecodeError, RecursionError) as error:
+        raise RunError(f"{file}: not JSON: {error}") from None
+    if not isinstance(record, dict) or not isinstance(record.get("outputs", {}), dict):
+        raise RunError(f"{file}: expected the record of a run")
+    return record
+
+
+def _checked(folder: Path, name: str, record: dict[str, Any]) -> Path:
+    """A file of a run, after it has been found to be the one that run.json lists."""
+    if not (folder / name).is_file():
+        raise RunError(f"{folder / name}: missing, run the solver again")
+    if not is_as_written(folder, name, record.get("outputs", {})):
+        raise RunError(f"{folder / name}: not the file that run.json lists, run the solver again")
+    return folder / name
 
 
 def _until_it_stopped(run: Run) -> Run:
@@ -189,12 +213,20 @@ def method_of(run: Run) -> str:
 def scene_of(run: Run) -> dict[str, Any]:
     """The scene with every default filled in, as the solver left it beside its run; empty where there is none."""
     file = run.folder / "scene.toml"
-    return tomllib.loads(file.read_text()) if file.exists() else {}
+    return read_toml(file) if file.exists() else {}
+
+
+def read_toml(file: Path) -> dict[str, Any]:
+    """The values of a scene file. Raises RunError where it is none."""
+    if not file.is_file():  # pipes and devices may never end
+        raise RunError(f"{file}: missing, expected the file of a scene")
+    try:
+        return tomllib.loads(file.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise RunError(f"{file}: {error}") from None
 
 
 def _read_pvd(file: Path) -> tuple[Array, tuple[Path, ...]]:
-    if not file.exists():
-        raise RunError(f"{file}: missing")
     try:
         sets = ElementTree.parse(file).getroot().findall("./Collection/DataSet")
     except ElementTree.ParseError as error:
@@ -208,8 +240,6 @@ def _read_pvd(file: Path) -> tuple[Array, tuple[Path, ...]]:
 
 
 def _read_curves(file: Path) -> dict[str, Array]:
-    if not file.exists():
-        raise RunError(f"{file}: missing; the comparison needs output.curves = true")
     try:
         names, *rows = csv.reader(file.read_text().splitlines())
         values = np.array(rows, dtype=float).reshape(len(rows), len(names))

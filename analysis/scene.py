@@ -23,7 +23,7 @@ class Scene(dict[str, Any]):
 
     def to_toml(self) -> str:
         """The text of a scene file. Raises RunError for a value that TOML has no form for."""
-        plain = {key: _plain(value, key) for key, value in self.items()}
+        plain = _plain(self, "")
         lines = [f"{_key(key)} = {_text(value)}" for key, value in plain.items() if not _is_table(value)]
         for key, value in plain.items():
             if isinstance(value, dict):
@@ -34,7 +34,7 @@ class Scene(dict[str, Any]):
         return "\n".join(lines).lstrip() + "\n"
 
     def write(self, file: Path | str) -> Path:
-        """Writes the scene's file, its folder too where it is missing."""
+        """Writes the scene's file, its folder too where it is missing. Raises RunError as to_toml does."""
         file = Path(file)
         file.parent.mkdir(parents=True, exist_ok=True)
         write_text(file, self.to_toml())
@@ -46,14 +46,27 @@ def toml_of(value: Any, key: str) -> str:
     return _text(_plain(value, key))
 
 
-def _plain(value: Any, place: str) -> Any:
+_DEEPEST = 100  # tables and lists within each other: what holds itself has no end
+
+
+def _plain(value: Any, place: str, depth: int = 0) -> Any:
     """The same of TOML's own types, without keys that have no value."""
+    if depth > _DEEPEST:
+        raise RunError(f"{place[:60]}... lies {depth} deep, expected tables and lists of an end")
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {str(key): _plain(part, f"{place}.{key}") for key, part in value.items() if part is not None}
+        for key in value:
+            if not isinstance(key, str) or not _is_text(key):
+                raise RunError(f"{place or 'scene'} has the key {key!r}, expected text")
+        inner = f"{place}." if place else ""
+        return {
+            key: _plain(part, f"{inner}{key}", depth + 1) for key, part in value.items() if part is not None
+        }
     if isinstance(value, list | tuple):
-        return [_plain(part, f"{place}[{index}]") for index, part in enumerate(value)]
+        return [_plain(part, f"{place}[{index}]", depth + 1) for index, part in enumerate(value)]
+    if isinstance(value, Path | str) and not _is_text(str(value)):
+        raise RunError(f"{place} = {str(value)!r}, expected text of Unicode without NUL")
     if isinstance(value, Path) or (isinstance(value, str) and value and place.endswith(".file")):
         return str(Path(value).resolve())
     if isinstance(value, bool | int | float | str):
@@ -61,6 +74,10 @@ def _plain(value: Any, place: str) -> Any:
     raise RunError(
         f"{place} is a {type(value).__name__}, expected a number, text, bool, list, dict or array of these"
     )
+
+
+def _is_text(text: str) -> bool:
+    return "\0" not in text and not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def _is_table(value: Any) -> bool:

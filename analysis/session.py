@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -14,11 +14,29 @@ from matplotlib.figure import Figure
 from . import experiment_folder, grid, tables
 from .comparison import Comparison, compare
 from .experiment import default_folder, run_solvers
+from .folder_lock import locked
 from .paths import ROOT
 from .results import results_of
 from .runs import RunError
 from .scene import Scene, toml_of
 from .verdict import conclusion, finding
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _told(call: Callable[P, R]) -> Callable[P, R]:
+    """The same, whose arguments that are no scene, file or value are told as a RunError, too."""
+
+    @wraps(call)
+    def told(*arguments: P.args, **options: P.kwargs) -> R:
+        try:
+            return call(*arguments, **options)
+        except (OSError, ValueError, TypeError, RecursionError) as error:
+            raise RunError(f"{call.__name__}: {' '.join(str(error).split())}") from error
+
+    return told
+
 
 Settings = Mapping[str, Any]  #: key of a scene, as in material.nu -> value
 
@@ -41,7 +59,8 @@ class Experiment(experiment_folder.Experiment):
 
     def report(self) -> Path:
         """Its report.html, which is drawn anew where anything has changed. Raises RunError as comparison."""
-        results_of(self)
+        with locked(self.folder):
+            results_of(self)
         return self.folder / "report.html"
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -61,6 +80,7 @@ class Experiment(experiment_folder.Experiment):
         return tables.scene_of_bodies(self.comparison, model).show(**options)
 
 
+@_told
 def run(
     scene: Scene | Path | str,
     settings: Settings | None = None,
@@ -72,7 +92,7 @@ def run(
     """Runs both solvers on a scene, other values in place of its own; what has not changed is not run again.
 
     surface: file of another surface; folder: of the results, by default one under out/python for each scene, values and
-    surface. Raises RunError with the words of the program that refuses the scene.
+    surface. Raises RunError with the words of the program that refuses the scene, and for arguments of other kinds.
     """
     overrides = [f"{key}={toml_of(value, key)}" for key, value in (settings or {}).items()]
     surface = Path(surface) if surface else None
@@ -85,9 +105,11 @@ def run(
     if not folder:
         digest = hashlib.sha256(repr((file.resolve(), file.read_bytes(), overrides)).encode()).hexdigest()[:8]
         folder = ROOT / "out" / "python" / f"{default_folder(file, surface).name}-{digest}"
-    return Experiment(**vars(run_solvers(file, Path(folder), surface, overrides, is_quiet)))
+    with locked(Path(folder)):
+        return Experiment(**vars(run_solvers(file, Path(folder), surface, overrides, is_quiet)))
 
 
+@_told
 def sweep(
     scene: Scene | Path | str,
     values: Mapping[str, Sequence[Any]],

@@ -118,7 +118,8 @@ ExitStatus run(const Arguments& arguments) {
   if (const std::string part = unmodelled_part(scene); !part.empty()) return session.refuse(part);
   const std::string options =
       std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies);
-  if (const auto status = session.stored_status({"network"}, options)) return *status;
+  const auto status = session.stored_status({"network"}, options);
+  if (from_first_process(status.has_value())) return status.value_or(kSolved);
 
   session.start("mesh");
   TetOptions tets;

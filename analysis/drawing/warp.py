@@ -9,64 +9,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numexpr
 import numpy as np
 
 from ..compare import displacement_at
 from ..runs import Array, Run, RunError, load_run, method_of
+from ..time_warp import WARPS, Warp, warp_of
 from .film import draw_film
 from .pictures import surface_of
-
-Warp = Callable[[Array], Array]  #: share of the film, in [0, 1] -> share of the simulation, in [0, 1]
-
-_STEEPNESS = 6.0  # of "explode": its first sixth shows 63 % of the motion
-
-WARPS: dict[str, Warp] = {
-    "constant": lambda t: t,
-    # Sets in and ends gently, as a balloon is blown up.
-    "elastic": lambda t: t * t * (3 - 2 * t),
-    # Fastest at first, as an air bag.
-    "explode": lambda t: np.expm1(-_STEEPNESS * t) / np.expm1(-_STEEPNESS),
-}
-
-
-def warp_of(name: str, points: list[list[float]] | None = None, expression: str = "") -> Warp:
-    """A warp by its name; a custom one interpolates points [[t, w], ...] linearly or is an expression in t.
-
-    Raises RunError for an unknown name, and for a custom warp that falls or does not go from 0 to 1.
-    """
-    if name in WARPS:
-        return WARPS[name]
-    if name != "custom":
-        raise RunError(f"playback.warp = '{name}', expected one of {', '.join([*WARPS, 'custom'])}")
-    if bool(points) == bool(expression):
-        raise RunError("playback.warp = 'custom', expected either playback.points or playback.expression")
-    if points:
-        t, w = np.array(points, dtype=float).T
-
-        def warp(at: Array) -> Array:
-            return np.interp(at, t, w)
-    else:
-
-        def warp(at: Array) -> Array:
-            return np.asarray(numexpr.evaluate(expression, {"t": at}, {}), dtype=float)
-
-    samples = np.linspace(0, 1, 1001)
-    try:
-        values = warp(samples)
-    except (KeyError, SyntaxError, ValueError, TypeError) as error:
-        raise RunError(f"playback.expression = '{expression}', expected a function of t: {error}") from None
-    if np.shape(values) != samples.shape or not np.isfinite(values).all():
-        raise RunError(f"playback.expression = '{expression}', expected a number for every t in [0, 1]")
-    if (np.diff(values) < 0).any():
-        raise RunError("playback.warp = 'custom' falls, expected one that never goes back")
-    if abs(values[0]) > 1e-9 or abs(values[-1] - 1) > 1e-9:
-        raise RunError(f"playback.warp = 'custom' goes from {values[0]:g} to {values[-1]:g}, expected 0 to 1")
-    return warp
 
 
 def playback_times(run: Run, warp: Warp, n_frames: int, is_reversed: bool) -> Array:

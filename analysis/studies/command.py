@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from ..folder_lock import locked
+from ..outputs import forget
 from ..paths import ROOT
 from ..run_store import reminders
 from ..runs import RunError
@@ -160,7 +162,9 @@ def main(arguments: argparse.Namespace) -> int:
     # Scenes in it name files in it.
     folder = (arguments.out or ROOT / "out" / "study" / arguments.name).resolve()
     measure = STUDIES[arguments.name].measure
-    with reminders(arguments.name, arguments.quiet):
+    with locked(folder), reminders(arguments.name, arguments.quiet):
+        if arguments.force:
+            forget(folder)
         result = measure(arguments, folder)
         write(folder, result, protocol_of(sys.argv[1:], sys.modules[measure.__module__].__doc__))
     print(f"{text_of(result)}\n\nreport: {folder / 'report.html'}")

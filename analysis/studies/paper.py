@@ -20,11 +20,11 @@ from matplotlib.figure import Figure
 from ..drawing.film import draw_strip
 from ..drawing.network_pictures import draw_before_and_after
 from ..drawing.style import style_of, svg_of
-from ..drawing.warp import WARPS, warp_of
 from ..paths import PROGRAMS, SCENES, write_text
 from ..report import Table
 from ..run_store import RunRequest, Store
 from ..runs import RunError, load_run
+from ..time_warp import WARPS, warp_of
 from . import network_curves
 from .claims import EXPLICIT, IMPLICIT, N_SEEDS, Seeds
 from .claims import measure as measure_claims

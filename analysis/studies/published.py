@@ -12,10 +12,10 @@ import numpy as np
 from PIL import Image
 
 from ..drawing.film import draw_film, draw_strip
-from ..drawing.warp import WARPS
 from ..report import Table
-from ..run_store import Outcome, RunRequest, Store, read_toml
-from ..runs import Array, Run, RunError, load_frames
+from ..run_store import Outcome, RunRequest, Store
+from ..runs import Array, Run, RunError, load_frames, read_toml
+from ..time_warp import WARPS
 
 #: Form: the integrator, and the step over the scene's.
 FORMS = {

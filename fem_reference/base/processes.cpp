@@ -71,4 +71,10 @@ TetMesh from_first_process(TetMesh mesh) {
   return mesh;
 }
 
+bool from_first_process(bool value) {
+  int number = value;
+  if (processes().n > 1) MPI_Bcast(&number, 1, MPI_INT, 0, MPI_COMM_WORLD);
+  return number != 0;
+}
+
 }  // namespace testbed::fem

@@ -26,7 +26,8 @@ void start_mpi();
 void sum_over_processes(Eigen::Ref<Eigen::VectorXd> values);
 double largest_over_processes(double value);
 
-/// The mesh of process 0, on all.
+/// What process 0 has, on all.
 TetMesh from_first_process(TetMesh mesh);
+bool from_first_process(bool value);
 
 }  // namespace testbed::fem

@@ -14,16 +14,19 @@ struct ChildResult {
   bool is_success;     ///< ended by itself with status 0
   bool is_stopped;     ///< killed since its time was over
   std::string ending;  ///< "status 1", "signal 6 (Aborted)", "stopped after 300 s"
-  std::string output;  ///< what it wrote to stdout and stderr
+  std::string output;  ///< what it wrote to stdout and stderr, of a flood the first megabyte
 };
 
 /// Runs a program with arguments, waits for it at most `time_limit` seconds or until it has computed for
 /// `cpu_limit` seconds of its own, then kills it.
+/// @param memory_limit  of its address space (byte): beyond, its allocations fail
 /// @throws std::runtime_error when it cannot be started.
 ChildResult run_child(const std::filesystem::path& program, const std::vector<std::string>& arguments,
-                      double time_limit, double cpu_limit = std::numeric_limits<double>::infinity());
+                      double time_limit, double cpu_limit = std::numeric_limits<double>::infinity(),
+                      double memory_limit = std::numeric_limits<double>::infinity());
 
-/// A new folder for temporary files, removed with everything in it at the end of its life.
+/// A new folder for temporary files, removed with everything in it at the end of its life. Those of killed processes are
+/// removed as the next is made: the lock on a folder ends with its process.
 class TemporaryFolder {
  public:
   TemporaryFolder();
@@ -34,6 +37,7 @@ class TemporaryFolder {
 
  private:
   std::filesystem::path path_;
+  int lock_;  ///< descriptor of the folder
 };
 
 /// The running program's own folder, where its helpers lie.

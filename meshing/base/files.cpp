@@ -9,9 +9,10 @@
 namespace testbed::meshing {
 
 std::string read_file(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in || std::filesystem::is_directory(file))
-    throw std::runtime_error(file.string() + ": cannot be read, expected a file");
+  std::ifstream in;
+  std::error_code ignored;
+  if (std::filesystem::is_regular_file(file, ignored)) in.open(file, std::ios::binary);
+  if (!in.is_open()) throw std::runtime_error(file.string() + ": cannot be read, expected a file");
   std::ostringstream text;
   text << in.rdbuf();
   return std::move(text).str();

@@ -8,7 +8,7 @@
 
 namespace testbed::meshing {
 
-/// The bytes of a file. @throws std::runtime_error when it cannot be read.
+/// The bytes of a file. @throws std::runtime_error when it cannot be read, and for pipes and devices, which may never end.
 std::string read_file(const std::filesystem::path& file);
 
 /// Writes `text` to a temporary name beside `file` and

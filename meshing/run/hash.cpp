@@ -3,6 +3,7 @@
 #define TOML_HEADER_ONLY 1
 #include <toml++/toml.h>
 
+#include <array>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -50,11 +51,40 @@ std::string hash_of(const std::string& bytes) {
   return fnv.digits();
 }
 
+std::string crc32_of(const std::string& bytes) {
+  // Eight bytes at a time: tables[k][b] is what byte b becomes k bytes later.
+  static const auto kTables = [] {
+    std::array<std::array<std::uint32_t, 256>, 8> tables{};
+    for (std::uint32_t b = 0; b < 256; ++b) {
+      std::uint32_t c = b;
+      for (int bit = 0; bit < 8; ++bit) c = (c & 1 ? 0xedb88320u : 0u) ^ (c >> 1);
+      tables[0][b] = c;
+    }
+    for (size_t k = 1; k < 8; ++k)
+      for (size_t b = 0; b < 256; ++b)
+        tables[k][b] = tables[0][tables[k - 1][b] & 255] ^ (tables[k - 1][b] >> 8);
+    return tables;
+  }();
+  std::uint32_t crc = 0xffffffffu;
+  size_t at = 0;
+  const auto byte = [&](size_t i) { return static_cast<unsigned char>(bytes[at + i]); };
+  for (; at + 8 <= bytes.size(); at += 8) {
+    std::uint32_t next = 0;
+    for (size_t i = 0; i < 8; ++i) next ^= kTables[7 - i][byte(i) ^ (i < 4 ? (crc >> (8 * i)) & 255 : 0)];
+    crc = next;
+  }
+  for (; at < bytes.size(); ++at) crc = kTables[0][(crc ^ byte(0)) & 255] ^ (crc >> 8);
+  char text[9];
+  std::snprintf(text, sizeof text, "%08x", ~crc);
+  return text;
+}
+
 std::string program_hash() {
   static const std::string kHash = [] {
     const fs::path program = "/proc/self/exe", folder = fs::read_symlink(program).parent_path();
     std::string hashes = hash_of_file(program);
-    for (const char* worker : {"gmsh_worker", "tetgen_worker"}) hashes += hash_of_file(folder / worker);
+    for (const char* worker : {"gmsh_worker", "tetgen_worker", "vtk_worker"})
+      hashes += hash_of_file(folder / worker);
     return hash_of(hashes);
   }();
   return kHash;

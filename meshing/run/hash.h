@@ -11,7 +11,11 @@ namespace testbed::meshing {
 /// 16 hex digits of a 64-bit hash of bytes.
 std::string hash_of(const std::string& bytes);
 
-/// Hash of the running program's executable file and of the meshers' beside it, which need not be there: a
+/// 8 hex digits of the CRC-32 of bytes [ISO 3309], which zlib of other languages computes, too: of files that are read
+/// again, at a gigabyte in a second or two.
+std::string crc32_of(const std::string& bytes);
+
+/// Hash of the running program's executable file and of its workers' beside it, which need not be there: a
 /// rebuilt program is a different one.
 std::string program_hash();
 

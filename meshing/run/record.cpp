@@ -1,5 +1,6 @@
 #include "meshing/run/record.h"
 
+#include <algorithm>
 #include <cassert>
 #include <charconv>
 #include <cmath>
@@ -28,21 +29,37 @@ bool is_frame(const std::string& name) {
          (name.substr(end) == ".vtu" || name.substr(end) == ".vtu.tmp");
 }
 
-/// run.json goes first: what is left of an interrupted removal is no result.
-void remove_older_run(const fs::path& folder) {
-  for (const char* name : {"run.json", "frames.pvd", "curves.csv"}) fs::remove(folder / name);
-  std::vector<fs::path> frames;
-  for (const auto& entry : fs::directory_iterator(folder / "frames"))
-    if (is_frame(entry.path().filename().string())) frames.push_back(entry.path());
-  for (const fs::path& frame : frames) fs::remove(frame);
+/// What run.json says of a file.
+nlohmann::ordered_json stamp_of(const std::string& bytes) {
+  return {{"bytes", bytes.size()}, {"crc32", crc32_of(bytes)}};
+}
+
+/// Whether every file that the record lists is there as it was written.
+bool is_whole(const fs::path& folder, const nlohmann::ordered_json& record) {
+  const auto outputs = record.find("outputs");
+  if (outputs == record.end() || !outputs->is_object()) return false;
+  return std::all_of(outputs->items().begin(), outputs->items().end(), [&](const auto& output) {
+    std::error_code error;
+    const fs::path file = folder / output.key();
+    return fs::is_regular_file(file, error) && stamp_of(read_file(file)) == output.value();
+  });
 }
 
 }  // namespace
 
+void remove_run(const fs::path& folder) {
+  for (const char* name : {"run.json", "frames.pvd", "curves.csv"}) fs::remove(folder / name);
+  std::vector<fs::path> frames;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder / "frames", none))
+    if (is_frame(entry.path().filename().string())) frames.push_back(entry.path());
+  for (const fs::path& frame : frames) fs::remove(frame);
+}
+
 Recorder::Recorder(fs::path folder, std::vector<CellBlock> cells, int n_surface)
     : folder_(std::move(folder)), cells_(std::move(cells)), n_surface_(n_surface) {
   fs::create_directories(folder_ / "frames");
-  remove_older_run(folder_);
+  remove_run(folder_);
 }
 
 void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
@@ -51,7 +68,8 @@ void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Ma
   std::snprintf(name, sizeof name, "frames/frame_%06zu.vtu", frames_.size());
   std::vector<Field> all{{"displacement", u}, {"rest_position", X}};
   all.insert(all.end(), fields.begin(), fields.end());
-  write_vtu(folder_ / name, X + u, cells_, all, {{"TimeValue", time}, {"n_surface", n_surface_}});
+  outputs_[name] = stamp_of(
+      write_vtu(folder_ / name, X + u, cells_, all, {{"TimeValue", time}, {"n_surface", n_surface_}}));
   frames_.emplace_back(time, name);
 
   std::ostringstream pvd;
@@ -61,6 +79,7 @@ void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Ma
     pvd << "    <DataSet timestep=\"" << t << "\" group=\"\" part=\"0\" file=\"" << file << "\"/>\n";
   pvd << "  </Collection>\n</VTKFile>\n";
   write_file(folder_ / "frames.pvd", pvd.str());
+  outputs_["frames.pvd"] = stamp_of(pvd.str());
 }
 
 void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
@@ -96,9 +115,12 @@ void Recorder::finish(nlohmann::ordered_json record) {
   if (!columns_.empty()) {
     std::string header;
     for (const std::string& column : columns_) header += (header.empty() ? "" : ",") + column;
-    write_file(folder_ / "curves.csv", header + "\n" + rows_);
+    const std::string table = header + "\n" + rows_;
+    write_file(folder_ / "curves.csv", table);
+    outputs_["curves.csv"] = stamp_of(table);
   }
   record["peak_memory"] = peak_memory();
+  record["outputs"] = outputs_;
   write_file(folder_ / "run.json", record.dump(2) + "\n");
 }
 
@@ -140,10 +162,10 @@ nlohmann::ordered_json to_json(const TetReport& report) {
 }
 
 std::optional<nlohmann::ordered_json> stored_record(const fs::path& folder, const std::string& input_hash) {
-  if (!fs::exists(folder / "run.json")) return {};
+  if (!fs::is_regular_file(folder / "run.json")) return {};
   auto record = nlohmann::ordered_json::parse(read_file(folder / "run.json"), nullptr, false);
   if (!record.is_object() || !record.contains("status") || !record["status"].is_string() ||
-      record.value("input_hash", nlohmann::ordered_json()) != input_hash)
+      record.value("input_hash", nlohmann::ordered_json()) != input_hash || !is_whole(folder, record))
     return {};
   return record;
 }

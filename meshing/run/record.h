@@ -5,7 +5,8 @@
 //                               point data displacement (m), velocity (m/s), node_id;
 //                               cells: the surface triangles first, then springs or tetrahedra
 //   curves.csv                  one row per step, named columns, SI units
-//   run.json                    written last: a folder without it is not a result
+//   run.json                    written last: a folder without it is not a result; its `outputs` name each of these
+//                               files with its bytes and its CRC-32
 #pragma once
 
 #include <Eigen/Core>
@@ -30,16 +31,20 @@ struct CellBlock {
 
 /// Writes an unstructured grid (.vtu, raw appended, zlib) to a temporary name and renames it. Point data
 /// node_id (integers) is added to the given fields.
+/// @return what was written
 /// @throws std::runtime_error when a value is not finite or the file cannot be written.
-void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
-               const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
-               const std::map<std::string, double>& field_data);
+std::string write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
+                      const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
+                      const std::map<std::string, double>& field_data);
+
+/// Removes the files of an older run from a folder, and no others. run.json goes first: what is left of an interrupted
+/// removal is no result.
+void remove_run(const std::filesystem::path& folder);
 
 /// Writes frames and curves of one run into a folder, and run.json when it is finished.
 class Recorder {
  public:
-  /// Removes the files of an older run from the folder, and no others.
-  /// `cells` are those of every frame, surface triangles first.
+  /// Removes an older run. `cells` are those of every frame, surface triangles first.
   Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface);
 
   /// Adds a frame: time (s), rest points X and displacement u (3 x n, m), further fields as given.
@@ -51,7 +56,8 @@ class Recorder {
   /// @throws std::runtime_error when a value is not finite.
   void add_row(const std::vector<std::pair<std::string, double>>& row);
 
-  /// Writes curves.csv if it has rows and, last of all, run.json, with the largest memory of the run (byte).
+  /// Writes curves.csv if it has rows and, last of all, run.json, with the largest memory of the run (byte) and the list
+  /// of all files.
   void finish(nlohmann::ordered_json record);
 
  private:
@@ -61,6 +67,7 @@ class Recorder {
   std::vector<std::pair<double, std::string>> frames_;
   std::vector<std::string> columns_;
   std::string rows_;
+  nlohmann::ordered_json outputs_ = nlohmann::ordered_json::object();  ///< name -> bytes and CRC-32
 };
 
 /// What is the same in every run.json: program, versions, compiler and flags, machine, date.
@@ -72,7 +79,8 @@ nlohmann::ordered_json to_json(const TetQuality& quality);
 /// The mesher that filled the surface and what others before it said.
 nlohmann::ordered_json to_json(const TetReport& report);
 
-/// The record of the finished run in `folder`, however it ended, if it has this input hash.
+/// The record of the finished run in `folder`, however it ended, if it has this input hash and every file that it lists
+/// is there as it was written.
 std::optional<nlohmann::ordered_json> stored_record(const std::filesystem::path& folder,
                                                     const std::string& input_hash);
 

@@ -55,6 +55,10 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
   if (const auto status = parse(app, argc, argv)) return *status;
   try {
     return run();
+  } catch (const std::bad_alloc&) {
+    std::cerr << "error: " << options.scene
+              << ": takes more memory than there is, expected a coarser body or a smaller network\n";
+    return kError;
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << '\n';
     return kError;
@@ -74,12 +78,12 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       is_first_(is_first),
       cpu_begin_(cpu_time()) {
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
-  if (!is_first) return;
-  std::error_code error;
-  std::filesystem::create_directories(out_, error);
-  if (error)
-    throw std::runtime_error("--out " + out_.string() + ": cannot be made a folder: " + error.message());
-  write_file(out_ / "scene.toml", to_toml(this->scene));
+  if (is_first)
+    lock_.emplace(out_, [](const std::string& text) { std::cerr << text << ": waiting for its end\n"; });
+}
+
+void Session::write_scene() const {
+  write_file(out_ / "scene.toml", to_toml(scene));
 }
 
 ExitStatus Session::tell(const nlohmann::ordered_json& result) const {
@@ -88,7 +92,11 @@ ExitStatus Session::tell(const nlohmann::ordered_json& result) const {
 
 ExitStatus Session::refuse(const std::string& reason) {
   const nlohmann::ordered_json refusal{{"status", "not_solved"}, {"reason", reason}};
-  if (is_first_) write_file(out_ / "run.json", refusal.dump(2) + "\n");
+  if (is_first_) {
+    remove_run(out_);
+    write_scene();
+    write_file(out_ / "run.json", refusal.dump(2) + "\n");
+  }
   return tell(refusal);
 }
 
@@ -105,8 +113,11 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
     for (const std::string& warning : warnings_about(scene, surface, file_))
       std::cerr << "warning: " << warning << '\n';
   hash_ = hash_of(input_hash(scene, surface, ignored) + ' ' + options);
-  const auto stored = stored_record(out_, hash_);
-  if (!stored || is_forced_) return {};
+  if (!is_first_) return {};
+  const auto stored = is_forced_ ? std::nullopt : stored_record(out_, hash_);
+  if (!stored) remove_run(out_);
+  write_scene();
+  if (!stored) return {};
   return tell(*stored);
 }
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "meshing/base/folder_lock.h"
 #include "meshing/base/stage_timer.h"
 #include "meshing/run/exit_status.h"
 #include "meshing/run/progress.h"
@@ -31,7 +32,7 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
 
 class Session {
  public:
-  /// Writes the scene with all its keys to the output folder. The stage "start-up" is the CPU time so far:
+  /// Locks the output folder, and waits for another process that holds it. The stage "start-up" is the CPU time so far:
   /// what loading libraries costs, which the clock of the first stage has not seen.
   /// @param is_first  of the processes that solve it together: it alone writes and speaks
   Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first = true);
@@ -39,8 +40,9 @@ class Session {
   /// Writes a record that says why the program does not model the scene.
   ExitStatus refuse(const std::string& reason);
 
-  /// The status of a finished run of the same inputs, if there is one that may stand. Warns of what was probably
-  /// not meant, but for a scene that has been checked.
+  /// The status of a finished run of the same inputs, if there is one that may stand, and whose files are there as they
+  /// were written; else removes what an older run left. Writes the scene with all its keys to the output folder. Warns of
+  /// what was probably not meant, but for a scene that has been checked. Of several processes the first alone decides.
   /// @param ignored  keys of the scene that the program does not read
   /// @param options  of the command line that its results depend on
   std::optional<ExitStatus> stored_status(const std::vector<std::string>& ignored,
@@ -83,6 +85,7 @@ class Session {
 
  private:
   ExitStatus tell(const nlohmann::ordered_json& result) const;
+  void write_scene() const;
 
   using Clock = std::chrono::steady_clock;
 
@@ -91,8 +94,9 @@ class Session {
   bool is_forced_, is_quiet_, is_checked_, finds_frequencies_, is_first_;
   Eigen::Matrix3Xd X_;
   SurfaceMesh solved_;
-  SurfaceProblem problem_;  ///< on the surface as it was read: what two programs must have in common
-  std::optional<Recorder> recorder_;  ///< of the first process
+  SurfaceProblem problem_;          ///< on the surface as it was read: what two programs must have in common
+  std::optional<FolderLock> lock_;  ///< of the first process, as the next
+  std::optional<Recorder> recorder_;
   Clock::time_point begin_ = Clock::now();
   double cpu_begin_;  ///< s
 };

@@ -31,9 +31,9 @@ vtkNew<vtkDoubleArray> array_of(const std::string& name, const Eigen::MatrixXd& 
 
 }  // namespace
 
-void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
-               const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
-               const std::map<std::string, double>& field_data) {
+std::string write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
+                      const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
+                      const std::map<std::string, double>& field_data) {
   if (!points.allFinite())
     throw std::runtime_error(file.string() + ": a position is not finite, nothing written");
   vtkNew<vtkUnstructuredGrid> grid;
@@ -75,7 +75,9 @@ void write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points
   writer->SetCompressorTypeToZLib();  // which meshio reads, too
   writer->SetCompressionLevel(1);     // higher ones take longer and save a hundredth
   if (!writer->Write()) throw std::runtime_error(file.string() + ": cannot be made by VTK");
-  write_file(file, writer->GetOutputString());
+  std::string bytes = writer->GetOutputString();
+  write_file(file, bytes);
+  return bytes;
 }
 
 }  // namespace testbed::meshing

@@ -260,7 +260,38 @@ class Reader {
   std::string chosen_;
 };
 
+/// Refuses keys of more parts than any scene has: the tables that they open are left by a recursion, which a million of
+/// them ends by a full stack. Lists and inline tables are bounded by the parser.
+void check_depth(const std::string& text, const std::string& source) {
+  constexpr int kMostParts = 100;
+  int line = 1, n_dots = 0;
+  char quote = 0;
+  for (size_t at = 0; at < text.size(); ++at) {
+    const char c = text[at];
+    if (c == '\n') {
+      ++line;
+      quote = 0;
+    }
+    if (quote) {
+      if (c == '\\' && quote == '"') ++at;
+      if (c == quote) quote = 0;
+    } else if (c == '"' || c == '\'') {
+      quote = c;
+    } else if (c == '#') {
+      at = std::min(text.find('\n', at), text.size()) - 1;
+    } else if (c == '.') {
+      if (++n_dots >= kMostParts)
+        throw std::runtime_error(source.substr(0, 100) + ":" + std::to_string(line) +
+                                 ": a key of more than " + std::to_string(kMostParts) +
+                                 " parts, expected one of the scene");
+    } else if (std::string("=,{}[]\n").find(c) != std::string::npos) {
+      n_dots = 0;
+    }
+  }
+}
+
 toml::table parse(const std::string& text, const std::string& source) {
+  check_depth(text, source);
   try {
     return toml::parse(text, source);
   } catch (const toml::parse_error& error) {
@@ -285,6 +316,7 @@ void apply_override(toml::table& root, const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0)
     throw std::runtime_error(source + ": expected key=value, e.g. material.nu=0.3");
+  check_depth(text, source);
   toml::table parsed = parse_override(text.substr(equals + 1), source);
 
   std::vector<std::string> keys;
@@ -404,11 +436,25 @@ int n_steps(const TimeOptions& time, double step) {
   throw std::runtime_error(what.str());
 }
 
+namespace {
+
+/// The file's name, where it is text that may name a folder.
+std::string default_name(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  try {
+    if (is_name(stem) && toml::parse("name = " + toml_text(stem)).contains("name")) return stem;
+  } catch (const std::exception&) {  // not UTF-8
+  }
+  return "scene";
+}
+
+}  // namespace
+
 Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides) {
   toml::table table = parse(read_file(file), file.string());
   for (const std::string& text : overrides) apply_override(table, text);
   Scene scene;
-  scene.name = file.stem().string();
+  scene.name = default_name(file);
   Reader reader(table, "", scene.places);
   describe(reader, scene);
   reader.refuse_unknown_keys();

@@ -18,6 +18,7 @@ struct Range {
 };
 inline const Range kAny{"a number", [](double) { return true; }};
 inline const Range kPositive{"> 0", [](double x) { return x > 0; }};
+inline const Range kModulus{"from 1e-9 to 1e20", [](double x) { return x >= 1e-9 && x <= 1e20; }};
 inline const Range kNotNegative{">= 0", [](double x) { return x >= 0; }};
 inline const Range kPoisson{"in (-1, 0.5)", [](double x) { return x > -1 && x < 0.5; }};
 inline const Range kFraction{"in [0, 1)", [](double x) { return x >= 0 && x < 1; }};
@@ -32,6 +33,12 @@ inline const std::vector<std::string> kSamplings = [] {
   return names;
 }();
 inline const std::vector<std::string> kWarps{"constant", "elastic", "explode", "custom"};
+
+/// Of a folder, within the one that it is made in.
+inline bool is_name(const std::string& name) {
+  return !name.empty() && name != "." && name != ".." &&
+         name.find_first_of(std::string("/\0", 2)) == std::string::npos;
+}
 
 /// The times in front ascend.
 template <class Rows>
@@ -110,7 +117,7 @@ void describe(V& v, SurfaceSource& s) {
 
 template <class V>
 void describe(V& v, Material& m) {
-  v("E", m.E, kPositive, "Young's modulus (Pa)");
+  v("E", m.E, kModulus, "Young's modulus (Pa)");
   v("nu", m.nu, kPoisson, "Poisson's ratio");
   v("rho", m.rho, kPositive, "density (kg/m3)");
   v("damping", m.damping, kNotNegative, "mass-proportional damping (1/s)");
@@ -319,6 +326,7 @@ void describe(V& v, PlaybackOptions& p) {
 template <class V>
 void describe(V& v, Scene& s) {
   v("name", s.name, "of the output folder");
+  v.check("name", is_name(s.name), "the name of a folder: without / and NUL, not . or ..");
   v("paper", s.is_paper,
     "the PCP paper as published: its links, springs, steps, solver and collapse, whatever other keys say");
   v("gravity", s.gravity, kAny, "m/s2");

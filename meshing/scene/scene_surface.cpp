@@ -1,4 +1,5 @@
 // Where a scene meets its surface: loading it, and picking parts of it.
+#include <sstream>
 #include <stdexcept>
 
 #include "meshing/scene/scene.h"
@@ -100,6 +101,15 @@ SurfaceMesh load_surface(const SurfaceSource& source) {
     } catch (const std::runtime_error& error) {
       throw std::runtime_error(error.what() + kMending);
     }
+  constexpr double kThinnest =
+      1e-6;  // of its largest side: networks and meshers fill what is thinner with nodes for ever
+  const Eigen::Vector3d box = surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff();
+  if (box.minCoeff() < kThinnest * box.maxCoeff()) {
+    std::ostringstream what;
+    what << (source.file.empty() ? source.shape : source.file) << ": measures " << box(0) << " x " << box(1)
+         << " x " << box(2) << ", expected a body no thinner than a millionth of its size";
+    throw std::runtime_error(what.str());
+  }
   if (source.up == UpAxis::Z) surface.X = turned_upright(surface.X);
   surface.X *= source.scale * metres_of(source.unit);
   if (source.normalise) {

@@ -146,6 +146,12 @@ PolygonSoup read_ply(std::string_view bytes, const std::string& name) {
     }
   }
 
+  for (const PlyElement& element : elements)
+    if (element.count < 0 || (element.count > 0 && element.properties.empty()))
+      throw std::runtime_error(name + ": element " + element.name + " " + std::to_string(element.count) +
+                               " with " + std::to_string(element.properties.size()) +
+                               " properties, expected a count and a property");
+
   PolygonSoup soup;
   std::vector<std::vector<double>> faces;
   PlyValues values(bytes.substr(body + 1), format, name);

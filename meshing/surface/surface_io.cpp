@@ -1,5 +1,5 @@
-// Readers of our own but for VTK's files: VTK's return
-// float32, split vertices at OBJ normals and know no OFF.
+// Readers of our own but for VTK's files: VTK's return float32, split vertices at OBJ normals and know no OFF. Where one
+// is needed, a process of its own makes OFF of the file.
 #include "meshing/surface/surface_io.h"
 
 #include <algorithm>
@@ -11,6 +11,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "meshing/base/child_process.h"
 #include "meshing/base/files.h"
 #include "meshing/surface/surface_readers.h"
 
@@ -53,6 +54,36 @@ SurfaceMesh merge_equal_points(const PolygonSoup& soup, int& n_merged) {
   for (size_t f = 0; f < soup.triangles.size(); ++f)
     mesh.F.col(f) = soup.triangles[f].unaryExpr([&](int v) { return new_index[v]; });
   return mesh;
+}
+
+/// Limits grow with the file: what VTK's reader takes of memory and time on files that are as they should be is less than
+/// a tenth of them.
+PolygonSoup read_by_vtk(const std::filesystem::path& file, const std::string& type, size_t n_bytes) {
+  constexpr double kStart = 5, kByte = 5e-7, kWaiting = 10;  // s, s, wall time for each second of computing
+  constexpr double kMemory = 1e9, kMemoryOfByte = 60;
+  const auto n = static_cast<double>(n_bytes);
+  const double seconds = kStart + kByte * n;
+  const TemporaryFolder folder;
+  const std::string off = folder.path() / "surface.off", name = file.string();
+  const ChildResult child = run_child(program_folder() / "vtk_worker", {type, name, off}, kWaiting * seconds,
+                                      seconds, kMemory + kMemoryOfByte * n);
+  if (child.is_success) return read_off(read_file(off), name);
+  const bool is_told = child.ending == "status 1" && child.output.find(name) == 0;
+  throw std::runtime_error(is_told ? child.output
+                                   : name + ": VTK's reader fails on it (" + child.ending +
+                                         "), expected an undamaged file");
+}
+
+/// @throws std::runtime_error where doubles have no digits left for the shape.
+void check_place(const SurfaceMesh& mesh, const std::string& name) {
+  constexpr double kFarthest = 1e9;  // of the body's size: seven digits are left
+  const double size = (mesh.X.rowwise().maxCoeff() - mesh.X.rowwise().minCoeff()).maxCoeff();
+  const double farthest = mesh.X.cwiseAbs().maxCoeff();
+  if (farthest <= kFarthest * size) return;
+  std::ostringstream what;
+  what << name << ": lies " << farthest << " from the origin at a size of " << size
+       << ", expected at most 1e9 times its size";
+  throw std::runtime_error(what.str());
 }
 
 }  // namespace
@@ -122,20 +153,23 @@ void TextLines::fail(const std::string& message) const {
 SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report) {
   const std::string extension = lower_extension(file), name = file.string(), bytes = read_file(file);
   const std::map<std::string, PolygonSoup (*)(std::string_view, const std::string&)> readers{
-      {".obj", read_obj}, {".off", read_off}, {".ply", read_ply},
-      {".stl", read_stl}, {".vtp", read_vtp}, {".vtu", read_vtu}};
+      {".obj", read_obj}, {".off", read_off}, {".ply", read_ply}, {".stl", read_stl}};
   const auto reader = readers.find(extension);
-  if (reader == readers.end())
+  const bool is_vtk = extension == ".vtp" || extension == ".vtu";
+  if (reader == readers.end() && !is_vtk)
     throw std::runtime_error(name + ": extension '" + extension +
                              "', expected .obj, .off, .ply, .stl, .vtp or .vtu");
-  const PolygonSoup soup = reader->second(bytes, name);
+  const PolygonSoup soup =
+      is_vtk ? read_by_vtk(file, extension.substr(1), bytes.size()) : reader->second(bytes, name);
   for (size_t i = 0; i < soup.points.size(); ++i)
     if (!soup.points[i].allFinite())
       throw std::runtime_error(name + ": vertex " + std::to_string(i) +
                                " has a coordinate that is not finite");
   if (soup.triangles.empty()) throw std::runtime_error(name + ": no triangles, expected a surface");
   ReadReport own;
-  return merge_equal_points(soup, (report ? *report : own).n_merged);
+  SurfaceMesh mesh = merge_equal_points(soup, (report ? *report : own).n_merged);
+  check_place(mesh, name);
+  return mesh;
 }
 
 void write_surface(const std::filesystem::path& file, const SurfaceMesh& surface) {

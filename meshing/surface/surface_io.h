@@ -13,6 +13,7 @@ struct ReadReport {
 
 /// Reads OBJ, OFF, PLY, STL, VTP or VTU in double precision. Vertices keep the file's order; those at equal
 /// positions are merged into the first. Polygons are cut into triangles.
+/// VTP and VTU are read by a process of its own (vtk_worker), whose time and memory are limited by the file's size.
 /// @throws std::runtime_error with file, line (text formats), value found and expected.
 SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report = nullptr);
 

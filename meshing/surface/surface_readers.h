@@ -52,7 +52,5 @@ PolygonSoup read_obj(std::string_view text, const std::string& name);
 PolygonSoup read_off(std::string_view text, const std::string& name);
 PolygonSoup read_ply(std::string_view bytes, const std::string& name);
 PolygonSoup read_stl(std::string_view bytes, const std::string& name);
-PolygonSoup read_vtp(std::string_view bytes, const std::string& name);
-PolygonSoup read_vtu(std::string_view bytes, const std::string& name);
 
 }  // namespace testbed::meshing

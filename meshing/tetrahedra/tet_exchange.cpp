@@ -18,8 +18,11 @@ void append(std::string& bytes, const Matrix& matrix) {
 
 template <class Matrix>
 Matrix take(const std::string& bytes, size_t& at) {
-  long n = 0;
-  std::memcpy(&n, bytes.data() + at, sizeof(n));
+  long n = -1;
+  const auto column = static_cast<size_t>(Matrix::RowsAtCompileTime) * sizeof(typename Matrix::Scalar);
+  if (bytes.size() - at >= sizeof(n)) std::memcpy(&n, bytes.data() + at, sizeof(n));
+  if (n < 0 || static_cast<size_t>(n) > (bytes.size() - at - sizeof(n)) / column)
+    throw std::runtime_error("what the mesher wrote is damaged or cut");
   at += sizeof(n);
   Matrix matrix(Matrix::RowsAtCompileTime, n);
   const size_t size = matrix.size() * sizeof(matrix(0, 0));

@@ -10,6 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from analysis.compare import vertex_areas, volume
+from analysis.outputs import list_of
 
 N_STEPS = 4
 
@@ -64,4 +65,14 @@ def write_run(
         "seconds": {"mesh": 0.1, "setup": 0.2, "solve": 0.3, "output": 0.4},
     }
     (folder / "run.json").write_text(json.dumps(default | record))
+    list_outputs(folder)
     return folder
+
+
+def list_outputs(folder: Path) -> None:
+    """Lists the files of a run in its record, as a solver does: what a test changes then counts as written so."""
+    record = json.loads((folder / "run.json").read_text())
+    files = [file for file in (folder / "frames.pvd", folder / "curves.csv") if file.exists()]
+    files += sorted(folder.glob("frames/*.vtu"))
+    record["outputs"] = list_of(folder, [file.relative_to(folder).as_posix() for file in files])
+    (folder / "run.json").write_text(json.dumps(record))

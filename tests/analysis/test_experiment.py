@@ -2,6 +2,7 @@
 
 import html
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -391,6 +392,74 @@ def test_exit_status_tells_whether_the_scenes_own_model_gave_a_result(home, tmp_
     (home / "massspring_0.25" / "run.json").write_text('{"status": "diverged", "reason": "at 2 s"}')
     assert run_command(arguments) == 2
     assert "gave no result: diverged, at 2 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda out: (out / "report.html").unlink(),
+        lambda out: (out / "report.html").write_text("<html>"),
+        lambda out: (out / "view.html").unlink(),
+        lambda out: (out / "comparison.json").write_text(""),
+        lambda out: (out / "comparison.json").write_text("[]"),
+        lambda out: os.truncate(out / "comparison.json", 100),
+    ],
+)
+def test_damaged_report_is_mended_by_the_same_command(damage, home, tmp_path):
+    arguments = parse_arguments(
+        ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
+    )
+    run_command(arguments)
+    before = {name: (tmp_path / "out" / name).read_bytes() for name in ("report.html", "comparison.json")}
+    damage(tmp_path / "out")
+    assert run_command(arguments) == 0
+    written = json.loads((tmp_path / "out" / "comparison.json").read_text())
+    assert written["finding"] == json.loads(before["comparison.json"])["finding"]
+    assert (tmp_path / "out" / "view.html").exists()
+    assert abs((tmp_path / "out" / "report.html").stat().st_size / len(before["report.html"]) - 1) < 0.01
+
+
+def test_force_forgets_what_the_folder_holds(home, tmp_path):
+    words = ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
+    run_command(parse_arguments(words))
+    (tmp_path / "out" / "massspring" / "other").mkdir()
+    (tmp_path / "out" / "massspring" / "other" / "run.json").write_text("{}")
+    (tmp_path / "out" / "mine.json").write_text("{}")
+    written = (tmp_path / "out" / "comparison.json").stat().st_mtime_ns
+    run_command(parse_arguments([*words, "--force"]))
+    assert not (tmp_path / "out" / "massspring" / "other" / "run.json").exists()
+    assert (tmp_path / "out" / "mine.json").exists()
+    assert (tmp_path / "out" / "comparison.json").stat().st_mtime_ns > written
+
+
+def test_failing_run_leaves_no_report_of_other_values(home, tmp_path):
+    words = ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
+    run_command(parse_arguments(words))
+    with pytest.raises(RunError):
+        run_command(
+            parse_arguments([*words, "--set", "material.nu=0.1"])
+        )  # refused before anything is solved
+    assert (tmp_path / "out" / "report.html").exists()
+    with pytest.raises(RunError):
+        run_command(parse_arguments([*words, "--set", "material.nu=0.6"]))
+    assert not (tmp_path / "out" / "report.html").exists()
+    assert not (tmp_path / "out" / "comparison.json").exists()
+
+
+def test_time_warp_that_is_none_is_refused_before_anything_is_solved(home, tmp_path):
+    (tmp_path / "scene.toml").write_text('playback = { warp = "custom", expression = "1 - t" }\n')
+    words = ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
+    for more in ([], ["--set", "playback.expression=t*(9**9**9**9)"]):
+        with pytest.raises(RunError, match=r"playback\."):
+            run_command(parse_arguments([*words, *more]))
+    assert not calls(home / "bin")
+
+
+@pytest.mark.parametrize("name", ['"../../x"', '"/tmp/x"', '".."', '""', "5", '"a\\u0000"'])
+def test_name_of_a_scene_stays_within_the_folder_of_runs(name, tmp_path):
+    (tmp_path / "scene.toml").write_text(f"name = {name}\n")
+    with pytest.raises(RunError, match="expected the name of a folder"):
+        default_folder(tmp_path / "scene.toml", None)
 
 
 @pytest.mark.filterwarnings("error")

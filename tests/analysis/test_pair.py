@@ -1,8 +1,10 @@
 """Any two results on one surface: who reads them, how they are matched, and what is refused."""
 
 import json
+import os
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -218,6 +220,70 @@ def test_damaged_file_is_one_error_with_its_place(name, text, message, tmp_path)
     (tmp_path / name).write_text(text)
     with pytest.raises(RunError, match=message):
         read_result(tmp_path / name)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.99, 0.9995])
+@pytest.mark.parametrize("binary", [True, False])
+def test_cut_vtk_file_is_one_error(binary, share, ball, tmp_path):
+    X, F = ball
+    mesh = pv.PolyData.from_regular_faces(X, F)
+    mesh.point_data["displacement"] = stretched(X)
+    file = tmp_path / "a.vtk"
+    mesh.save(file, binary=binary)
+    assert read_result(file).u == pytest.approx(stretched(X), abs=1e-7)
+    os.truncate(file, int(share * file.stat().st_size))
+    with pytest.raises(RunError, match=r"a\.vtk: damaged or cut") as told:
+        read_result(file)
+    assert "\n" not in str(told.value)
+
+
+_DAMAGE = {
+    "NumberOfPoints": ('NumberOfPoints="642"', 'NumberOfPoints="-3"'),
+    "NumberOfPolys": ('NumberOfPolys="1280"', 'NumberOfPolys="4000000000"'),
+    "NumberOfComponents": ('NumberOfComponents="3"', 'NumberOfComponents="4294967295"'),
+    "nested": ("<Piece", "<a>" * 500_000 + "<Piece"),
+}
+
+
+@pytest.mark.parametrize("damage", _DAMAGE)
+def test_vtk_file_that_crashes_its_reader_or_takes_all_memory_is_one_error(damage, ball, tmp_path):
+    file = write_vtk(tmp_path / "a.vtp", *ball, stretched(ball[0]))
+    data, (old, new) = file.read_bytes(), _DAMAGE[damage]
+    assert old.encode() in data
+    file.write_bytes(data.replace(old.encode(), new.encode()))
+    with pytest.raises(RunError, match=r"a\.vtp: ") as told:
+        read_result(file)
+    assert "\n" not in str(told.value)
+
+
+def test_corner_beyond_the_points_is_named(ball, tmp_path):
+    X, F = ball[0], np.array(ball[1])
+    F[3, 1] = 700
+    file = tmp_path / "a.vtk"
+    corners = "\n".join(" ".join(map(str, (3, *f))) for f in F)
+    points, moved = ("\n".join(" ".join(map(repr, map(float, x))) for x in values) for values in (X, 0.1 * X))
+    file.write_text(
+        f"# vtk DataFile Version 3.0\na\nASCII\nDATASET POLYDATA\nPOINTS {len(X)} double\n{points}\n"
+        f"POLYGONS {len(F)} {4 * len(F)}\n{corners}\nPOINT_DATA {len(X)}\nVECTORS displacement double\n{moved}\n"
+    )
+    with pytest.raises(RunError, match=r"a\.vtk: a cell has point 700, expected 0 to 641"):
+        read_result(file)
+
+
+def test_log_cut_within_its_last_number_is_refused(cube, tmp_path):
+    X, _, _ = cube
+    file = write_febio(tmp_path / "log.txt", X, stretched(X))
+    read_result(file)
+    os.truncate(file, file.stat().st_size - 3)
+    with pytest.raises(RunError, match="the last line has no end"):
+        read_result(file)
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe.vtk")
+    for path in (tmp_path / "pipe.vtk", Path("/dev/zero")):
+        with pytest.raises(RunError, match="missing, expected the folder of a run"):
+            read_result(path)
 
 
 def test_vtk_file_without_a_displacement_lists_its_arrays(ball, tmp_path):

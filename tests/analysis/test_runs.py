@@ -1,11 +1,12 @@
 """Runs that cannot be trusted are refused in one clear line."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
 import pyvista as pv
-from synthetic import N_STEPS, write_run
+from synthetic import N_STEPS, list_outputs, write_run
 
 from analysis.runs import RunError, load_run
 
@@ -55,13 +56,14 @@ def test_diverged_run_is_refused(folder):
 
 def test_missing_frame_is_refused(folder):
     (folder / "frames" / f"frame_{N_STEPS:06d}.vtu").unlink()
-    with pytest.raises(RunError, match=r"frame_000004.vtu: frame is missing"):
+    with pytest.raises(RunError, match=r"frame_000004.vtu: missing"):
         _ = load_run(folder).last
 
 
 def test_cut_frame_is_refused(folder):
     file = folder / "frames" / f"frame_{N_STEPS:06d}.vtu"
     file.write_bytes(file.read_bytes()[:3000])
+    list_outputs(folder)
     with pytest.raises(RunError, match=r"frame_000004.vtu: expected 'displacement'"):
         _ = load_run(folder).last
 
@@ -71,6 +73,7 @@ def test_triangle_of_an_internal_node_is_refused(folder):
     grid = pv.read(file)
     grid.field_data["n_surface"] = [641]
     grid.save(file)
+    list_outputs(folder)
     with pytest.raises(RunError, match="expected the triangles of 641 surface nodes"):
         _ = load_run(folder).last
 
@@ -80,6 +83,7 @@ def test_nan_in_a_frame_is_refused(folder):
     grid = pv.read(file)
     grid.point_data["displacement"][3, 1] = np.nan
     grid.save(file)
+    list_outputs(folder)
     with pytest.raises(RunError, match=r"frame_000004.vtu: displacement is not finite"):
         _ = load_run(folder).last
 
@@ -89,6 +93,7 @@ def test_nan_in_the_curves_is_refused(folder):
     lines = file.read_text().splitlines()
     lines[2] = "0.25,0.25,nan,1,1"
     file.write_text("\n".join(lines))
+    list_outputs(folder)
     with pytest.raises(RunError, match=r"curves.csv:3: volume = nan, expected a number"):
         load_run(folder)
 
@@ -98,11 +103,38 @@ def test_nan_in_the_curves_is_refused(folder):
 )
 def test_damaged_curves_are_refused(folder, rows):
     (folder / "curves.csv").write_text(rows)
+    list_outputs(folder)
     with pytest.raises(RunError, match=r"curves.csv"):
         load_run(folder)
 
 
 def test_missing_curves_are_refused(folder):
     (folder / "curves.csv").unlink()
+    with pytest.raises(RunError, match=r"curves.csv: missing, run the solver again"):
+        load_run(folder)
+    list_outputs(folder)
     with pytest.raises(RunError, match=r"output.curves = true"):
+        load_run(folder)
+
+
+def test_files_of_another_run_are_refused(folder, ball, tmp_path):
+    """Whole, but of another displacement; or cut at the end of a line."""
+    other = write_run(tmp_path / "other", *ball, lambda X: 0.3 * X)
+    frame = f"frames/frame_{N_STEPS:06d}.vtu"
+    run = load_run(folder)
+    shutil.copy(other / frame, folder / frame)
+    with pytest.raises(RunError, match=r"frame_000004.vtu: not the file that run.json lists"):
+        _ = run.last
+    assert run.frame(0).u == pytest.approx(0 * ball[0], abs=0)
+    rows = (folder / "curves.csv").read_text().splitlines(keepends=True)
+    (folder / "curves.csv").write_text("".join(rows[:-1]))
+    with pytest.raises(RunError, match=r"curves.csv: not the file that run.json lists"):
+        load_run(folder)
+
+
+def test_run_that_lists_no_files_is_refused(folder):
+    record = json.loads((folder / "run.json").read_text())
+    del record["outputs"]
+    (folder / "run.json").write_text(json.dumps(record))
+    with pytest.raises(RunError, match=r"not the file that run.json lists"):
         load_run(folder)

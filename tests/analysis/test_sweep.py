@@ -102,6 +102,28 @@ def test_motions_keep_their_frames(scene, programs, tmp_path):
     assert ["output.frames_every" in call for call in calls(programs)] == [True, True, False, False]
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda run: (run / "frames" / "frame_000001.vtu").unlink(),
+        lambda run: os.truncate(run / "curves.csv", 60),
+        lambda run: os.truncate(run / "run.json", 60),
+        lambda run: (run / "outcome.json").write_text(""),
+    ],
+)
+def test_damaged_run_of_a_sweep_is_made_again(damage, scene, programs, tmp_path):
+    grid = {"material.nu": ["0.25"]}
+    first = run(scene, tmp_path / "out", programs, grid)
+    (springs,) = (
+        file.parent
+        for file in (tmp_path / "out" / "runs").glob("*/run.json")
+        if '"massspring"' in file.read_text()
+    )
+    damage(springs)
+    assert run(scene, tmp_path / "out", programs, grid) == first
+    assert len(calls(programs)) == 3
+
+
 def test_finished_points_never_run_again(scene, programs, tmp_path):
     run(scene, tmp_path / "out", programs)
     assert len(calls(programs)) == 6 + 3  # the reference does not read network.multiplicity

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #include <vtkDoubleArray.h>
 #include <vtkFieldData.h>
@@ -9,11 +10,14 @@
 #include <vtkXMLUnstructuredGridReader.h>
 
 #include <cmath>
+#include <csignal>
 #include <fstream>
+#include <functional>
 #include <thread>
 
 #include "meshing/base/child_process.h"
 #include "meshing/base/files.h"
+#include "meshing/base/folder_lock.h"
 #include "meshing/run/hash.h"
 #include "meshing/run/record.h"
 #include "meshing/surface/shapes.h"
@@ -137,6 +141,8 @@ TEST_F(RecorderTest, ARunIsStoredOnlyWhenFinishedWithTheSameHash) {
   EXPECT_EQ(stored_record(folder, "abc")->at("status"), "ok");
   EXPECT_FALSE(stored_record(folder, "abd"));
   write_file(folder / "run.json", R"({"status": "diverged", "input_hash": "abc"})");
+  EXPECT_FALSE(stored_record(folder, "abc")) << "no file is listed";
+  write_file(folder / "run.json", R"({"status": "diverged", "input_hash": "abc", "outputs": {}})");
   ASSERT_TRUE(stored_record(folder, "abc")) << "a run that failed would fail again";
   EXPECT_EQ(stored_record(folder, "abc")->at("status"), "diverged");
   EXPECT_EQ(read_file(folder / "curves.csv"),
@@ -145,9 +151,52 @@ TEST_F(RecorderTest, ARunIsStoredOnlyWhenFinishedWithTheSameHash) {
   EXPECT_FALSE(fs::exists(folder / "run.json")) << "an older run is removed";
 }
 
+TEST_F(RecorderTest, ARunOfWhichAFileIsMissingCutOrForeignIsNoStoredOne) {
+  const auto record = [&](const fs::path& where, double factor) {
+    Recorder recorder(where, cells, 3);
+    recorder.add_frame(0, X, factor * u);
+    recorder.add_frame(1, X, 2 * factor * u);
+    recorder.add_row({{"time", 0}, {"volume", 1}});
+    recorder.add_row({{"time", 1}, {"volume", 1 + factor}});
+    recorder.finish({{"status", "ok"}, {"input_hash", "abc"}});
+  };
+  const TemporaryFolder other;
+  record(other.path(), 3);
+  const auto is_stored_after = [&](const std::function<void()>& damage) {
+    record(folder, 1);
+    EXPECT_TRUE(stored_record(folder, "abc"));
+    damage();
+    return stored_record(folder, "abc").has_value();
+  };
+  for (const char* name :
+       {"frames.pvd", "curves.csv", "frames/frame_000000.vtu", "frames/frame_000001.vtu"}) {
+    const fs::path file = folder / name;
+    EXPECT_FALSE(is_stored_after([&] { fs::remove(file); })) << name;
+    EXPECT_FALSE(is_stored_after([&] { write_file(file, ""); })) << name;
+    EXPECT_FALSE(is_stored_after([&] {
+      std::string bytes = read_file(file);
+      bytes[bytes.size() / 2] ^= 1;
+      write_file(file, bytes);
+    })) << name;
+    EXPECT_FALSE(is_stored_after([&] {
+      fs::remove(file);
+      fs::create_directory(file);
+    })) << name;
+    fs::remove_all(file);
+  }
+  EXPECT_FALSE(is_stored_after([&] {
+    fs::copy_file(other.path() / "frames/frame_000001.vtu", folder / "frames/frame_000001.vtu",
+                  fs::copy_options::overwrite_existing);
+  })) << "whole, but of another run";
+  EXPECT_FALSE(is_stored_after([&] { write_file(folder / "curves.csv", "time,volume\n0,1\n"); }))
+      << "cut at the end of a line";
+}
+
 TEST_F(RecorderTest, ADamagedRecordIsNoStoredOne) {
   fs::create_directories(folder);
-  for (const char* damaged : {"", "{\"status\": \"ok\"", "[]", R"({"status": 3, "input_hash": null})"}) {
+  for (const char* damaged : {"", "{\"status\": \"ok\"", "[]", R"({"status": 3, "input_hash": null})",
+                              R"({"status": "ok", "input_hash": "abc", "outputs": []})",
+                              R"({"status": "ok", "input_hash": "abc", "outputs": {"run.json": 3}})"}) {
     write_file(folder / "run.json", damaged);
     EXPECT_FALSE(stored_record(folder, "abc")) << damaged;
   }
@@ -193,6 +242,42 @@ TEST(WriteFile, SaysWhyAFileCannotBeWritten) {
   EXPECT_EQ(message(full), full + ".tmp: cannot be written: No space left on device");
   EXPECT_EQ(message(lost), lost + ".tmp: cannot be written: No such file or directory");
   EXPECT_FALSE(std::filesystem::exists(full));
+}
+
+TEST(FolderLock, IsHeldByOneProcessAtATimeWhichIsNamed) {
+  const TemporaryFolder folder;
+  std::vector<std::string> told;
+  const auto tell = [&](const std::string& text) { told.push_back(text); };
+  { const FolderLock alone(folder.path() / "new", tell); }
+  EXPECT_TRUE(told.empty());
+  int ready[2];
+  ASSERT_EQ(pipe(ready), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    const FolderLock lock(folder.path() / "new", [](const std::string&) {});
+    (void)!write(ready[1], "x", 1);
+    pause();
+  }
+  char letter = 0;
+  ASSERT_EQ(read(ready[0], &letter, 1), 1);
+  // Told first, then given the folder as the other dies, whatever it was doing.
+  const FolderLock second(folder.path() / "new", [&](const std::string& text) {
+    tell(text);
+    kill(child, SIGKILL);
+  });
+  waitpid(child, nullptr, 0);
+  ASSERT_EQ(told.size(), 1u);
+  EXPECT_EQ(told[0].rfind(
+                (folder.path() / "new").string() + " is held by process " + std::to_string(child) + " (", 0),
+            0u)
+      << told[0];
+  EXPECT_NE(told[0].find("test_record"), std::string::npos) << "its command";
+}
+
+TEST(Hash, OfFilesIsTheOneOfZlib) {
+  EXPECT_EQ(crc32_of(""), "00000000");
+  EXPECT_EQ(crc32_of("123456789"), "cbf43926");  // the standard's check value
+  EXPECT_EQ(crc32_of("The quick brown fox jumps over the lazy dog"), "414fa339");  // python3: zlib.crc32
 }
 
 TEST(Hash, DependsOnEveryByte) {

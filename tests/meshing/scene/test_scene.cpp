@@ -364,6 +364,44 @@ TEST(Names, SuggestionIsTheNameOfFewestInsertionsDeletionsAndSubstitutions) {
   EXPECT_EQ(suggested("abcd", {"bcdea"}), "") << "three edits, more than half of the name's length";
 }
 
+TEST(Scene, NamesStayWithinTheFolderOfAllRuns) {
+  const std::string ball = "\n[surface]\nshape = \"ball\"\n";
+  for (const char* name : {"../../x", "/x", "x/y", "..", ".", "", "a\\u0000b"})
+    EXPECT_NE(error_of("name = \"" + std::string(name) + "\"" + ball)
+                  .find("expected the name of a folder: without / and NUL"),
+              std::string::npos)
+        << name;
+  EXPECT_EQ(error_of("name = \"..x. y\"" + ball), "");
+  const fs::path file = write_scene(ball), odd = file.parent_path() / "a\xff.toml";
+  fs::copy_file(file, odd, fs::copy_options::overwrite_existing);
+  EXPECT_EQ(read_scene(odd).name, "scene") << "a file's name that is not text";
+}
+
+TEST(Scene, KeysOfAMillionPartsAreRefusedByTheirLine) {
+  const auto parts = [](const std::string& part, int n) {
+    std::string key = part;
+    for (int i = 1; i < n; ++i) key += "." + part;
+    return key;
+  };
+  constexpr int kMany = 1000000;
+  for (const std::string& part : {std::string("a"), std::string("\"=\""), std::string("'#'")}) {
+    EXPECT_NE(error_of("gravity = [0, -9.81, 0]\n" + parts(part, kMany) + " = 1\n")
+                  .find("scene.toml:2: a key of more than 100 parts"),
+              std::string::npos)
+        << part;
+    EXPECT_NE(error_of("[" + parts(part, kMany) + "]\n").find("scene.toml:1: a key"), std::string::npos);
+    EXPECT_NE(error_of("x = {" + parts(part, kMany) + " = 1}\n").find("scene.toml:1: a key"),
+              std::string::npos);
+  }
+  EXPECT_NE(error_of("", {parts("a", kMany) + "=1"}).find("a key of more than 100 parts"), std::string::npos);
+  std::string numbers = "0.5";
+  for (int i = 0; i < 200; ++i) numbers += ", 0.5";
+  EXPECT_EQ(error_of("name = \"" + std::string(300, '.') + "\" # " + std::string(300, '.') +
+                     "\n[surface]\nshape = \"ball\"\n"),
+            "");
+  EXPECT_EQ(error_of("x = [" + numbers + "]\n").find("parts"), std::string::npos);
+}
+
 TEST(Scene, RangesHoldTheirBoundsOrNot) {
   const auto is_accepted = [](const std::string& key, const std::string& value) {
     return error_of("[surface]\nshape = \"ball\"\n[[collapse.pivots]]\npoint = [0, 0, 0]\n",
@@ -378,8 +416,8 @@ TEST(Scene, RangesHoldTheirBoundsOrNot) {
       {"collapse.coefficient", {"0", "0.999"}, {"-1e-9", "1", "1.5"}},  // in [0, 1)
       {"collapse.least", {"0", "1"}, {"-1e-9", "1.001"}},               // in [0, 1]
       {"material.nu", {"-0.999", "0", "0.499"}, {"-1", "0.5"}},         // in (-1, 0.5)
-      {"material.E", {"1e-9"}, {"0", "-1"}},                            // > 0
-      {"material.damping", {"0", "1e-9"}, {"-1e-9"}},                   // >= 0
+      {"material.E", {"1e-9", "1e20"}, {"0", "-1", "1e-300", "1e300"}},
+      {"material.damping", {"0", "1e-9"}, {"-1e-9"}},  // >= 0
       {"time.load_steps", {"1"}, {"0", "-1"}},
       {"network.multiplicity", {"3"}, {"2"}},
       {"reference.degree", {"1", "2"}, {"0", "3"}}};
@@ -627,13 +665,21 @@ TEST(InputHash, ChangesWithTheProgramAndTheMeshersBesideIt) {
   };
   std::set<std::string> hashes{hash()};
   EXPECT_EQ(hash(), *hashes.begin());
-  for (const char* worker : {"gmsh_worker", "tetgen_worker"})
+  for (const char* worker : {"gmsh_worker", "tetgen_worker", "vtk_worker"})
     for (const char* content : {"built", "built anew"}) {
       write_file(folder / worker, content);
       EXPECT_TRUE(hashes.insert(hash()).second) << worker << ' ' << content;
     }
   std::ofstream(program, std::ios::app) << "built anew";  // what follows a program's end is not run
   EXPECT_TRUE(hashes.insert(hash()).second);
+}
+
+TEST(LoadSurface, RefusesWhatIsThinnerThanAMillionthOfItsSize) {
+  const auto bar = [](double thickness) {
+    return load_surface({"", "bar", 20, {1, 1, thickness}, UpAxis::Y, LengthUnit::Metre, 1, false});
+  };
+  EXPECT_NO_THROW(bar(1e-5));
+  EXPECT_THROW(bar(1e-9), std::runtime_error);
 }
 
 TEST(LoadSurface, ScalesAllCoordinates) {

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cstring>
 #include <fstream>
@@ -281,6 +282,61 @@ TEST(SurfaceIo, ErrorsInVtkFilesNameCellValueAndWhatIsExpected) {
   for (const auto& [name, text, expected] : cases)
     EXPECT_NE(complaint(file_of(name, text)).find(name + ": " + expected), std::string::npos)
         << complaint(file_of(name, text));
+}
+
+TEST(SurfaceIo, VtkFilesThatCrashOrOccupyItsReaderEndInOneLine) {
+  const auto replaced = [](std::string text, const std::string& old, const std::string& by) {
+    const size_t at = text.find(old);
+    EXPECT_NE(at, std::string::npos) << old;
+    return text.replace(at, old.size(), by);
+  };
+  const std::string four = "0 2 1 0 1 3 1 2 3 0 3 2", ends = "3 6 9 12";
+  const std::string vtu = vtu_of(four, ends, "5 5 5 5"), vtp = vtp_of(four, ends);
+  std::string nested;
+  for (int n = 0; n < 500000; ++n) nested += "<a>";
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"cells.vtu", replaced(vtu, "NumberOfCells=\"4\"", "NumberOfCells=\"-3\"")},
+      {"points.vtu", replaced(vtu, "NumberOfPoints=\"4\"", "NumberOfPoints=\"-3\"")},
+      {"many.vtu", replaced(vtu, "NumberOfCells=\"4\"", "NumberOfCells=\"4000000000\"")},
+      {"components.vtp", replaced(vtp, "NumberOfComponents=\"3\"", "NumberOfComponents=\"4294967295\"")},
+      {"polys.vtp", replaced(vtp, "NumberOfPolys=\"4\"", "NumberOfPolys=\"-3\"")},
+      {"nested.vtp", "<VTKFile type=\"PolyData\">" + nested}};
+  for (const auto& [name, text] : cases) {
+    const std::string said = complaint(file_of(name, text));
+    EXPECT_NE(said.find(name + ": "), std::string::npos) << said;
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 0) << said;
+  }
+}
+
+TEST(SurfaceIo, WhatIsNoFileOrHasNoEndIsRefused) {
+  EXPECT_NE(complaint("/dev/zero").find("/dev/zero: cannot be read, expected a file"), std::string::npos);
+  const fs::path pipe = file_of("pipe.obj", "");
+  fs::remove(pipe);
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_NE(complaint(pipe).find("pipe.obj: cannot be read, expected a file"), std::string::npos);
+  fs::remove(pipe);
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+      "property float z\nelement face ";
+  const std::string points = "end_header\n0 0 0 1 0 0 0 1 0\n";
+  EXPECT_NE(complaint(file_of("rows.ply", head + "4294967296\n" + points))
+                .find("rows.ply: element face 4294967296 with 0 properties"),
+            std::string::npos);
+  EXPECT_NE(complaint(file_of("less.ply", head + "-1\nproperty list int int vertex_index\n" + points))
+                .find("less.ply: element face -1"),
+            std::string::npos);
+}
+
+TEST(SurfaceIo, RefusesABodySoFarOffThatDoublesHaveNoDigitsForIt) {
+  SurfaceMesh ball = make_shape("ball", 42);
+  ball.X.array() += 1e6;
+  const fs::path file = file_of("far.obj", "");
+  write_surface(file, ball);
+  EXPECT_EQ(read_surface(file).X, ball.X);
+  ball.X.array() += 1e12;
+  write_surface(file, ball);
+  EXPECT_NE(complaint(file).find("far.obj: lies 1e+12 from the origin at a size of "), std::string::npos)
+      << complaint(file);
 }
 
 TEST(SurfaceIo, MergesEqualPositionsIntoTheFirst) {

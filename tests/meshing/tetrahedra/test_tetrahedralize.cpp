@@ -1,6 +1,10 @@
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 
@@ -112,6 +116,61 @@ TEST(RunChild, TellsHowTheProgramEndsAndWhatItWrites) {
   EXPECT_EQ(busy.ending, "stopped after 0.1 s of computing");
   EXPECT_TRUE(run_child("/bin/sh", {"-c", "sleep 0.3"}, 60, 0.1).is_success)
       << "it waits, and computes little";
+}
+
+TEST(RunChild, BoundsWhatAProgramMayWriteAndAllocate) {
+  const ChildResult flood = run_child("/bin/sh", {"-c", "exec yes"}, 60, 0.2);
+  EXPECT_EQ(flood.ending, "stopped after 0.2 s of computing");
+  EXPECT_EQ(flood.output.size(), 1u << 20);
+  const std::string large = "sleep 0.2; head -c 300000000 /dev/zero | tail -c 300000000 | wc -c";
+  EXPECT_EQ(run_child("/bin/sh", {"-c", large}, 60).output, "300000000\n");
+  EXPECT_NE(run_child("/bin/sh", {"-c", large}, 60, 60, 1e8).output, "300000000\n") << "tail keeps it all";
+  const ChildResult orphan = run_child("/bin/sh", {"-c", "echo here; sleep 1000 & exit 0"}, 60);
+  EXPECT_TRUE(orphan.is_success) << "what it leaves behind keeps nobody waiting";
+  EXPECT_EQ(orphan.output, "here\n");
+}
+
+TEST(TemporaryFolder, OfAKilledProcessGoesAsTheNextIsMade) {
+  int told[2];
+  ASSERT_EQ(pipe(told), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    const TemporaryFolder left;
+    const std::string path = left.path();
+    (void)!write(told[1], path.c_str(), path.size() + 1);
+    pause();
+  }
+  char path[256] = {};
+  ASSERT_GT(read(told[0], path, sizeof path - 1), 0);
+  const auto age = [&] {
+    std::filesystem::last_write_time(path,
+                                     std::filesystem::file_time_type::clock::now() - std::chrono::hours(1));
+  };
+  age();
+  { const TemporaryFolder next; }
+  EXPECT_TRUE(std::filesystem::exists(path)) << "its process lives";
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  EXPECT_TRUE(std::filesystem::exists(path));
+  { const TemporaryFolder next; }
+  EXPECT_FALSE(std::filesystem::exists(path));
+}
+
+TEST(Tetrahedralize, TakesTheNextMesherWhereOneWritesGarbage) {
+  const TemporaryFolder workers;
+  // The count of columns, 2^62, is more than any file holds.
+  std::ofstream(workers.path() / "gmsh_worker")
+      << "#!/bin/sh\nprintf '\\000\\000\\000\\000\\000\\000\\000\\100garbage' >$4\n";
+  std::filesystem::permissions(workers.path() / "gmsh_worker", std::filesystem::perms::owner_all);
+  std::filesystem::create_symlink(program_folder() / "tetgen_worker", workers.path() / "tetgen_worker");
+  TetOptions options;
+  options.workers = workers.path();
+  TetReport report;
+  const SurfaceMesh ball = make_shape("ball", 162);
+  EXPECT_EQ(complaint(tetrahedralize(ball, options, &report), ball), "");
+  EXPECT_EQ(report.mesher, "tetgen");
+  ASSERT_FALSE(report.failures.empty());
+  EXPECT_EQ(report.failures[0], "gmsh, Delaunay: what the mesher wrote is damaged or cut");
 }
 
 TEST(TemporaryFolder, IsAnotherEachTimeAndGoesWithItsFiles) {

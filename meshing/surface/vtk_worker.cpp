@@ -1,3 +1,7 @@
+// vtk_worker: makes OFF of a VTK file in a process of its own, since VTK's readers crash, hang and take all memory on
+// damaged files.
+#include <signal.h>
+#include <sys/prctl.h>
 #include <vtkCell.h>
 #include <vtkCellArray.h>
 #include <vtkGenericCell.h>
@@ -10,12 +14,16 @@
 #include <vtkXMLPolyDataReader.h>
 #include <vtkXMLUnstructuredGridReader.h>
 
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <limits>
 #include <map>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
-#include "meshing/surface/surface_readers.h"
-
-namespace testbed::meshing {
 namespace {
 
 struct Cells {
@@ -43,11 +51,10 @@ int dimension_of(int type) {
 /// The two-dimensional cells and the points they use; other cells (a frame's springs and tetrahedra) are
 /// passed over. VTK checks neither types nor point ids.
 template <class Reader>
-PolygonSoup read_cells(std::string_view bytes, const std::string& name) {
+void write_off(const std::string& name, std::ostream& off) {
   vtkObject::GlobalWarningDisplayOff();
   vtkNew<Reader> reader;
-  reader->ReadFromInputStringOn();
-  reader->SetInputString(std::string(bytes));
+  reader->SetFileName(name.c_str());
   reader->Update();
   auto* const data = reader->GetOutput();
   if (reader->GetErrorCode() != 0 || !data || !data->GetPoints())
@@ -86,29 +93,49 @@ PolygonSoup read_cells(std::string_view bytes, const std::string& name) {
     polygons.emplace_back(corners, corners + n);
   }
 
-  PolygonSoup soup;
-  std::vector<int> new_index(is_used.size());
+  off.precision(std::numeric_limits<double>::max_digits10);
+  off << "OFF\n" << std::count(is_used.begin(), is_used.end(), true) << ' ' << polygons.size() << " 0\n";
+  std::vector<vtkIdType> new_index(is_used.size());
+  vtkIdType n_used = 0;
   for (vtkIdType i = 0; i < n_points; ++i)
     if (is_used[i]) {
-      new_index[i] = static_cast<int>(soup.points.size());
-      soup.points.emplace_back(data->GetPoint(i));
+      const double* const x = data->GetPoint(i);
+      if (!(std::isfinite(x[0]) && std::isfinite(x[1]) && std::isfinite(x[2])))
+        throw std::runtime_error(name + ": vertex " + std::to_string(i) +
+                                 " has a coordinate that is not finite");
+      new_index[i] = n_used++;
+      off << x[0] << ' ' << x[1] << ' ' << x[2] << '\n';
     }
   for (const std::vector<vtkIdType>& polygon : polygons) {
-    std::vector<int> corners;
-    for (vtkIdType i : polygon) corners.push_back(new_index[i]);
-    soup.add_polygon(corners);
+    off << polygon.size();
+    for (const vtkIdType i : polygon) off << ' ' << new_index[i];
+    off << '\n';
   }
-  return soup;
 }
 
 }  // namespace
 
-PolygonSoup read_vtp(std::string_view bytes, const std::string& name) {
-  return read_cells<vtkXMLPolyDataReader>(bytes, name);
+int main(int argc, char** argv) {
+  if (argc != 4) {
+    std::cerr << "usage: " << argv[0] << " vtp|vtu FILE OFF (started by read_surface)\n";
+    return 2;
+  }
+  prctl(PR_SET_PDEATHSIG, SIGKILL);  // not to outlive the program that waits
+  const std::string type = argv[1], name = argv[2];
+  try {
+    std::ofstream off(argv[3]);
+    if (type == "vtp")
+      write_off<vtkXMLPolyDataReader>(name, off);
+    else
+      write_off<vtkXMLUnstructuredGridReader>(name, off);
+    off.close();
+    if (!off) throw std::runtime_error(name + ": its triangles cannot be written to " + argv[3]);
+  } catch (const std::bad_alloc&) {
+    std::cout << name << ": announces more than a file of its size holds";
+    return 1;
+  } catch (const std::exception& error) {
+    std::cout << error.what();
+    return 1;
+  }
+  return 0;
 }
-
-PolygonSoup read_vtu(std::string_view bytes, const std::string& name) {
-  return read_cells<vtkXMLUnstructuredGridReader>(bytes, name);
-}
-
-}  // namespace testbed::meshing

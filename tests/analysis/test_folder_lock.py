@@ -1,0 +1,54 @@
+"""A folder is one process's at a time: who comes second is told who holds it, waits, and takes what the first has left."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from solvers import calls, make_solvers
+
+from analysis.paths import ROOT
+
+_HOLD = """
+import sys, time
+from pathlib import Path
+from analysis.folder_lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(float(sys.argv[2]))
+"""
+_STORE = """
+import sys
+from pathlib import Path
+from analysis.run_store import RunRequest, Store
+store = Store(Path(sys.argv[2]), programs=Path(sys.argv[1]))
+print(store.run(RunRequest("massspring", Path(sys.argv[3]), ("material.nu=0.25",))).status)
+"""
+
+
+def start(code, *words):
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, words)], cwd=ROOT, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def test_second_is_told_who_holds_the_folder_and_gets_it_as_that_is_killed(tmp_path):
+    first = start(_HOLD, tmp_path / "out", 1000)
+    assert first.stdout.readline() == "held\n"
+    second = start(_HOLD, tmp_path / "out", 0)
+    assert second.stderr.readline().startswith(f"{tmp_path / 'out'} is held by process {first.pid} (")
+    time.sleep(0.2)
+    assert second.poll() is None  # it waits
+    os.kill(first.pid, signal.SIGKILL)
+    assert second.communicate(timeout=60)[0] == "held\n"
+    first.communicate()
+
+
+def test_run_that_another_process_makes_is_waited_for_and_taken(ball, tmp_path):
+    programs = make_solvers(tmp_path / "home", ball, seconds=3)
+    (tmp_path / "scene.toml").write_text("")
+    both = [start(_STORE, programs, tmp_path / "runs", tmp_path / "scene.toml") for _ in range(2)]
+    assert [process.communicate(timeout=120)[0] for process in both] == ["ok\n", "ok\n"]
+    assert len(calls(programs)) == 1
