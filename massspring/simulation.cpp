@@ -230,10 +230,9 @@ bool Simulation::has_ended() const {
 
 void Simulation::set_target_volume(double t) {
   if (!scene_.volume) return;
-  if (!scene_.volume->target.empty())
-    state_.target_volume = volume(model_.network.X, model_.network.F) * value_at(scene_.volume->target, t);
-  else if (scene_.collapse)  // [paper 4.4]
-    state_.target_volume = volume(state_.x, model_.network.F);
+  const Eigen::Matrix3Xi& F = model_.network.F;
+  state_.target_volume =
+      target_volume_of(scene_, volume(model_.network.X, F)).at(t, volume(state_.x, F));
 }
 
 /// Where supports have ended, steps begin anew with those that are left.

@@ -9,6 +9,8 @@
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/barrier.h"
+#include "meshing/surface_energies/membrane.h"
+#include "meshing/surface_energies/volume_penalty.h"
 
 namespace testbed::fem {
 namespace {
@@ -117,6 +119,17 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
   return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
 }
 
+/// The scene's volume force and skin on the surface of a body.
+meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid) {
+  meshing::SurfaceEnergies energies = meshing::skin_of(scene, solid.X(), solid.faces());
+  if (!scene.volume || scene.volume->coefficient == 0) return energies;
+  const meshing::Faces faces = meshing::faces_of(solid.faces());
+  const double at_rest = volume_of(faces, solid.X());
+  energies.push_back(std::make_shared<meshing::VolumePenalty>(
+      scene.volume->coefficient, faces, meshing::target_volume_of(scene, at_rest)));
+  return energies;
+}
+
 /// A refined boundary triangle's four children hold the middles of its edges.
 Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine) {
   Eigen::MatrixXi faces(6, coarse.F.cols());
@@ -135,7 +148,7 @@ std::string unmodelled_part(const Scene& scene) {
     return "supports in directions neither parallel nor at right angles: the reference holds along three "
            "axes";
   if (!scene.seams.empty()) return "seams: the reference ties nothing";
-  if (scene.volume || scene.skin) return "volume or skin: the reference is the solid alone";
+  if (scene.volume && scene.volume->local > 0) return "volume.local: the reference has no force of tetrahedra";
   if (scene.collapse)
     for (const Pivot& pivot : scene.collapse->pivots)
       if (!pivot.motion.empty() || pivot.end)
@@ -149,6 +162,9 @@ std::string unmodelled_part(const Scene& scene) {
   if (law_of(scene) != MaterialLaw::SmallStrain && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping at finite strain: it would hold back rotations";
   const Scheme& scheme = find_scheme(scene.reference.integrator);
+  if (scheme.is_explicit() && scene.volume && scene.volume->coefficient > 0)
+    return "volume.coefficient with reference.integrator = " + scheme.name +
+           ": its stable step knows nothing of what joins the whole surface";
   if (scheme.is_explicit() && !scene.obstacles.empty())
     return "obstacles with reference.integrator = " + scheme.name +
            ": they would need shorter steps than the body";
@@ -175,7 +191,9 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
   const std::vector<ConstrainedComponent> constrained =
       constrained_by(scene, problem, boundaries, frame, loads);
-  loads.surface = obstacles_of(scene, solid, constrained, frame);
+  loads.surface = bag_of(scene, solid);
+  for (auto& energy : obstacles_of(scene, solid, constrained, frame))
+    loads.surface.push_back(std::move(energy));
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads,
                  constrained);

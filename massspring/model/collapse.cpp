@@ -89,12 +89,9 @@ void collapse(const Collapse& collapse, const MassSpringModel& model, double h, 
 }
 
 void relax_surface(double coefficient, const MassSpringModel& model, double h, State& state) {
-  const Eigen::VectorXd f = mean_bending_forces(*model.bending, state.x);
-  const double largest = f.maxCoeff();
-  if (!(largest > 0)) return;
-  const Eigen::Matrix2Xi& E = model.springs->E;
-  for (Eigen::Index s = 0; s < model.network.F.cols() * 3 / 2; ++s)
-    state.rest_length(s) *= std::pow(1 - coefficient * (f(E(0, s)) + f(E(1, s))) / (2 * largest), h);
+  const Eigen::Index n_edges = model.network.F.cols() * 3 / 2;  // of the surface, which come first
+  relax(*model.bending, model.springs->E.leftCols(n_edges), coefficient, h, state.x,
+        state.rest_length.head(n_edges));
 }
 
 }  // namespace testbed::massspring

@@ -184,6 +184,7 @@ double Barrier::energy(const Matrix3Xd& x) const {
 
 void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
   for_each_near(x, [&](int i, double stiffness, const RigidBody::Gap& gap) {
+    if (gap.distance <= 0) return;  // a body that begins in touch: keep_out parts them
     f.col(i) -= stiffness * barrier_at(gap.distance, range_).db * gap.normal;
   });
   for (const Held& held : held_) {
@@ -196,6 +197,7 @@ void Barrier::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature) cons
   std::vector<Eigen::Matrix3d>& diagonal = H.diagonal;
   if (diagonal.empty()) diagonal.assign(x.cols(), Eigen::Matrix3d::Zero());
   for_each_near(x, [&](int i, double stiffness, const RigidBody::Gap& gap) {
+    if (gap.distance <= 0) return;
     diagonal[i] += stiffness * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
   });
   // Of norm * friction = limit * way by x, the symmetric part.

@@ -39,4 +39,10 @@ Eigen::Matrix2Xi pairs_of(const Bending& bending);
 /// of [paper eq. 9]. An edge's force is that on its end.
 Eigen::VectorXd mean_bending_forces(const Bending& bending, const Eigen::Matrix3Xd& x);
 
+/// Rest lengths (m) of edges relax for h seconds where the surface is bent [(22), paper eq. 9].
+/// @param E  edges, 2 x m
+/// @param coefficient  R', the part lost in a second where it is bent most
+void relax(const Bending& bending, const Eigen::Matrix2Xi& E, double coefficient, double h,
+           const Eigen::Matrix3Xd& x, Eigen::Ref<Eigen::VectorXd> rest_length);
+
 }  // namespace testbed::meshing

@@ -104,6 +104,7 @@ struct SidedPair {
 struct SurfaceMemory {
   Eigen::Matrix3Xd listed;       ///< where the nodes were when pairs were listed (m)
   std::vector<SidedPair> pairs;  ///< ascending
+  Eigen::VectorXd rest_length;   ///< of a membrane's edges (m)
 };
 
 /// An energy of the positions x (3 x n, m), in the order in which a step by Newton's method calls it.

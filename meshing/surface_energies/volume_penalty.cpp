@@ -4,6 +4,19 @@
 
 namespace testbed::meshing {
 
+double TargetVolume::at(double t, double volume_at_hand) const {
+  if (!curve.empty()) return at_rest * value_at(curve, t);
+  return is_at_hand ? volume_at_hand : at_rest;
+}
+
+TargetVolume target_volume_of(const Scene& scene, double at_rest) {
+  return {at_rest, scene.volume->target, scene.collapse.has_value()};
+}
+
+void VolumePenalty::begin_step(double t, double h, const Eigen::Matrix3Xd& x) {
+  if (over_time_) target_ = over_time_->at(t + h, volume_of(faces_, x));
+}
+
 double VolumePenalty::energy(const Eigen::Matrix3Xd& x) const {
   const double excess = volume_of(faces_, x) - target_;
   return P_ / 2 * excess * excess / target_;

@@ -38,8 +38,20 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
             "obstacles with reference.integrator = central_differences");
   EXPECT_EQ(part_with(moving, [](Scene& s) { s.self_contact.is_on = true; }), "self_contact");
   EXPECT_EQ(part_with(still, [](Scene& s) { s.seams.emplace_back(); }), "seams");
-  EXPECT_EQ(part_with(still, [](Scene& s) { s.volume.emplace(); }), "volume or skin");
-  EXPECT_EQ(part_with(still, [](Scene& s) { s.skin.emplace(); }), "volume or skin");
+  for (const Scene& scene : {still, moving})
+    EXPECT_EQ(part_with(scene,
+                        [](Scene& s) {
+                          s.volume.emplace().coefficient = 1;
+                          s.skin = Skin{1, 1, 1};
+                        }),
+              "");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.volume.emplace().local = 1; }), "volume.local");
+  EXPECT_EQ(part_with(moving,
+                      [](Scene& s) {
+                        s.volume.emplace().coefficient = 1;
+                        s.reference.integrator = "central_differences";
+                      }),
+            "volume.coefficient with reference.integrator = central_differences");
   EXPECT_EQ(part_with(still, [](Scene& s) { s.collapse.emplace().pivots.emplace_back(); }), "");
   EXPECT_EQ(part_with(still, [](Scene& s) { s.collapse.emplace().pivots.emplace_back().end = 1; }),
             "collapse.pivots with motion or end");
