@@ -115,6 +115,7 @@ void Simulation::make_model() {
   model_ = model_of(scene_, problem_, network_);
   if (model_.consistent_mass)
     lump(driven_nodes(constraints_of(problem_, surface_of(model_))), *model_.consistent_mass);
+  find_collapsing();
   report_.full_geometry.clear();
   if (law_of(scene_) != MaterialLaw::SmallStrain) return;
   // Statics hold floppy motions. In motion, linear forces would let them drift without bound.
@@ -128,6 +129,12 @@ void Simulation::make_model() {
     report_.full_geometry = std::to_string(n_floppy) +
                             " motions of the network cost no energy, and would "
                             "drift without bound in linear geometry";
+}
+
+void Simulation::find_collapsing() {
+  model_.collapsing.resize(0);
+  if (scene_.collapse && !scene_.collapse->surface && model_.tet_springs)
+    model_.collapsing = collapsing_patches(*scene_.collapse, model_);
 }
 
 /// Of the body at rest, whatever the state.
@@ -215,6 +222,7 @@ void Simulation::change(const Scene& scene) {
   }
   scene_ = scene;
   report_.status = Status::Ok;
+  find_collapsing();
   if (!is_new_force) return;
   problem_ = discretise(scene_, surface_of(network_));
   if (is_new_model) make_model();
@@ -231,8 +239,7 @@ bool Simulation::has_ended() const {
 void Simulation::set_target_volume(double t) {
   if (!scene_.volume) return;
   const Eigen::Matrix3Xi& F = model_.network.F;
-  state_.target_volume =
-      target_volume_of(scene_, volume(model_.network.X, F)).at(t, volume(state_.x, F));
+  state_.target_volume = target_volume_of(scene_, volume(model_.network.X, F)).at(t, volume(state_.x, F));
 }
 
 /// Where supports have ended, steps begin anew with those that are left.

@@ -66,6 +66,7 @@ class Simulation {
 
  private:
   void make_model();
+  void find_collapsing();
   void act_on_model();
   void begin_stepping();
   void count_steps();

@@ -444,15 +444,31 @@ void TetBatches::set_law(ElasticLaw law, const LameConstants& lame, const TetRul
   shrinkage_.clear();
 }
 
-void TetBatches::set_shrinkage(const std::function<double(const Eigen::Vector3d& x)>& shrinkage) {
-  shrinkage_.clear();
-  for (std::size_t b = 0; shrinkage && b < n_lanes_.size(); ++b)
+/// Calls visit(corners, their barycentric coordinates) for the rule's points in the order of shrinkages.
+template <class Visit>
+void TetBatches::for_each_point(const Visit& visit) const {
+  for (std::size_t b = 0; b < n_lanes_.size(); ++b)
     for (const auto& l : rule_.points.colwise())
       for (int lane = 0; lane < kLanes; ++lane) {
-        Eigen::Vector3d x = Eigen::Vector3d::Zero();
-        for (int i = 0; i < 4; ++i) x += l(i) * X_.col(node_[(b * n_nodes_per_cell_ + i) * kLanes + lane]);
-        shrinkage_.push_back(shrinkage(x));
+        Eigen::Vector4i corners;
+        for (int i = 0; i < 4; ++i) corners(i) = node_[(b * n_nodes_per_cell_ + i) * kLanes + lane];
+        visit(corners, l);
       }
+}
+
+void TetBatches::set_shrinkage(const std::function<double(const Eigen::Vector3d& x)>& shrinkage) {
+  shrinkage_.clear();
+  if (!shrinkage) return;
+  for_each_point([&](const Eigen::Vector4i& corners, const Eigen::Vector4d& l) {
+    shrinkage_.push_back(shrinkage(X_(Eigen::all, corners) * l));
+  });
+}
+
+void TetBatches::interpolate_shrinkage(const Eigen::VectorXd& at_nodes) {
+  shrinkage_.clear();
+  for_each_point([&](const Eigen::Vector4i& corners, const Eigen::Vector4d& l) {
+    shrinkage_.push_back(at_nodes(corners).dot(l));
+  });
 }
 
 TetBatches::View TetBatches::view() const {

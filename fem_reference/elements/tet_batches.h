@@ -30,6 +30,8 @@ class TetBatches {
   void set_law(ElasticLaw law, const LameConstants& lame, const TetRule& rule);
   /// Stress-free shrinkage at the points of the rule; empty: none.
   void set_shrinkage(const std::function<double(const Eigen::Vector3d& x)>& shrinkage);
+  /// The same linear in each tetrahedron, from its values at nodes, of which corners count.
+  void interpolate_shrinkage(const Eigen::VectorXd& at_nodes);
 
   /// Elastic energy of displacements u, 3 x n (J); infinite where the law has none.
   double energy(const Eigen::Matrix3Xd& u) const;
@@ -59,6 +61,8 @@ class TetBatches {
   void number_nodes(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells);
   void make_pattern(const Eigen::MatrixXi& cells, const std::vector<int>& mine);
   View view() const;
+  template <class Visit>
+  void for_each_point(const Visit& visit) const;
   template <class Visit>
   void for_each_part(const Visit& visit) const;
 

@@ -131,6 +131,10 @@ void ElasticSolid::set_state(const ElasticState& state) {
   self_->stepped_to.reset();
 }
 
+void ElasticSolid::set_shrinkage(const Eigen::VectorXd& s) {
+  self_->tets.interpolate_shrinkage(s);
+}
+
 void ElasticSolid::set_tolerance(double tolerance) {
   self_->tolerance = tolerance;
 }

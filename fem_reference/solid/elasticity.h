@@ -94,6 +94,9 @@ class ElasticSolid {
   /// Adds to the load the inertia of the free rigid motions that it drives:
   /// what deforms a body that moves freely, seen from the body.
   void relieve_inertia();
+  /// Shrinkage from here on where loads have none, as that in motion: at the vertices of the mesh, linear in each
+  /// tetrahedron.
+  void set_shrinkage(const Eigen::VectorXd& s);
   /// Residual, as in ElasticReport, at which solves stop: 1e-13 of small strain, 1e-10 of others unless set.
   void set_tolerance(double tolerance);
   /// Number of rigid motions that the constrained components leave free; they are kept out of the solution.

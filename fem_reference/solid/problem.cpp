@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "fem_reference/elements/refine.h"
+#include "fem_reference/solid/collapse.h"
 #include "fem_reference/solid/schemes.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
@@ -38,17 +39,12 @@ ElasticLoads loads_of(const Scene& scene, const SurfaceMesh& surface, const Surf
       return traction.col(f) + stress_at(stress[f], x) * normals.col(f);
     };
   }
-  if (scene.collapse) {
-    const double scale = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).minCoeff();
-    loads.shrinkage = [collapse = *scene.collapse, scale](const Eigen::Vector3d& x, double load_factor) {
-      double length = 1;  // of a fibre at x [paper eq. 8]
-      for (const Pivot& pivot : collapse.pivots)
-        if (load_factor > pivot.start)
-          length *= 1 - collapse.coefficient * (load_factor - pivot.start) / (1 - pivot.start) /
-                            (1 + (x - pivot.point).norm() / scale);
-      return 1 - length;
+  if (scene.collapse && scene.time.mode == TimeMode::Static)
+    loads.shrinkage = [collapse = *scene.collapse, side = shortest_side(surface),
+                       part_at = collapsing_part(*scene.collapse, surface)](const Eigen::Vector3d& x,
+                                                                            double load_factor) {
+      return 1 - static_length(collapse, side, part_at(x), x, load_factor);
     };
-  }
   return loads;
 }
 
@@ -125,8 +121,8 @@ meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid) {
   if (!scene.volume || scene.volume->coefficient == 0) return energies;
   const meshing::Faces faces = meshing::faces_of(solid.faces());
   const double at_rest = volume_of(faces, solid.X());
-  energies.push_back(std::make_shared<meshing::VolumePenalty>(
-      scene.volume->coefficient, faces, meshing::target_volume_of(scene, at_rest)));
+  energies.push_back(std::make_shared<meshing::VolumePenalty>(scene.volume->coefficient, faces,
+                                                              meshing::target_volume_of(scene, at_rest)));
   return energies;
 }
 
@@ -148,17 +144,12 @@ std::string unmodelled_part(const Scene& scene) {
     return "supports in directions neither parallel nor at right angles: the reference holds along three "
            "axes";
   if (!scene.seams.empty()) return "seams: the reference ties nothing";
-  if (scene.volume && scene.volume->local > 0) return "volume.local: the reference has no force of tetrahedra";
-  if (scene.collapse)
-    for (const Pivot& pivot : scene.collapse->pivots)
-      if (!pivot.motion.empty() || pivot.end)
-        return "collapse.pivots with motion or end: the reference's stay";
+  if (scene.volume && scene.volume->local > 0)
+    return "volume.local: the reference has no force of tetrahedra";
   const bool is_static = scene.time.mode == TimeMode::Static;
   if (scene.reference.inertia_relief && (!is_static || law_of(scene) != MaterialLaw::SmallStrain))
     return "reference.inertia_relief: for static scenes at small strain";
   if (is_static) return "";
-  if (scene.collapse)
-    return "collapse with time.mode = \"dynamic\": the reference collapses in static scenes";
   if (law_of(scene) != MaterialLaw::SmallStrain && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping at finite strain: it would hold back rotations";
   const Scheme& scheme = find_scheme(scene.reference.integrator);
@@ -206,7 +197,11 @@ bool is_proportional(const Scene& scene) {
   if (law_of(scene) != MaterialLaw::SmallStrain) return false;
   for (const Support& support : scene.supports)
     if (!support.motion.empty()) return false;
-  return !scene.collapse || (scene.collapse->pivots.size() == 1 && scene.collapse->pivots[0].start == 0);
+  if (!scene.collapse) return true;
+  const Collapse& collapse = *scene.collapse;
+  if (collapse.pivots.size() != 1 || collapse.coefficient > 1 - collapse.least) return false;
+  const Pivot& pivot = collapse.pivots[0];
+  return pivot.start == 0 && !pivot.end && pivot.motion.empty();
 }
 
 }  // namespace testbed::fem

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
+#include "fem_reference/solid/collapse.h"
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/scene/surface_problem.h"
@@ -17,7 +19,21 @@ Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const Tet
       solid_(assemble_scene(scene, surface, mesh)),
       is_proportional_(is_proportional(scene)),
       n_steps_(scene.time.load_steps) {
-  if (scene.time.mode == TimeMode::Dynamic) set_in_motion();
+  if (scene.time.mode == TimeMode::Static) return;
+  if (scene.collapse) {
+    shortest_side_ = shortest_side(surface);
+    const auto part_at = collapsing_part(*scene.collapse, surface);
+    const Eigen::Matrix3Xd X = frame_ * solid_.mesh().X;
+    collapsing_.resize(X.cols());
+    for (Eigen::Index i = 0; i < X.cols(); ++i) collapsing_(i) = part_at(X.col(i));
+    length_.setOnes(X.cols());
+  }
+  set_in_motion();
+}
+
+void Simulation::set_length(Eigen::VectorXd length) {
+  length_ = std::move(length);
+  solid_.set_shrinkage(1 - length_.array());
 }
 
 MassMatrix Simulation::mass() const {
@@ -106,8 +122,8 @@ void Simulation::set_in_motion() {
 }
 
 State Simulation::state() const {
-  if (integrator_) return {n_done_, integrator_->state(), {}, {}};
-  return {n_done_, {}, solid_.state(), equilibrium_};
+  if (integrator_) return {n_done_, integrator_->state(), {}, length_, {}};
+  return {n_done_, {}, solid_.state(), {}, equilibrium_};
 }
 
 void Simulation::set_state(const State& state) {
@@ -117,16 +133,30 @@ void Simulation::set_state(const State& state) {
   status_ = Status::Ok;
   equilibrium_ = state.equilibrium;
   if (!integrator_) return solid_.set_state(*state.statics);
+  if (scene_.collapse) set_length(state.length);
   integrator_->set_state(state.motion);
   release_nodes();
   integrator_->set_state(state.motion);
 }
 
+/// As the step at hand begins, and for all of it.
+void Simulation::collapse() {
+  Eigen::VectorXd length = length_;
+  const Eigen::Matrix3Xd u = integrator_->u().reshaped(3, solid_.X().cols()).leftCols(length.size());
+  collapse_in_step(*scene_.collapse, shortest_side_, collapsing_, frame_ * (solid_.mesh().X + u),
+                   integrator_->t(), step_, length);
+  set_length(std::move(length));
+}
+
 Status Simulation::advance() {
   status_ = Status::Ok;
   if (integrator_) {
-    if (!integrator_->step())
+    const Eigen::VectorXd before = length_;
+    if (scene_.collapse) collapse();
+    if (!integrator_->step()) {
+      if (scene_.collapse) set_length(before);
       return status_ = scheme().is_explicit() ? Status::Diverged : Status::NotConverged;
+    }
     release_nodes();
   } else if (n_done_ == 0 || !is_proportional_) {
     const double factor = is_proportional_ ? 1 : static_cast<double>(n_done_ + 1) / n_steps_;

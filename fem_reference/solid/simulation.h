@@ -21,6 +21,7 @@ struct State {
   int n_done = 0;  ///< load or time steps that converged
   MotionState motion;
   std::optional<ElasticState> statics;  ///< absent: in motion
+  Eigen::VectorXd length;  ///< in motion: over the first, at vertices of the mesh; empty: nothing collapses
   ElasticReport equilibrium;
 };
 
@@ -57,6 +58,8 @@ class Simulation {
  private:
   std::vector<std::pair<std::string, double>> strains(const Eigen::Matrix3Xd& u, double max_strain) const;
   void set_in_motion();
+  void set_length(Eigen::VectorXd length);
+  void collapse();
   std::map<int, int> constrained_at(double t) const;
   std::function<Eigen::VectorXd(double t)> motion_of(const std::map<int, int>& constrained) const;
   void release_nodes();
@@ -73,6 +76,10 @@ class Simulation {
   size_t n_constrained_ = 0;  ///< unknowns in the step at hand
   double step_ = 0, damping_ = 0;
   ElasticReport equilibrium_;
+  // Of a collapse in motion: the smallest side of the surface's box (m), the part of it that each vertex takes, and
+  // as in State.
+  double shortest_side_ = 0;
+  Eigen::VectorXd collapsing_, length_;
   std::unique_ptr<Integrator> integrator_;
 };
 

@@ -25,7 +25,8 @@ void shrink_around(const Eigen::Vector3d& pivot, const Collapse& collapse, const
                                                .max(least * rest.rest_length.segment(n_kept, n).array());
   }
   if (model.tet_springs) {
-    const Eigen::ArrayXd w = fall_off(pivot, *model.tet_springs, x, scale);
+    Eigen::ArrayXd w = fall_off(pivot, *model.tet_springs, x, scale);
+    if (model.collapsing.size() > 0) w *= model.collapsing.array();
     if (state.patch_scale.size() == 0) state.patch_scale = Eigen::VectorXd::Ones(w.size());
     state.patch_scale = (state.patch_scale.array() * shrink(w)).max(least);
   }
@@ -61,15 +62,29 @@ Eigen::VectorXd fall_off(const Eigen::Vector3d& pivot, const TetSprings& springs
   return w;
 }
 
+Eigen::VectorXd collapsing_patches(const Collapse& collapse, const MassSpringModel& model) {
+  const auto part_at = collapsing_part(collapse, surface_of(model));
+  const Eigen::Matrix3Xd& X = model.network.X;
+  Eigen::VectorXd of_node(X.cols());
+  for (Eigen::Index i = 0; i < X.cols(); ++i) of_node(i) = part_at(X.col(i));
+  const TetSprings& springs = *model.tet_springs;
+  Eigen::VectorXd part = Eigen::VectorXd::Zero(springs.n_patches());
+  for (int p = 0; p < springs.n_patches(); ++p)
+    for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
+      part(p) += springs.weight[e] * of_node(springs.node[e]);
+  return part;
+}
+
 void collapse_to(const Collapse& collapse, const MassSpringModel& model, double load_factor, State& state) {
   const State rest = initial_state(model);
   state.rest_length = rest.rest_length;
   state.patch_scale = rest.patch_scale;
   for (const Pivot& pivot : collapse.pivots) {
-    if (load_factor <= pivot.start) continue;
-    const double s = (load_factor - pivot.start) / (1 - pivot.start);
+    const double reached = std::min(load_factor, pivot.end.value_or(1));
+    if (reached <= pivot.start) continue;
+    const double s = (reached - pivot.start) / (1 - pivot.start);
     shrink_around(
-        at_time(pivot, load_factor), collapse, model, model.network.X, rest,
+        at_time(pivot, reached), collapse, model, model.network.X, rest,
         [&](const Eigen::ArrayXd& w) -> Eigen::ArrayXd { return 1 - collapse.coefficient * s * w; }, state);
   }
 }

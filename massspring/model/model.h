@@ -34,6 +34,7 @@ struct MassSpringModel {
   std::optional<ConsistentMass> consistent_mass;  ///< what of it lies between the nodes; coupled springs only
   std::optional<Springs> springs;                 ///< independent springs
   std::optional<TetSprings> tet_springs;          ///< springs coupled within tetrahedra
+  Eigen::VectorXd collapsing;                     ///< part of a collapse that each patch takes; empty: all
   std::optional<Bending> bending;                 ///< of the skin
   std::optional<LocalVolume> local_volume;        ///< of every tetrahedron
   std::optional<Seams> seams;                     ///< between parts of the surface

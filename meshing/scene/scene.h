@@ -132,14 +132,16 @@ struct Pivot {
   Eigen::Vector3d point;      ///< m
   Path motion;                ///< its translation from there
   double start = 0;           ///< s (static scenes: load factor at which it begins)
-  std::optional<double> end;  ///< s; no effect from here on
+  std::optional<double> end;  ///< s (static scenes: load factor); no effect from here on
 };
 struct Collapse {
   double coefficient = 0.1;  ///< depletion R in [0, 1), per second, per step or, static, at full load
   bool is_per_step = false;  ///< as the paper has it: the result depends on the step
   bool surface = true;  ///< springs along the surface collapse too; else it wrinkles, or relaxes by eq. 9
-  double least = 0.05;  ///< fraction of its first rest length below which no spring collapses
+  double least = 0.05;  ///< fraction of its first length below which nothing collapses
   std::vector<Pivot> pivots;
+  /// m below a surface that keeps its lengths, over which solids collapse less; absent: one mean edge.
+  std::optional<double> depth = {};
 };
 
 /// A rigid body that the surface cannot enter.

@@ -186,15 +186,21 @@ void describe(V& v, Pivot& p) {
   v("motion", p.motion, kAny, "translation from there [[s, m, m, m], ...]");
   v.check("motion", is_ascending(p.motion), "ascending times");
   v("start", p.start, kNotNegative, "s; static scenes: load factor");
-  v("end", p.end, kPositive, "s");
+  v("end", p.end, kPositive, "s, static scenes: load factor; no effect from then on");
 }
 
 template <class V>
 void describe(V& v, Collapse& c) {
   v("coefficient", c.coefficient, kFraction, "depletion R of rest lengths in a second; static: at full load");
   v("per_step", c.is_per_step, "deplete by R in a step, whatever its length");
-  v("surface", c.surface, "springs along the surface collapse too; else it wrinkles or relaxes");
-  v("least", c.least, kUpToOne, "fraction of its rest length to which a spring collapses at most");
+  v("surface", c.surface,
+    "the surface collapses, too; else links along it keep their length, so that it wrinkles or relaxes, and "
+    "the collapse of elements and coupled springs fades to none at it");
+  v("least", c.least, kUpToOne,
+    "fraction of its first length to which a spring or an element collapses at most");
+  v("depth", c.depth, kPositive,
+    "with surface = false: below the surface at rest, from where on elements and coupled springs collapse in "
+    "full (m); absent: one mean edge of the surface");
   v.list("pivots", c.pivots);
 }
 

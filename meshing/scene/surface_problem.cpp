@@ -3,11 +3,13 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <sstream>
 #include <stdexcept>
 
 #include "meshing/base/kd_tree.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface/surface_tree.h"
 
 namespace testbed::meshing {
 namespace {
@@ -103,6 +105,16 @@ std::vector<Eigen::Vector3d> constrained_directions(const Support& support) {
 bool holds_at(const Support& support, double t) {
   constexpr double kRounding = 1e-9;  // of times that are sums of steps
   return !support.end || t < *support.end * (1 - kRounding);
+}
+
+std::function<double(const Eigen::Vector3d& X)> collapsing_part(const Collapse& collapse,
+                                                                const SurfaceMesh& surface) {
+  if (collapse.surface) return [](const Eigen::Vector3d&) { return 1.; };
+  const Eigen::Matrix2Xi E = edges_of(surface.F);
+  const double edge =
+      (surface.X(Eigen::all, E.row(0)) - surface.X(Eigen::all, E.row(1))).colwise().norm().mean();
+  return [tree = std::make_shared<const SurfaceTree>(surface), depth = collapse.depth.value_or(edge)](
+             const Eigen::Vector3d& X) { return std::min(1., tree->nearest(X).distance / depth); };
 }
 
 std::optional<Eigen::Matrix3d> frame_of(const std::vector<Support>& supports) {

@@ -1,6 +1,8 @@
 // What a scene prescribes on a surface, in numbers: made once for each that a program reads or solves on.
 #pragma once
 
+#include <functional>
+
 #include "meshing/scene/scene.h"
 
 namespace testbed::meshing {
@@ -43,6 +45,11 @@ std::vector<Eigen::Vector3d> constrained_directions(const Support& support);
 
 /// Whether the support still prescribes in a step that begins at t (s).
 bool holds_at(const Support& support, double t);
+
+/// The part of a collapse that the material at a point at rest (m) takes: min(1, distance to the surface over
+/// collapse.depth), or 1 where the surface collapses, too.
+std::function<double(const Eigen::Vector3d& X)> collapsing_part(const Collapse& collapse,
+                                                                const SurfaceMesh& surface);
 
 /// Orthonormal axes, in columns, each of which every support either prescribes or leaves free: those of the
 /// coordinates where they do. Absent where there are none.

@@ -134,6 +134,39 @@ TEST(Collapse, CanLeaveTheSurfaceItsLengths) {
   EXPECT_LT((state.rest_length.tail(4) - before.tail(4)).maxCoeff(), -0.01);
 }
 
+// The node inside a box of two tetrahedra a side lies 0.5 m below its surface, all others on it.
+TEST(Collapse, OfCoupledSpringsFadesTowardsASurfaceThatKeepsItsLengths) {
+  MassSpringModel model;
+  model.network = box_tets(2, 2, 2, 0.5);
+  const Eigen::Matrix3Xd& X = model.network.X;
+  model.network.n_surface = static_cast<int>(X.cols());
+  model.tet_springs = couple_springs(X, model.network.T, {1, 1}, kEdgeCoupled);
+  Collapse options{0.4, true, false, 0.05, {{{0.5, 0.5, 0.5}, {}, 0, {}}}, 0.8};
+  State even = initial_state(model), faded = even;
+  collapse(options, model, 1, even);
+  model.collapsing = collapsing_patches(options, model);
+  collapse(options, model, 1, faded);
+  int n_inside = 0;
+  for (int p = 0; p < model.tet_springs->n_patches(); ++p) {
+    double inside = 0;  // of the patch's four nodes
+    for (int e = model.tet_springs->first[p]; e < model.tet_springs->first[p + 1]; ++e)
+      inside += (X.col(model.tet_springs->node[e]) - Eigen::Vector3d::Constant(0.5)).norm() < 1e-9;
+    n_inside += inside > 0;
+    EXPECT_NEAR(1 - faded.patch_scale(p), inside / 4 * 0.5 / 0.8 * (1 - even.patch_scale(p)), kRounding);
+  }
+  EXPECT_GT(n_inside, 0);
+}
+
+TEST(Collapse, OfAStaticSceneEndsWithItsPivotWhereThatIs) {
+  const MassSpringModel model = tetrahedron();
+  const Collapse options{0.4, false, true, 0.05, {{{0.5, 0, -1}, {{0, 0, 0, 0}, {1, 0, 0, 2}}, 0.25, 0.5}}};
+  for (const double load_factor : {0.5, 1.}) {
+    State state = initial_state(model);
+    collapse_to(options, model, load_factor, state);
+    EXPECT_NEAR(state.rest_length(0), 1 - 0.4 / 3, kRounding) << load_factor;
+  }
+}
+
 TEST(Collapse, UniformShrinkageOfCoupledSpringsIsFreeOfForces) {
   const TetMesh mesh = box_tets(2, 2, 2, 0.5, 0.15);
   const TetSprings springs = couple_springs(mesh.X, mesh.T, {2, 1}, kNodeAveraged);
