@@ -9,6 +9,7 @@
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/barrier.h"
+#include "meshing/surface_energies/self_barrier.h"
 
 namespace testbed::fem {
 namespace {
@@ -117,6 +118,16 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
   return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
 }
 
+/// What the surface of a body, cut as given, does to itself.
+meshing::SurfaceEnergies self_contact_of(const Scene& scene, const ElasticSolid& solid,
+                                         const SurfaceMesh& surface) {
+  if (!scene.self_contact.is_on) return {};
+  const double thickness =
+      scene.self_contact.thickness.value_or(meshing::default_thickness(surface.X, surface.F));
+  return {std::make_shared<meshing::SelfBarrier>(solid.X(), meshing::flat_triangles(solid.faces()),
+                                                 scene.material.E, thickness, scene.self_contact.friction)};
+}
+
 /// A refined boundary triangle's four children hold the middles of its edges.
 Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine) {
   Eigen::MatrixXi faces(6, coarse.F.cols());
@@ -130,7 +141,6 @@ Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine
 }  // namespace
 
 std::string unmodelled_part(const Scene& scene) {
-  if (scene.self_contact.is_on) return "self_contact: the reference's surface passes through itself";
   if (!frame_of(scene.supports))
     return "supports in directions neither parallel nor at right angles: the reference holds along three "
            "axes";
@@ -152,6 +162,9 @@ std::string unmodelled_part(const Scene& scene) {
   if (scheme.is_explicit() && !scene.obstacles.empty())
     return "obstacles with reference.integrator = " + scheme.name +
            ": they would need shorter steps than the body";
+  if (scheme.is_explicit() && scene.self_contact.is_on)
+    return "self_contact with reference.integrator = " + scheme.name +
+           ": it would need shorter steps than the body";
   if (scheme.is_explicit() && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping with reference.integrator = " + scheme.name +
            ": explicit steps would have to be shorter than it";
@@ -176,6 +189,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   const std::vector<ConstrainedComponent> constrained =
       constrained_by(scene, problem, boundaries, frame, loads);
   loads.surface = obstacles_of(scene, solid, constrained, frame);
+  for (auto& energy : self_contact_of(scene, solid, surface)) loads.surface.push_back(std::move(energy));
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads,
                  constrained);
