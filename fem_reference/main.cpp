@@ -86,6 +86,7 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
     record["n_steps"] = simulation.n_steps();
     if (integrator->n_newton_iterations() > 0)
       record["newton_iterations"] = integrator->n_newton_iterations();
+    if (integrator->n_halved() > 0) record["n_steps_halved"] = integrator->n_halved();
     if (!is_explicit) record["factorisations"] = integrator->n_factorisations();
     record["time_reached"] = integrator->t();
   } else {

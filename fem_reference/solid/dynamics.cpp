@@ -10,6 +10,7 @@
 #include "meshing/algebra/lowest_modes.h"
 #include "meshing/algebra/newton.h"
 #include "meshing/scene/scene.h"
+#include "meshing/surface_energies/self_barrier.h"
 
 namespace testbed::fem {
 
@@ -19,6 +20,7 @@ using Eigen::VectorXd;
 namespace {
 
 using meshing::SparseCholesky;
+using meshing::SurfaceMemories;
 using Sparse = Eigen::SparseMatrix<double>;
 
 [[noreturn]] void refuse_indefinite() {
@@ -245,6 +247,41 @@ bool GeneralisedAlpha::factorise_at(const VectorXd& u) {
 }
 
 bool GeneralisedAlpha::step() {
+  constexpr int kMaxHalvings = 6;
+  const MotionState before = state();
+  const int n_halved = n_halved_;
+  const bool is_found = advance_or_halves(kMaxHalvings);
+  if (!is_found) set_state(before);
+  n_steps_ += is_found;
+  n_halved_ = n_halved + (n_halved_ > n_halved);
+  return is_found;
+}
+
+/// By h_, or twice by half of it. Leaves a state in between where it finds none at the end.
+bool GeneralisedAlpha::advance_or_halves(int n_halvings) {
+  const SurfaceMemories memories = memories_of(system_.surface);
+  if (advance_whole()) return true;
+  if (!system_.linearise || n_halvings == 0) return false;
+  remember(memories, system_.surface);
+  ++n_halved_;
+  const double whole = h_, begun = begun_;
+  set_length(whole / 2);
+  bool is_found = advance_or_halves(n_halvings - 1);
+  if (is_found) {
+    begun_ += whole / 2;
+    is_found = advance_or_halves(n_halvings - 1);
+  }
+  begun_ = begun;
+  set_length(whole);
+  return is_found;
+}
+
+void GeneralisedAlpha::set_length(double h) {
+  h_ = h;
+  find_free();
+}
+
+bool GeneralisedAlpha::advance_whole() {
   const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
   begin_step();
   const ConstrainedState constrained = constrained_at(t() + h_);
@@ -266,7 +303,6 @@ bool GeneralisedAlpha::step() {
   v_.swap(trial.v);
   a_.swap(trial.a);
   if (!is_linear) f_.swap(trial.f);
-  ++n_steps_;
   return true;
 }
 
@@ -322,6 +358,7 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
     trial.a = ((trial.a + still) / 2).eval();
     follow(constrained, trial);
   }
+  if (passes_through(surface, at(u_), at(trial.u))) return false;
 
   Trial start = trial;
   double size = 0, error = 0, before = std::numeric_limits<double>::infinity();

@@ -91,16 +91,18 @@ class Integrator {
   MotionState state() const { return {n_steps_, u_, v_, a_, f_, memories_of(system_.surface)}; }
   /// Goes on from a state with what is constrained now, and forgets what is kept besides.
   void set_state(const MotionState& state);
-  double t() const { return n_steps_ * h_; }                            ///< s
+  double t() const { return n_steps_ * step_ + begun_; }                ///< s
   const Eigen::VectorXd& u() const { return u_; }                       ///< m
   const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
   double kinetic_energy() const { return v_.dot(system_.M * v_) / 2; }  ///< J
   double elastic_energy() const { return respond(u_, false).energy; }   ///< J
   int n_newton_iterations() const { return n_newton_iterations_; }      ///< of all steps
   int n_factorisations() const { return n_factorisations_; }
+  /// Steps that shorter ones took the place of, as Newton's method did not end.
+  int n_halved() const { return n_halved_; }
 
  protected:
-  Integrator(Dynamics system, double h) : system_(std::move(system)), h_(h) {}
+  Integrator(Dynamics system, double h) : system_(std::move(system)), step_(h), h_(h) {}
   struct ConstrainedState {
     Eigen::VectorXd u, v, a;
   };
@@ -121,14 +123,16 @@ class Integrator {
   virtual void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) = 0;
 
   Dynamics system_;
-  double h_;
+  const double step_;              // s
+  double h_, begun_ = 0;           // of the part of a step at hand, and of those before it in the step (s)
   Eigen::VectorXd u_, v_, a_, f_;  // f_: f(u_), where a scheme keeps it
-  int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0;
+  int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0, n_halved_ = 0;
 };
 
 /// The generalised-alpha method. Each step is solved by sparse Cholesky: with one factor where f is linear, else
 /// by Newton's method with a line search on the incremental potential, whose gradient is the step's equation, and
-/// a factor in single precision, renewed where iterations converge slowly.
+/// a factor in single precision, renewed where iterations converge slowly. A step in which it does not end is taken
+/// in halves, down to a 64th.
 class GeneralisedAlpha : public Integrator {
  public:
   GeneralisedAlpha(Dynamics system, double h, const TimeScheme& scheme);
@@ -137,6 +141,9 @@ class GeneralisedAlpha : public Integrator {
   std::string solver() const override;
 
  private:
+  bool advance_whole();
+  bool advance_or_halves(int n_halvings);
+  void set_length(double h);
   void find_free() override;
   void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
   struct Trial;

@@ -11,6 +11,7 @@
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/barrier.h"
 #include "meshing/surface_energies/membrane.h"
+#include "meshing/surface_energies/self_barrier.h"
 #include "meshing/surface_energies/volume_penalty.h"
 
 namespace testbed::fem {
@@ -126,6 +127,16 @@ meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid) {
   return energies;
 }
 
+/// What the surface of a body, cut as given, does to itself.
+meshing::SurfaceEnergies self_contact_of(const Scene& scene, const ElasticSolid& solid,
+                                         const SurfaceMesh& surface) {
+  if (!scene.self_contact.is_on) return {};
+  const double thickness =
+      scene.self_contact.thickness.value_or(meshing::default_thickness(surface.X, surface.F));
+  return {std::make_shared<meshing::SelfBarrier>(solid.X(), meshing::flat_triangles(solid.faces()),
+                                                 scene.material.E, thickness, scene.self_contact.friction)};
+}
+
 /// A refined boundary triangle's four children hold the middles of its edges.
 Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine) {
   Eigen::MatrixXi faces(6, coarse.F.cols());
@@ -139,7 +150,6 @@ Eigen::MatrixXi boundary_with_middles(const TetMesh& coarse, const TetMesh& fine
 }  // namespace
 
 std::string unmodelled_part(const Scene& scene) {
-  if (scene.self_contact.is_on) return "self_contact: the reference's surface passes through itself";
   if (!frame_of(scene.supports))
     return "supports in directions neither parallel nor at right angles: the reference holds along three "
            "axes";
@@ -159,6 +169,9 @@ std::string unmodelled_part(const Scene& scene) {
   if (scheme.is_explicit() && !scene.obstacles.empty())
     return "obstacles with reference.integrator = " + scheme.name +
            ": they would need shorter steps than the body";
+  if (scheme.is_explicit() && scene.self_contact.is_on)
+    return "self_contact with reference.integrator = " + scheme.name +
+           ": it would need shorter steps than the body";
   if (scheme.is_explicit() && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping with reference.integrator = " + scheme.name +
            ": explicit steps would have to be shorter than it";
@@ -185,6 +198,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   loads.surface = bag_of(scene, solid);
   for (auto& energy : obstacles_of(scene, solid, constrained, frame))
     loads.surface.push_back(std::move(energy));
+  for (auto& energy : self_contact_of(scene, solid, surface)) loads.surface.push_back(std::move(energy));
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads,
                  constrained);

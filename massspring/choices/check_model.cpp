@@ -91,6 +91,10 @@ const Reading kReadings[] = {
      }},
     {"collapse.surface",
      [](const Scene& s, const Calibration& c) { return has_springs(s, c) || has_skin_springs(s); }},
+    {"self_contact.friction",
+     [](const Scene& s, const Calibration&) {
+       return s.self_contact.is_on && is_dynamic(s) && find_integrator(s.time.integrator).has_barriers();
+     }},
     {"time.volume_gradient", is_linearised},
     {"time.bend_gradient", is_linearised},
     {"time.linear_solver", is_linearised}};

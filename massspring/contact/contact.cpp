@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "meshing/algebra/subdomains.h"
-#include "meshing/surface/surface.h"
 #include "meshing/surface_energies/barrier.h"
+#include "meshing/surface_energies/self_barrier.h"
 
 namespace testbed::massspring {
 namespace {
@@ -68,19 +68,24 @@ Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface) {
   Contacts contacts;
   for (const Obstacle& obstacle : scene.obstacles) contacts.bodies.emplace_back(obstacle);
   if (scene.self_contact.is_on) {
-    constexpr double kOfMeanEdge = 0.2;
-    const Eigen::Matrix2Xi edges = edges_of(surface.F);
-    double length = 0;
-    for (const auto& e : edges.colwise()) length += (surface.X.col(e(0)) - surface.X.col(e(1))).norm();
-    contacts.self_thickness = scene.self_contact.thickness.value_or(kOfMeanEdge * length / edges.cols());
+    contacts.self_thickness = scene.self_contact.thickness.value_or(default_thickness(surface.X, surface.F));
+    contacts.self_friction = scene.self_contact.friction;
   }
   return contacts;
 }
 
-std::shared_ptr<SurfaceEnergy> barrier_around(const Contacts& contacts, const MassSpringModel& model,
-                                              const std::vector<Constraint>& constraints) {
-  return meshing::barrier_around(contacts.bodies, model.network.X, model.network.F, model.material.E,
-                                 constrained_nodes(model, constraints));
+SurfaceEnergies barriers_of(const Contacts& contacts, const MassSpringModel& model,
+                            const std::vector<Constraint>& constraints) {
+  SurfaceEnergies barriers;
+  const Matrix3Xd& X = model.network.X;
+  const double E = model.material.E;
+  if (!contacts.bodies.empty())
+    barriers.push_back(
+        barrier_around(contacts.bodies, X, model.network.F, E, constrained_nodes(model, constraints)));
+  if (contacts.self_thickness)
+    barriers.push_back(std::make_shared<SelfBarrier>(X, model.network.F, E, *contacts.self_thickness,
+                                                     contacts.self_friction));
+  return barriers;
 }
 
 void add_obstacles(const Contacts& contacts, const MassSpringModel& model, Forces& forces) {

@@ -12,6 +12,7 @@ namespace testbed::massspring {
 struct Contacts {
   std::vector<RigidBody> bodies;
   std::optional<double> self_thickness;  ///< that the surface keeps from itself (m)
+  double self_friction = 0;              ///< Coulomb's coefficient, of the barrier
 };
 
 inline const Contacts kNoContacts;
@@ -19,9 +20,9 @@ inline const Contacts kNoContacts;
 /// @throws std::runtime_error when the mesh of an obstacle cannot be read or is not closed
 Contacts contacts_of(const Scene& scene, const SurfaceMesh& surface);
 
-/// The barrier of obstacles on a model's surface, for schemes that minimise.
-std::shared_ptr<SurfaceEnergy> barrier_around(const Contacts& contacts, const MassSpringModel& model,
-                                              const std::vector<Constraint>& constraints);
+/// The barriers of obstacles and of a model's surface itself, for schemes that minimise.
+SurfaceEnergies barriers_of(const Contacts& contacts, const MassSpringModel& model,
+                            const std::vector<Constraint>& constraints);
 
 /// Adds obstacles as statics have them to what acts on a model's surface.
 void add_obstacles(const Contacts& contacts, const MassSpringModel& model, Forces& forces);

@@ -12,8 +12,8 @@ EquationOfMotion::EquationOfMotion(const MassSpringModel& model, const Forces& f
                                                         *contacts.self_thickness));
 }
 
-void EquationOfMotion::add_barrier() {
-  touching.insert(touching.begin(), barrier_around(contacts, model, forces.constraints));
+void EquationOfMotion::add_barriers() {
+  touching = barriers_of(contacts, model, forces.constraints);
 }
 
 void EquationOfMotion::add_friction() {

@@ -9,8 +9,8 @@ struct EquationOfMotion {
   EquationOfMotion(const MassSpringModel& model, const Forces& forces,
                    const Contacts& contacts = kNoContacts);
 
-  /// Puts a barrier around obstacles, for schemes that minimise.
-  void add_barrier();
+  /// Contacts are barriers from here on, for schemes that minimise.
+  void add_barriers();
   /// Lets nodes slide along obstacles, for the scheme that constrains them.
   void add_friction();
 

@@ -6,6 +6,7 @@
 #include "meshing/algebra/newton.h"
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/self_barrier.h"
 
 namespace testbed::massspring {
 
@@ -90,9 +91,9 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
   const double mass_damping = motion_.forces.mass_damping;
   const SurfaceEnergies energies = motion_.surface();
   const auto any = [&](const auto& is) { return std::any_of(energies.begin(), energies.end(), is); };
-  const bool is_free =
-      motion_.constraints.empty() && !any([](const auto& energy) { return !energy->is_invariant(); });
-  const bool is_bounded = any([](const auto& energy) { return energy->bounds_steps(); });
+  const bool is_bounded = any([](const auto& energy) { return energy->bounds_steps(); });  // on straight ways
+  const bool is_free = motion_.constraints.empty() && !is_bounded &&
+                       !any([](const auto& energy) { return !energy->is_invariant(); });
   State trial = start;
   motion_.constrain(trial.v);
   trial.x = y + a * trial.v;
@@ -130,6 +131,12 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
       motion_.constrain(trial.v);
       move_out(y + a * trial.v);
       if (energy <= objective.value()) trial = pushed;
+    }
+    if (passes_through(energies, start.x, trial.x)) {
+      report.status = Status::NotConverged;
+      x = start.x;
+      v = start.v;
+      return report;
     }
   }
   State before = trial;

@@ -29,7 +29,7 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, con
   if (model.consistent_mass && integrator_.is_explicit)
     throw std::runtime_error(
         "an explicit scheme, expected mass at nodes: consistent mass has no simple inverse");
-  if (!contacts.bodies.empty() && integrator_.minimises()) motion_.add_barrier();
+  if (integrator_.has_barriers()) motion_.add_barriers();
   if (!contacts.bodies.empty() && integrator_.is_linearised) motion_.add_friction();
 }
 

@@ -42,6 +42,8 @@ struct Integrator {
   bool ends_where_it_solves;  ///< else what obstacles forbid is not seen where the step ends
   MakeScheme* make;
   bool minimises() const { return !is_explicit && !is_linearised; }
+  /// Else the surface keeps apart from itself by a penalty.
+  bool has_barriers() const { return minimises() && ends_where_it_solves; }
 };
 
 /// Every integrator there is.

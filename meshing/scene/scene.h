@@ -155,6 +155,7 @@ struct Obstacle {
 struct SelfContact {
   bool is_on = false;
   std::optional<double> thickness;  ///< m, that it keeps; from its edges if absent
+  double friction = 0;              ///< Coulomb's coefficient
 };
 
 struct TimeOptions {

@@ -237,6 +237,7 @@ template <class V>
 void describe(V& v, SelfContact& c) {
   v("on", c.is_on, "the surface does not pass through itself");
   v("thickness", c.thickness, kPositive, "distance that it keeps (m); absent: from its edges");
+  v("friction", c.friction, kNotNegative, "Coulomb's coefficient, where a barrier keeps it");
 }
 
 template <class V>

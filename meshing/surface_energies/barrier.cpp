@@ -7,6 +7,7 @@
 
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/contact_laws.h"
 #include "meshing/surface_energies/proximal_term.h"
 #include "meshing/surface_energies/surface_points.h"
 
@@ -17,45 +18,13 @@ using Eigen::Vector3d;
 
 namespace {
 
-struct BarrierValue {
-  double b, db, ddb;
-};
-
-BarrierValue barrier_at(double d, double range) {
-  const double e = d - range, q = std::log(d / range);
-  return {-e * e * q, -2 * e * q - e * e / d, -2 * q - 4 * e / d + e * e / (d * d)};
-}
-
-/// The length s (m) that friction acts along, smoothed below `slip`:
-/// its value, s over its derivative by s, and the derivative of that.
-struct SmoothLength {
-  double value, norm, dnorm;
-};
-
-SmoothLength smooth_length(double s, double slip) {
-  const double q = s / slip;
-  if (q >= 1) return {s, s, 1};
-  return {slip * (q * q * (1 - q / 3) + 1. / 3), slip / (2 - q), 1 / ((2 - q) * (2 - q))};
-}
-
-Vector3d direction(const Vector3d& v) {
-  const double length = v.norm();
-  return length > 0 ? Vector3d(v / length) : Vector3d::Zero();
-}
-
-Vector3d no_longer_than(double limit, const Vector3d& v) {
-  const double length = v.norm();
-  return length > limit ? Vector3d(limit / length * v) : v;
-}
-
 double diagonal_of(const Matrix3Xd& X) {
   return (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
 }
 
-constexpr double kClosest = 1e-3;    // of the range: where ways end that would go in
-constexpr double kFirst = 0.5;       // of the range: the first guess of a new contact's gap
-constexpr double kStillSpeed = 0.1;  // ranges per second that are no motion
-constexpr double kLeast = 1e-3;      // of the area of a face that looks away, through which nothing passes
+constexpr double kClosest = 1e-3;  // of the range: where ways end that would go in
+constexpr double kFirst = 0.5;     // of the range: the first guess of a new contact's gap
+constexpr double kLeast = 1e-3;    // of the area of a face that looks away, through which nothing passes
 
 /// A barrier on points of faces, which count as far as they face a body.
 class BarrierOnFaces : public EnergyOfPoints {
@@ -200,31 +169,20 @@ void Barrier::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature) cons
     if (gap.distance <= 0) return;
     diagonal[i] += stiffness * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
   });
-  // Of norm * friction = limit * way by x, the symmetric part.
-  for (const Held& held : held_) {
-    const Vector3d way = slid(held, x);
-    const SmoothLength length = smooth_length(way.norm(), slip_);
-    const Eigen::Matrix3d turned = held.friction * direction(way).transpose();
-    diagonal[held.point] +=
-        held.limit / length.norm * (Eigen::Matrix3d::Identity() - held.normal * held.normal.transpose()) -
-        length.dnorm / (2 * length.norm) * (turned + turned.transpose());
-  }
+  for (const Held& held : held_)
+    diagonal[held.point] += friction_hessian(held.limit, held.normal, held.friction, slid(held, x), slip_);
 }
 
 void Barrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
-  for (Held& held : held_) {
-    const Vector3d before = slid(held, x), way = slid(held, y);
-    const SmoothLength length = smooth_length(before.norm(), slip_);
-    const double grown = length.dnorm * direction(before).dot(way - before);
-    held.friction = no_longer_than(held.limit, (held.limit * way - grown * held.friction) / length.norm);
-  }
+  for (Held& held : held_)
+    held.friction = friction_foreseen(held.limit, held.friction, slid(held, x), slid(held, y), slip_);
   if (lag_ == FrictionLag::Iteration) find_friction(y, t_);
 }
 
 std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Matrix3Xd& X,
                                               const Eigen::MatrixXi& faces, double E,
                                               const std::vector<char>& is_constrained, FrictionLag lag) {
-  constexpr double kRange = 1e-3, kStiff = 1. / 50;
+  constexpr double kRange = 1e-3;
   const double range = kRange * diagonal_of(X);
   ContactPoints points = contact_points(faces, X, is_constrained);
   auto barrier = std::make_shared<Barrier>(Eigen::VectorXd::Zero(points.W.rows()), range, kStiff * E / range,

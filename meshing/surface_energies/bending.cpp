@@ -143,8 +143,8 @@ Eigen::VectorXd mean_bending_forces(const Bending& bending, const Matrix3Xd& x) 
   return sum.cwiseQuotient(count.cwiseMax(1));
 }
 
-void relax(const Bending& bending, const Eigen::Matrix2Xi& E, double coefficient, double h, const Matrix3Xd& x,
-           Eigen::Ref<Eigen::VectorXd> rest_length) {
+void relax(const Bending& bending, const Eigen::Matrix2Xi& E, double coefficient, double h,
+           const Matrix3Xd& x, Eigen::Ref<Eigen::VectorXd> rest_length) {
   const Eigen::VectorXd f = mean_bending_forces(bending, x);
   const double largest = f.maxCoeff();
   if (!(largest > 0)) return;

@@ -82,8 +82,8 @@ void Membrane::for_each_triangle(const Matrix3Xd& x, const Visit& visit) const {
 
 double Membrane::energy(const Matrix3Xd& x) const {
   double sum = 0;
-  for_each_triangle(
-      x, [&](Eigen::Index t, const Vector3d& q, const Matrix3d&) { sum += q.dot(D_[t] * q) / 2; });
+  for_each_triangle(x,
+                    [&](Eigen::Index t, const Vector3d& q, const Matrix3d&) { sum += q.dot(D_[t] * q) / 2; });
   return sum;
 }
 
@@ -105,10 +105,11 @@ void Membrane::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature curv
     for (int k = 0; k < 3; ++k) ends(k, (k + 1) % 3) = 1;
     for (int a = 0; a < 3; ++a)
       for (int b = a; b < 3; ++b) {
-        const Matrix3d by_a = 2 * edges * ends.col(a).asDiagonal(), by_b = 2 * edges * ends.col(b).asDiagonal();
+        const Matrix3d by_a = 2 * edges * ends.col(a).asDiagonal(),
+                       by_b = 2 * edges * ends.col(b).asDiagonal();
         const double along = (ends.col(a).array() * ends.col(b).array() * tension.array()).sum();
-        H.blocks.push_back({F_(a, t), F_(b, t),
-                            by_a * D_[t] * by_b.transpose() + along * Matrix3d::Identity()});
+        H.blocks.push_back(
+            {F_(a, t), F_(b, t), by_a * D_[t] * by_b.transpose() + along * Matrix3d::Identity()});
       }
   });
 }

@@ -48,9 +48,9 @@ class Membrane : public SurfaceEnergy {
   void for_each_triangle(const Eigen::Matrix3Xd& x, const Visit& visit) const;
 
   Eigen::Matrix3Xi F_;
-  Eigen::Matrix2Xi E_;                ///< edges
-  Eigen::Matrix3Xi edge_;             ///< of each triangle: from its first to its second corner, and so on
-  std::vector<Eigen::Matrix3d> D_;    ///< of each triangle (J/m4)
+  Eigen::Matrix2Xi E_;              ///< edges
+  Eigen::Matrix3Xi edge_;           ///< of each triangle: from its first to its second corner, and so on
+  std::vector<Eigen::Matrix3d> D_;  ///< of each triangle (J/m4)
   std::optional<Relaxation> relaxation_;
   std::shared_ptr<const SurfaceMemory> memory_;  ///< rest lengths
 };

@@ -1,6 +1,7 @@
 // The surface against itself: vertices against triangles and edges against edges, kept apart by a penalty.
 #pragma once
 
+#include "meshing/surface_energies/near_pairs.h"
 #include "meshing/surface_energies/surface_energy.h"
 
 namespace testbed::meshing {
@@ -28,10 +29,6 @@ class SurfaceContact : public SurfaceEnergy {
 
  private:
   using Pair = SidedPair;
-  struct Smoothing {
-    double m;
-    Eigen::Vector3d by_u, by_v;  ///< derivatives by the edges 0-1 and 2-3
-  };
   Smoothing smoothing_of(const Pair& pair, const Eigen::Matrix3Xd& x) const;
   template <class Visit>
   void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;

@@ -45,7 +45,7 @@ ENDS = {
     "fem_reference_far": {"status": "not_converged"},
     "fem_reference_touched": {
         "status": "not_solved",
-        "reason": "self_contact: the reference's surface passes through itself",
+        "reason": "seams: the reference ties nothing",
     },
 }
 

@@ -255,7 +255,7 @@ def test_models_are_those_that_the_check_names_whatever_the_scene_does(solve, tm
 
 
 def test_what_the_reference_does_not_model_is_no_error(solve):
-    assert solve("touched").unsolved == "self_contact: the reference's surface passes through itself"
+    assert solve("touched").unsolved == "seams: the reference ties nothing"
 
 
 @pytest.mark.parametrize("time_limit, has_half_step", [(60, True), (0.9, False)])

@@ -36,7 +36,13 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
                         s.reference.integrator = "central_differences";
                       }),
             "obstacles with reference.integrator = central_differences");
-  EXPECT_EQ(part_with(moving, [](Scene& s) { s.self_contact.is_on = true; }), "self_contact");
+  EXPECT_EQ(part_with(moving, [](Scene& s) { s.self_contact.is_on = true; }), "");
+  EXPECT_EQ(part_with(moving,
+                      [](Scene& s) {
+                        s.self_contact.is_on = true;
+                        s.reference.integrator = "central_differences";
+                      }),
+            "self_contact with reference.integrator = central_differences");
   EXPECT_EQ(part_with(still, [](Scene& s) { s.seams.emplace_back(); }), "seams");
   for (const Scene& scene : {still, moving})
     EXPECT_EQ(part_with(scene,

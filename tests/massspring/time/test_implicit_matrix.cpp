@@ -95,7 +95,7 @@ struct TwoContacts {
     floor.shape = HalfSpace{{0, 0, -1 - kRange}, {0, 0, 1}};
     contacts.bodies.emplace_back(floor);
     motion.emplace(model, forces, contacts);
-    motion->add_barrier();
+    motion->add_barriers();
     state.x.leftCols(3).row(2).array() -= 2 - 0.8 * kThickness;
     for (const auto& energy : motion->surface()) energy->begin_step(0, 1, state.x);
   }

@@ -4,6 +4,7 @@
 
 #include "meshing/base/random.h"
 #include "meshing/surface_energies/barrier.h"
+#include "meshing/surface_energies/self_barrier.h"
 #include "meshing/surface_energies/self_contact.h"
 
 namespace testbed::meshing {
@@ -119,11 +120,39 @@ json pair_values() {
   return values;
 }
 
+/// The barrier between two triangles that lay far apart at rest, and their largest steps.
+json self_barrier_values() {
+  constexpr double kThickness = 0.3, kYoungs = 1e3;
+  Eigen::Matrix3Xi F(3, 2);
+  F << 0, 3, 1, 4, 2, 5;
+  Random random(6);
+  json values;
+  for (int trial = 0; trial < 100; ++trial) {
+    Matrix3Xd X = random_points(6, random);
+    X.rightCols(3).array() += 100;
+    const Matrix3Xd x = random_points(6, random), dx = 0.4 * random_points(6, random);
+    const SelfBarrier barrier(X, F, kYoungs, kThickness);
+    Matrix3Xd f = Matrix3Xd::Zero(3, 6);
+    barrier.add_forces(x, f);
+    values.push_back({{"rest", numbers(X)},
+                      {"x", numbers(x)},
+                      {"dx", numbers(dx)},
+                      {"thickness", kThickness},
+                      {"kappa", kYoungs / (50 * kThickness)},
+                      {"energy", barrier.energy(x)},
+                      {"forces", numbers(f)},
+                      {"step", barrier.largest_step(x, dx)}});
+  }
+  return values;
+}
+
 }  // namespace
 }  // namespace testbed::meshing
 
 int main() {
   using namespace testbed::meshing;
-  std::cout << nlohmann::json{
-      {"barrier", barrier_values()}, {"steps", step_values()}, {"pairs", pair_values()}};
+  std::cout << nlohmann::json{{"barrier", barrier_values()},
+                              {"steps", step_values()},
+                              {"pairs", pair_values()},
+                              {"self_barrier", self_barrier_values()}};
 }

@@ -93,3 +93,66 @@ def test_pairs_in_touch_their_distances_and_smoothing_are_the_same(values):
         assert case["energy"] == pytest.approx(energy, rel=1e-7)
     assert n_edges > 20
     assert n_triangles > 20
+
+
+TRIANGLES = ((0, 1, 2), (3, 4, 5))
+
+
+def pairs_of_triangles() -> list[tuple[bool, list[int]]]:
+    """Whether it is one of edges, and its four nodes."""
+    pairs = [(False, [v, *b]) for a, b in (TRIANGLES, TRIANGLES[::-1]) for v in a]
+    edges = [list(itertools.combinations(t, 2)) for t in TRIANGLES]
+    return pairs + [(True, [*e, *f]) for e, f in itertools.product(*edges)]
+
+
+def test_energy_and_forces_of_the_barrier_between_two_triangles_are_the_same(values):
+    n_pairs = {False: 0, True: 0}
+    for case in values["self_barrier"]:
+        x, rest, reach = points(case["x"]), points(case["rest"]), case["thickness"]
+        area = np.repeat([np.linalg.norm(np.cross(b - a, c - a)) / 2 for a, b, c in rest.reshape(2, 3, 3)], 3)
+        energy, forces = 0.0, np.zeros((6, 3))
+        for is_edges, node in pairs_of_triangles():
+            at, before = x[node], rest[node]
+            squared = (ipctk.edge_edge_distance if is_edges else ipctk.point_triangle_distance)(*at)
+            if squared >= reach**2:
+                continue
+            n_pairs[is_edges] += 1
+            gradient = (
+                ipctk.edge_edge_distance_gradient if is_edges else ipctk.point_triangle_distance_gradient
+            )(*at)
+            d = np.sqrt(squared)
+            third = (area[node[0]] + area[node[2]]) / 2 / 3 if is_edges else area[node[0]] / 3
+            stiffness = case["kappa"] * third / 4
+            b = ipctk.barrier(d, reach)
+            by_x = ipctk.barrier_first_derivative(d, reach) / (2 * d) * gradient
+            m, dm = 1.0, np.zeros(12)
+            if is_edges:
+                bound = (
+                    1e-2 * np.sum((before[1] - before[0]) ** 2) * np.sum((before[3] - before[2]) ** 2)
+                )
+                m = ipctk.edge_edge_mollifier(*at, bound)
+                dm = ipctk.edge_edge_mollifier_gradient(*at, bound)
+            energy += stiffness * m * b
+            forces[node] -= stiffness * (m * by_x + b * dm).reshape(4, 3)
+        assert case["energy"] == pytest.approx(energy, rel=1e-7)
+        assert np.linalg.norm(points(case["forces"]) - forces) <= 1e-6 * np.linalg.norm(forces)
+    assert min(n_pairs.values()) > 20
+
+
+def test_largest_steps_of_two_triangles_end_shortly_before_the_time_of_impact(values):
+    ccd = ipctk.TightInclusionCCD()
+    n_hits = 0
+    for case in values["self_barrier"]:
+        x, dx = points(case["x"]), points(case["dx"])
+        impact = almost = 1.0
+        for is_edges, node in pairs_of_triangles():
+            squared = (ipctk.edge_edge_distance if is_edges else ipctk.point_triangle_distance)(*x[node])
+            find = ccd.edge_edge_ccd if is_edges else ccd.point_triangle_ccd
+            ends = [*x[node], *(x + dx)[node]]
+            hits, time = find(*ends)
+            impact = min(impact, time if hits else 1.0)
+            hits, time = find(*ends, min_distance=0.12 * min(np.sqrt(squared), case["thickness"]))
+            almost = min(almost, time if hits else 1.0)
+        n_hits += impact < 1
+        assert 0.98 * almost <= case["step"] <= max(impact, almost)
+    assert 5 < n_hits < len(values["self_barrier"])

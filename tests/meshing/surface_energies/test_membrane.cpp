@@ -52,7 +52,8 @@ TEST_F(OnABall, ForceIsMinusTheGradientAndTheHessianIsItsOwn) {
   const Matrix3Xd f = forces(membrane, x);
   const double slope = (membrane.energy(x + kStep * d) - membrane.energy(x - kStep * d)) / (2 * kStep);
   EXPECT_NEAR(f.cwiseProduct(d).sum(), -slope, kDifference * f.norm() * d.norm());
-  const Matrix3Xd difference = (forces(membrane, x - kStep * d) - forces(membrane, x + kStep * d)) / (2 * kStep),
+  const Matrix3Xd difference =
+                      (forces(membrane, x - kStep * d) - forces(membrane, x + kStep * d)) / (2 * kStep),
                   Hd = product(membrane, x, d, Curvature::Exact);
   EXPECT_LT((Hd - difference).norm(), kDifference * Hd.norm());
 }
@@ -62,9 +63,10 @@ TEST_F(OnABall, ProjectedHessianIsSemidefiniteWhereTheExactOneIsNot) {
   double least_exact = 0, least = 0;
   for (int k = 0; k < 20; ++k) {
     const Matrix3Xd normal = ball.X * random_points(ball.X.cols(), 1, 10 + k).row(0).transpose().asDiagonal();
-    least_exact =
-        std::min(least_exact, normal.cwiseProduct(product(membrane, crushed, normal, Curvature::Exact)).sum());
-    least = std::min(least, normal.cwiseProduct(product(membrane, crushed, normal, Curvature::Projected)).sum());
+    least_exact = std::min(least_exact,
+                           normal.cwiseProduct(product(membrane, crushed, normal, Curvature::Exact)).sum());
+    least =
+        std::min(least, normal.cwiseProduct(product(membrane, crushed, normal, Curvature::Projected)).sum());
   }
   EXPECT_LT(least_exact, -1);
   EXPECT_GE(least, 0);
@@ -111,7 +113,8 @@ TEST_F(OnABall, RigidMotionsCostNothing) {
 double energy_of_springs(const SurfaceMesh& surface, const Matrix3Xd& x) {
   double sum = 0;
   for (const auto& t : surface.F.colwise()) {
-    const Vector3d a = surface.X.col(t(1)) - surface.X.col(t(0)), b = surface.X.col(t(2)) - surface.X.col(t(0));
+    const Vector3d a = surface.X.col(t(1)) - surface.X.col(t(0)),
+                   b = surface.X.col(t(2)) - surface.X.col(t(0));
     const double area = a.cross(b).norm() / 2;
     for (int k = 0; k < 3; ++k) {
       const int i = t(k), j = t((k + 1) % 3);
