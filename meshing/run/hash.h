@@ -11,7 +11,7 @@ namespace testbed::meshing {
 /// 16 hex digits of a 64-bit hash of bytes.
 std::string hash_of(const std::string& bytes);
 
-/// 8 hex digits of the CRC-32 of bytes [ISO 3309], which zlib of other languages computes, too: of files that are read
+/// 8 hex digits of the CRC-32 of bytes, which zlib of other languages computes, too: of files that are read
 /// again, at a gigabyte in a second or two.
 std::string crc32_of(const std::string& bytes);
 
