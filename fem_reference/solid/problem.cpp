@@ -12,6 +12,7 @@
 #include "meshing/surface_energies/barrier.h"
 #include "meshing/surface_energies/membrane.h"
 #include "meshing/surface_energies/self_barrier.h"
+#include "meshing/surface_energies/surface_points.h"
 #include "meshing/surface_energies/volume_penalty.h"
 
 namespace testbed::fem {

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/surface_points.h"
 
 namespace testbed::meshing {
 namespace {
@@ -30,18 +31,6 @@ Matrix3d energy_of_squares(const Matrix3d& edges, double stiffness, double nu) {
 }
 
 }  // namespace
-
-Eigen::Matrix3Xi flat_triangles(const Eigen::MatrixXi& faces) {
-  if (faces.rows() == 3) return faces;
-  Eigen::Matrix3Xi F(3, 4 * faces.cols());
-  for (Eigen::Index t = 0; t < faces.cols(); ++t) {
-    const auto n = faces.col(t);
-    F.middleCols<4>(4 * t) << n(0), n(3), n(5), n(3),  //
-        n(3), n(1), n(4), n(4),                        //
-        n(5), n(4), n(2), n(5);
-  }
-  return F;
-}
 
 Membrane::Membrane(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double stiffness, double nu,
                    std::optional<Relaxation> relaxation)

@@ -9,11 +9,6 @@
 
 namespace testbed::meshing {
 
-/// Triangles of three nodes that lie on faces: a straight face itself, or the four flat ones between the six
-/// nodes of a curved one. They turn outward as the faces do.
-/// @param faces  3 or 6 nodes each: corners, middles of 01, 12, 20
-Eigen::Matrix3Xi flat_triangles(const Eigen::MatrixXi& faces);
-
 /// What a membrane's rest lengths do in time.
 struct Relaxation {
   double coefficient;  ///< R', the part lost in a second where the surface is bent most [paper eq. 9]

@@ -87,16 +87,6 @@ double default_thickness(const Matrix3Xd& X, const Eigen::Matrix3Xi& F) {
   return kOfMeanEdge * mean_edge_of(X, edges_of(F));
 }
 
-Eigen::Matrix3Xi flat_triangles(const Eigen::MatrixXi& faces) {
-  if (faces.rows() == 3) return faces;
-  Eigen::Matrix3Xi F(3, 4 * faces.cols());
-  for (Eigen::Index f = 0; f < faces.cols(); ++f) {
-    const Eigen::VectorXi n = faces.col(f);
-    F.middleCols<4>(4 * f) << n(0), n(3), n(5), n(3), n(3), n(1), n(4), n(4), n(5), n(4), n(2), n(5);
-  }
-  return F;
-}
-
 SelfBarrier::SelfBarrier(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double E, double thickness,
                          double friction)
     : X_(X),

@@ -85,8 +85,4 @@ bool passes_through(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x, 
 /// The thickness of a scene that names none: a fifth of the surface's mean edge (m).
 double default_thickness(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);
 
-/// Triangles between all nodes of faces: four in each of six nodes.
-/// @param faces  3 or 6 nodes each
-Eigen::Matrix3Xi flat_triangles(const Eigen::MatrixXi& faces);
-
 }  // namespace testbed::meshing

@@ -42,6 +42,18 @@ Eigen::Matrix3Xd shape_functions(Eigen::Index n, double r, double s) {
   return N;
 }
 
+Eigen::Matrix3Xi flat_triangles(const Eigen::MatrixXi& faces) {
+  if (faces.rows() == 3) return faces;
+  Eigen::Matrix3Xi F(3, 4 * faces.cols());
+  for (Eigen::Index t = 0; t < faces.cols(); ++t) {
+    const auto n = faces.col(t);
+    F.middleCols<4>(4 * t) << n(0), n(3), n(5), n(3),  //
+        n(3), n(1), n(4), n(4),                        //
+        n(5), n(4), n(2), n(5);
+  }
+  return F;
+}
+
 SurfacePoints points_on(const Eigen::MatrixXi& faces, const Matrix3Xd& places, Eigen::Index n_nodes) {
   std::vector<Eigen::Triplet<double>> entries;
   int p = 0;

@@ -14,6 +14,10 @@ using SurfacePoints = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 /// its corners, where (r, s) is (0, 0), (1, 0) and (0, 1), and of the middles of 01, 12 and 20.
 Eigen::Matrix3Xd shape_functions(Eigen::Index n, double r, double s);
 
+/// Triangles between all nodes of faces: four in each of six nodes.
+/// @param faces  3 or 6 nodes each
+Eigen::Matrix3Xi flat_triangles(const Eigen::MatrixXi& faces);
+
 /// Points at the same places of every triangle, in the order of the triangles.
 /// @param faces  3 or 6 nodes each, as shape_functions
 /// @param places  barycentric coordinates, 3 x k

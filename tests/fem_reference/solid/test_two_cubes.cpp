@@ -6,6 +6,7 @@
 
 #include "meshing/surface/surface_check.h"
 #include "meshing/surface_energies/self_barrier.h"
+#include "meshing/surface_energies/surface_points.h"
 #include "tests/fem_reference/dynamics_of.h"
 #include "tests/meshing/box_tets.h"
 

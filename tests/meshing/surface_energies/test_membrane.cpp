@@ -9,6 +9,7 @@
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/membrane.h"
+#include "meshing/surface_energies/surface_points.h"
 
 namespace testbed::meshing {
 namespace {
