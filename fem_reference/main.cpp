@@ -88,6 +88,7 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
       record["newton_iterations"] = integrator->n_newton_iterations();
     if (!is_explicit) record["factorisations"] = integrator->n_factorisations();
     record["time_reached"] = integrator->t();
+    record["energy_gain"] = integrator->ledger().gain();
   } else {
     const ElasticReport& equilibrium = simulation.equilibrium();
     record["newton_iterations"] = equilibrium.newton_iterations;
@@ -97,6 +98,7 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
     record["load_factor_reached"] = static_cast<double>(simulation.n_done()) / simulation.n_steps();
   }
   record["status"] = name_of(simulation.status());
+  if (!simulation.reason().empty()) record["reason"] = simulation.reason();
 }
 
 void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann::ordered_json& record) {

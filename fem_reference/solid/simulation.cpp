@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <sstream>
 
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/initial_motion.h"
@@ -125,7 +126,7 @@ void Simulation::set_state(const State& state) {
 Status Simulation::advance() {
   status_ = Status::Ok;
   if (integrator_) {
-    if (!integrator_->step())
+    if (!integrator_->advance())
       return status_ = scheme().is_explicit() ? Status::Diverged : Status::NotConverged;
     release_nodes();
   } else if (n_done_ == 0 || !is_proportional_) {
@@ -137,7 +138,35 @@ Status Simulation::advance() {
     if (!equilibrium_.is_converged) return status_ = Status::NotConverged;
   }
   ++n_done_;
+  constexpr int kEvery = 16;  // steps, where a sum over the body costs as much as a step
+  const bool is_due = n_done_ % kEvery == 0 || n_done_ == n_steps_;
+  const bool is_small = law_of(scene_) == MaterialLaw::SmallStrain;
+  if (is_small && (is_due || !integrator_)) check_strain();
+  if (integrator_ && (is_due || !(is_small || scheme().is_explicit()))) check_balance();
   return status_;
+}
+
+void Simulation::check_balance() {
+  integrator_->settle();
+  if (!integrator_->ledger().has_gained()) return;
+  status_ = Status::EnergyGained;
+  std::ostringstream reason;
+  reason
+      << "at " << integrator_->t() << " s the body has gained " << 100 * integrator_->ledger().gain()
+      << " % of its largest energy from nothing; a shorter time.step or another reference.integrator may not";
+  reason_ = reason.str();
+}
+
+void Simulation::check_strain() {
+  const double scale = is_proportional_ && !integrator_ ? load_factor() : 1,
+               strain = integrator_ ? solid_.max_strain(integrator_->u().reshaped(3, solid_.X().cols()))
+                                    : equilibrium_.max_strain * scale;
+  if (!(strain > meshing::kLargestSmallStrain)) return;
+  status_ = Status::StrainTooLarge;
+  std::ostringstream reason;
+  reason << "small strain reaches " << strain << ", expected at most " << meshing::kLargestSmallStrain
+         << "; material.law = \"neo_hookean\" holds beyond";
+  reason_ = reason.str();
 }
 
 std::vector<std::pair<std::string, double>> Simulation::strains(const Eigen::Matrix3Xd& u,
@@ -153,13 +182,15 @@ std::vector<std::pair<std::string, double>> Simulation::strains(const Eigen::Mat
 Snapshot Simulation::snapshot() const {
   if (integrator_) {
     const Eigen::Matrix3Xd u = integrator_->u().reshaped(3, solid_.X().cols());
+    const double kinetic = integrator_->kinetic_energy(), elastic = integrator_->elastic_energy();
     return {integrator_->t(),
             1,
             frame_ * u,
-            integrator_->kinetic_energy(),
-            integrator_->elastic_energy(),
+            kinetic,
+            elastic,
             strains(u, solid_.max_strain(u)),
-            {{"velocity", frame_ * integrator_->v().reshaped(3, u.cols())}}};
+            {{"velocity", frame_ * integrator_->v().reshaped(3, u.cols())}},
+            integrator_->ledger().columns(integrator_->surface(), kinetic, elastic)};
   }
   const double scale = is_proportional_ ? load_factor() : 1;  // of the solution at full load
   return {load_factor(),
