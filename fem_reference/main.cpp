@@ -89,6 +89,7 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
     if (integrator->n_halved() > 0) record["n_steps_halved"] = integrator->n_halved();
     if (!is_explicit) record["factorisations"] = integrator->n_factorisations();
     record["time_reached"] = integrator->t();
+    record["energy_gain"] = integrator->ledger().gain();
   } else {
     const ElasticReport& equilibrium = simulation.equilibrium();
     record["newton_iterations"] = equilibrium.newton_iterations;
@@ -98,6 +99,7 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
     record["load_factor_reached"] = static_cast<double>(simulation.n_done()) / simulation.n_steps();
   }
   record["status"] = name_of(simulation.status());
+  if (!simulation.reason().empty()) record["reason"] = simulation.reason();
 }
 
 void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann::ordered_json& record) {

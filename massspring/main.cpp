@@ -110,6 +110,7 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
   record["residual"] = report.residual;
   if (report.tolerance) record["tolerance"] = *report.tolerance;
   if (!report.solver.empty()) record["solver"] = report.solver;
+  if (!simulation.is_static()) record["energy_gain"] = simulation.state().ledger.gain();
   record["status"] = name_of(report.status);
   if (!report.reason.empty()) record["reason"] = report.reason;
 }

@@ -72,6 +72,14 @@ std::ptrdiff_t n_holding_at(const Scene& scene, double t) {
                        [t](const Support& support) { return holds_at(support, t); });
 }
 
+/// Of sums over a body (J). Linear forces have none that a gain could be taken for, but positions have.
+double rounding_of_energy(const MassSpringModel& model, const Forces& forces) {
+  constexpr double kOfEnergy = 1e-12, kOfPositions = 1e-13;  // the former of the energy at a strain of one
+  const Eigen::Matrix3Xd& X = model.network.X;
+  return (model.linear ? 0 : kOfEnergy * model.material.E * volume(X, model.network.F)) +
+         kOfPositions * forces.load.norm() * X.norm();
+}
+
 bool is_of(const std::string& key, const std::string& table) {
   return key.rfind(table + ".", 0) == 0;
 }
@@ -104,6 +112,7 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
     : scene_(scene), network_(network), problem_(discretise(scene, surface_of(network))) {
   make_model();
   act_on_model();
+  check_apart(contacts_, model_, forces_.constraints);
   state_ = initial_state(model_);
   state_.v = initial_velocity(scene, model_.network.X, model_.mass);
   filter(forces_.constraints, state_.v);
@@ -174,6 +183,9 @@ void Simulation::begin_stepping() {
   options_.residual = time.residual;
   options_.sleep_below = time.sleep_below;
   stepper_ = std::make_unique<TimeStepper>(model_, forces_, time.integrator, time.end, options_, contacts_);
+  if (!state_.ledger.has_begun())
+    state_.ledger.begin(kinetic_energy(model_, state_.v), elastic_energy(model_, state_),
+                        stepper_->surface_at(state_), state_.x, rounding_of_energy(model_, forces_));
   const Integrator& integrator = find_integrator(time.integrator);
   if (model_.linear && !integrator.is_explicit)
     report_.tolerance = ConstantMatrix::kTolerance;
@@ -225,14 +237,16 @@ void Simulation::change(const Scene& scene) {
   find_collapsing();
   if (!is_new_force) return;
   problem_ = discretise(scene_, surface_of(network_));
+  const double before = elastic_energy(model_, state_);
   if (is_new_model) make_model();
+  state_.ledger.flows.rest += elastic_energy(model_, state_) - before;
   act_on_model();
   begin_stepping();
   count_steps();
 }
 
 bool Simulation::has_ended() const {
-  return state_.n_done >= report_.n_steps || report_.status == Status::Diverged ||
+  return state_.n_done >= report_.n_steps || report_.status >= Status::StrainTooLarge ||
          (is_static() && report_.status == Status::NotConverged);
 }
 
@@ -259,9 +273,13 @@ StepReport Simulation::take_step() {
     state_.t = load_factor;
     return step;
   }
-  if (scene_.collapse) collapse(*scene_.collapse, model_, step_, state_);
-  if (scene_.skin && scene_.skin->relaxation > 0)
-    relax_surface(scene_.skin->relaxation, model_, scene_.is_paper ? 1 : step_, state_);
+  const bool relaxes = scene_.skin && scene_.skin->relaxation > 0;
+  if (scene_.collapse || relaxes) {
+    const double before = elastic_energy(model_, state_);
+    if (scene_.collapse) collapse(*scene_.collapse, model_, step_, state_);
+    if (relaxes) relax_surface(scene_.skin->relaxation, model_, scene_.is_paper ? 1 : step_, state_);
+    state_.ledger.flows.rest += elastic_energy(model_, state_) - before;
+  }
   set_target_volume(state_.t + step_);
   const StepReport step = stepper_->step(state_, step_);
   report_.solver = stepper_->solver_choice();
@@ -277,14 +295,47 @@ Status Simulation::advance() {
   report_.n_at_rest += step.is_at_rest;
   report_.n_halved += step.is_halved;
   report_.residual = step.residual;
-  if (step.status == Status::Ok) return step.status;
-  report_.status = step.status;
-  if (!is_static()) return step.status;
+  report_.status = std::max(report_.status, step.status);
+  if (report_.status != Status::Diverged && is_check_due()) {
+    check_strain();
+    if (!is_static()) check_energy();
+  }
+  if (step.status == Status::Ok) return report_.status;
+  if (!is_static()) return report_.status;
   std::ostringstream reason;
   reason << "load factor " << state_.t << ", step " << state_.n_done << " of " << report_.n_steps << ": "
          << (step.reason.empty() ? name_of(step.status) : step.reason);
   report_.reason = reason.str();
   return step.status;
+}
+
+/// Steps that solve nothing anew cost as little as a sum of energies, so these are taken now and then.
+bool Simulation::is_check_due() const {
+  constexpr int kEvery = 16;
+  const bool is_cheap = stepper_ && (model_.linear || find_integrator(scene_.time.integrator).is_explicit);
+  return !is_cheap || state_.n_done % kEvery == 0 || state_.n_done == report_.n_steps;
+}
+
+void Simulation::check_energy() {
+  state_.ledger.settle(kinetic_energy(model_, state_.v), elastic_energy(model_, state_));
+  if (!state_.ledger.has_gained()) return;
+  report_.status = Status::EnergyGained;
+  std::ostringstream reason;
+  reason << "at " << state_.t << " s the body has gained " << 100 * state_.ledger.gain()
+         << " % of its largest energy from nothing; a shorter time.step or another time.integrator may not";
+  report_.reason = reason.str();
+}
+
+void Simulation::check_strain() {
+  if (!model_.linear || model_.network.T.cols() == 0) return;
+  const double strain =
+      largest_linear_strain(model_.network.X, model_.network.T, displacement(model_, state_));
+  if (!(strain > meshing::kLargestSmallStrain)) return;
+  report_.status = Status::StrainTooLarge;
+  std::ostringstream reason;
+  reason << "small strain reaches " << strain << ", expected at most " << meshing::kLargestSmallStrain
+         << "; material.law = \"neo_hookean\" holds beyond";
+  report_.reason = reason.str();
 }
 
 Snapshot Simulation::snapshot() const {
@@ -308,7 +359,10 @@ Snapshot Simulation::snapshot() const {
     snapshot.strains.emplace_back("max_spring_strain",
                                   model_.linear ? largest_linear_strain(X, model_.springs->E, snapshot.u)
                                                 : largest_strain(*model_.springs, X, state_.x));
-  if (!is_static()) snapshot.fields.push_back({"velocity", state_.v});
+  if (is_static()) return snapshot;
+  snapshot.fields.push_back({"velocity", state_.v});
+  snapshot.ledger =
+      state_.ledger.columns(stepper_->surface_at(state_), snapshot.kinetic_energy, snapshot.elastic_energy);
   return snapshot;
 }
 

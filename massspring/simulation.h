@@ -72,6 +72,9 @@ class Simulation {
   void count_steps();
   void set_target_volume(double t);
   StepReport take_step();
+  void check_energy();
+  void check_strain();
+  bool is_check_due() const;
   void release_nodes();
 
   Scene scene_;

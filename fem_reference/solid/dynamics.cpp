@@ -131,7 +131,56 @@ double Integrator::potential_of(const VectorXd& u) const {
 }
 
 void Integrator::begin_step() {
+  if (system_.surface.empty()) return;
   for (const auto& energy : system_.surface) energy->begin_step(t(), h_, at(u_));
+  ledger_.begin_step(system_.surface, at(u_));
+}
+
+void Integrator::begin_ledger() {
+  constexpr double kRounding = 1e-12;  // of the energy at a strain of one; linear forces have none
+  const double scale = system_.linearise && system_.X.size() > 0
+                           ? system_.X.reshaped().dot(system_.K * system_.X.reshaped())
+                           : 0;
+  ledger_.begin(kinetic_energy(), elastic_energy(), system_.surface,
+                system_.surface.empty() ? Matrix3Xd() : at(u_), kRounding * scale);
+}
+
+void Integrator::change_rest(const std::function<void()>& change) {
+  const double before = elastic_energy();
+  change();
+  ledger_.flows.rest += elastic_energy() - before;
+}
+
+/// That damping takes (W).
+double Integrator::damping_power(const VectorXd& v) const {
+  double power = 0;
+  if (system_.damping > 0) power += system_.damping * v.dot(system_.M * v);
+  if (system_.stiffness_damping > 0) power += system_.stiffness_damping * v.dot(system_.K * v);
+  return power;
+}
+
+/// In the step from displacements u and velocities v (J): what supports add to momenta at the mean of velocities,
+/// and what they hold against forces along the way.
+double Integrator::work_of_supports(const VectorXd& u, const VectorXd& v) const {
+  if (!system_.constrained_motion) return 0;
+  const VectorXd mean = (v + v_) / 2, p = system_.M * (v_ - v);
+  VectorXd f = (force_of(u) + force_of(u_)) / 2 - system_.load + system_.damping * (system_.M * mean);
+  if (system_.stiffness_damping > 0) f += system_.stiffness_damping * (system_.K * mean);
+  double work = 0;
+  for (const int k : system_.constrained) work += p(k) * mean(k) + f(k) * (u_(k) - u(k));
+  return work;
+}
+
+bool Integrator::advance() {
+  const VectorXd u = u_, v = v_;
+  const double before = damping_power(v);
+  if (!step()) return false;
+  meshing::EnergyFlows& flows = ledger_.flows;
+  flows.loads += system_.load.dot(u_ - u);
+  flows.damping += h_ / 2 * (before + damping_power(v_));
+  flows.supports += work_of_supports(u, v);
+  if (!system_.surface.empty()) ledger_.end_step(system_.surface, at(u_));
+  return true;
 }
 
 VectorXd Integrator::force_of(const VectorXd& u) const {
@@ -183,6 +232,7 @@ void Integrator::set_state(const MotionState& state) {
   a_ = state.a;
   f_ = state.force;
   remember(state.surface, system_.surface);
+  ledger_ = state.ledger;
   find_free();
 }
 
@@ -260,14 +310,17 @@ bool GeneralisedAlpha::step() {
 /// By h_, or twice by half of it. Leaves a state in between where it finds none at the end.
 bool GeneralisedAlpha::advance_or_halves(int n_halvings) {
   const SurfaceMemories memories = memories_of(system_.surface);
+  const meshing::EnergyLedger ledger = ledger_;
   if (advance_whole()) return true;
   if (!system_.linearise || n_halvings == 0) return false;
   remember(memories, system_.surface);
+  ledger_ = ledger;
   ++n_halved_;
   const double whole = h_, begun = begun_;
   set_length(whole / 2);
   bool is_found = advance_or_halves(n_halvings - 1);
   if (is_found) {
+    if (!system_.surface.empty()) ledger_.end_step(system_.surface, at(u_));
     begun_ += whole / 2;
     is_found = advance_or_halves(n_halvings - 1);
   }

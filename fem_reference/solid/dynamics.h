@@ -10,6 +10,7 @@
 
 #include "fem_reference/solid/elasticity.h"
 #include "meshing/algebra/cholesky.h"
+#include "meshing/surface_energies/energy_ledger.h"
 
 namespace testbed::fem {
 
@@ -68,6 +69,7 @@ struct MotionState {
   Eigen::VectorXd u, v, a;  ///< m, m/s, m/s2
   Eigen::VectorXd force;    ///< f(u) as the last step found it (N); empty where no scheme asks for it
   meshing::SurfaceMemories surface;  ///< of what acts on it
+  meshing::EnergyLedger ledger;
 };
 
 /// A body in motion by steps of h, from rest.
@@ -75,20 +77,29 @@ class Integrator {
  public:
   virtual ~Integrator() = default;
 
-  /// Whether it found a state; else the motion has ended.
+  /// Takes a step, whose flows of energy go into the ledger. Whether it found a state; else the motion has ended.
+  bool advance();
+  /// The step itself.
   virtual bool step() = 0;
+  /// Changes what the body is free of stress at, between steps; the elastic energy that this gives is put in.
+  void change_rest(const std::function<void()>& change);
+  /// Takes the balance of energy.
+  void settle() { ledger_.settle(kinetic_energy(), elastic_energy()); }
+  const meshing::EnergyLedger& ledger() const { return ledger_; }
+  const meshing::SurfaceEnergies& surface() const { return system_.surface; }
   /// The scheme, and how its equations are solved.
   virtual std::string solver() const = 0;
   /// Starts again from a displacement and a velocity, with the acceleration that belongs to them.
   void restart(const Eigen::VectorXd& u, const Eigen::VectorXd& v) {
     n_steps_ = 0;
     go_on(u, v);
+    begin_ledger();
   }
   /// Goes on from here with other unknowns constrained, and their motion as in Dynamics.
   void hold(const std::vector<int>& constrained, std::function<Eigen::VectorXd(double t)> motion);
   /// What is kept from step to step besides, as factors of tangents are, changes a step within its tolerance.
   /// Steps of linear forces and explicit ones have none of it.
-  MotionState state() const { return {n_steps_, u_, v_, a_, f_, memories_of(system_.surface)}; }
+  MotionState state() const { return {n_steps_, u_, v_, a_, f_, memories_of(system_.surface), ledger_}; }
   /// Goes on from a state with what is constrained now, and forgets what is kept besides.
   void set_state(const MotionState& state);
   double t() const { return n_steps_ * step_ + begun_; }                ///< s
@@ -115,6 +126,9 @@ class Integrator {
   double potential_of(const Eigen::VectorXd& u) const;
   /// Nodes where the surface's energies see them.
   Eigen::Matrix3Xd at(const Eigen::VectorXd& u) const { return system_.X + u.reshaped(3, system_.X.cols()); }
+  void begin_ledger();
+  double damping_power(const Eigen::VectorXd& v) const;
+  double work_of_supports(const Eigen::VectorXd& u, const Eigen::VectorXd& v) const;
   /// A step begins for what acts on the surface.
   void begin_step();
   /// Takes over what is constrained.
@@ -127,6 +141,7 @@ class Integrator {
   double h_, begun_ = 0;           // of the part of a step at hand, and of those before it in the step (s)
   Eigen::VectorXd u_, v_, a_, f_;  // f_: f(u_), where a scheme keeps it
   int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0, n_halved_ = 0;
+  meshing::EnergyLedger ledger_;
 };
 
 /// The generalised-alpha method. Each step is solved by sparse Cholesky: with one factor where f is linear, else

@@ -111,6 +111,7 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
     if (!scene.supports[h.support].end) components[h.node].insert(h.component);
   std::vector<char> is_constrained(components.size());
   for (size_t i = 0; i < components.size(); ++i) is_constrained[i] = components[i].size() == 3;
+  meshing::check_apart(bodies, solid.X(), solid.faces(), is_constrained);
   const double E = scene.material.E;
   if (scene.time.mode == TimeMode::Static)
     return obstacles_in_statics(bodies, solid.X(), solid.faces(), E, is_constrained);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <sstream>
 #include <utility>
 
 #include "fem_reference/solid/collapse.h"
@@ -152,8 +153,8 @@ Status Simulation::advance() {
   status_ = Status::Ok;
   if (integrator_) {
     const Eigen::VectorXd before = length_;
-    if (scene_.collapse) collapse();
-    if (!integrator_->step()) {
+    if (scene_.collapse) integrator_->change_rest([this] { collapse(); });
+    if (!integrator_->advance()) {
       if (scene_.collapse) set_length(before);
       return status_ = scheme().is_explicit() ? Status::Diverged : Status::NotConverged;
     }
@@ -167,7 +168,35 @@ Status Simulation::advance() {
     if (!equilibrium_.is_converged) return status_ = Status::NotConverged;
   }
   ++n_done_;
+  constexpr int kEvery = 16;  // steps, where a sum over the body costs as much as a step
+  const bool is_due = n_done_ % kEvery == 0 || n_done_ == n_steps_;
+  const bool is_small = law_of(scene_) == MaterialLaw::SmallStrain;
+  if (is_small && (is_due || !integrator_)) check_strain();
+  if (integrator_ && (is_due || !(is_small || scheme().is_explicit()))) check_balance();
   return status_;
+}
+
+void Simulation::check_balance() {
+  integrator_->settle();
+  if (!integrator_->ledger().has_gained()) return;
+  status_ = Status::EnergyGained;
+  std::ostringstream reason;
+  reason
+      << "at " << integrator_->t() << " s the body has gained " << 100 * integrator_->ledger().gain()
+      << " % of its largest energy from nothing; a shorter time.step or another reference.integrator may not";
+  reason_ = reason.str();
+}
+
+void Simulation::check_strain() {
+  const double scale = is_proportional_ && !integrator_ ? load_factor() : 1,
+               strain = integrator_ ? solid_.max_strain(integrator_->u().reshaped(3, solid_.X().cols()))
+                                    : equilibrium_.max_strain * scale;
+  if (!(strain > meshing::kLargestSmallStrain)) return;
+  status_ = Status::StrainTooLarge;
+  std::ostringstream reason;
+  reason << "small strain reaches " << strain << ", expected at most " << meshing::kLargestSmallStrain
+         << "; material.law = \"neo_hookean\" holds beyond";
+  reason_ = reason.str();
 }
 
 std::vector<std::pair<std::string, double>> Simulation::strains(const Eigen::Matrix3Xd& u,
@@ -183,13 +212,15 @@ std::vector<std::pair<std::string, double>> Simulation::strains(const Eigen::Mat
 Snapshot Simulation::snapshot() const {
   if (integrator_) {
     const Eigen::Matrix3Xd u = integrator_->u().reshaped(3, solid_.X().cols());
+    const double kinetic = integrator_->kinetic_energy(), elastic = integrator_->elastic_energy();
     return {integrator_->t(),
             1,
             frame_ * u,
-            integrator_->kinetic_energy(),
-            integrator_->elastic_energy(),
+            kinetic,
+            elastic,
             strains(u, solid_.max_strain(u)),
-            {{"velocity", frame_ * integrator_->v().reshaped(3, u.cols())}}};
+            {{"velocity", frame_ * integrator_->v().reshaped(3, u.cols())}},
+            integrator_->ledger().columns(integrator_->surface(), kinetic, elastic)};
   }
   const double scale = is_proportional_ ? load_factor() : 1;  // of the solution at full load
   return {load_factor(),

@@ -36,6 +36,8 @@ class Simulation {
   Status advance();
   bool has_ended() const { return n_done_ == n_steps_ || status_ != Status::Ok; }
   Status status() const { return status_; }  ///< of the last step
+  /// Why it ended early; empty where the status says all.
+  const std::string& reason() const { return reason_; }
   State state() const;
   /// Goes on from a state of a simulation of the same scene and mesh.
   void set_state(const State& state);
@@ -63,6 +65,8 @@ class Simulation {
   std::map<int, int> constrained_at(double t) const;
   std::function<Eigen::VectorXd(double t)> motion_of(const std::map<int, int>& constrained) const;
   void release_nodes();
+  void check_balance();
+  void check_strain();
   const Scheme& scheme() const { return find_scheme(scene_.reference.integrator); }
   double load_factor() const { return static_cast<double>(n_done_) / n_steps_; }
 
@@ -72,6 +76,7 @@ class Simulation {
   ElasticSolid solid_;
   bool is_proportional_;
   Status status_ = Status::Ok;
+  std::string reason_;
   int n_steps_, n_done_ = 0;
   size_t n_constrained_ = 0;  ///< unknowns in the step at hand
   double step_ = 0, damping_ = 0;

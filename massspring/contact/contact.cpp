@@ -1,6 +1,7 @@
 #include "massspring/contact/contact.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 
@@ -54,6 +55,15 @@ bool push_out_of(const RigidBody& body, const Vector3d& shift, const Vector3d& x
   return true;
 }
 
+/// Of a blow that changed a node's momentum by p along a body that moves by `shift` in h seconds: its work, and what
+/// friction took of the velocity v that the node had.
+void add_blow(const RigidBody& body, const Vector3d& shift, double h, const Vector3d& p, double mass,
+              const Vector3d& normal, const Vector3d& v, meshing::EnergyFlows& flows) {
+  flows.obstacles += p.dot(shift) / h;
+  const Vector3d along = p - normal.dot(p) * normal, slip = v + p / (2 * mass) - shift / h;
+  if (body.friction > 0) flows.friction -= along.dot(slip);
+}
+
 /// Per node, whether supports hold it in all directions.
 std::vector<char> constrained_nodes(const MassSpringModel& model,
                                     const std::vector<Constraint>& constraints) {
@@ -88,20 +98,31 @@ SurfaceEnergies barriers_of(const Contacts& contacts, const MassSpringModel& mod
   return barriers;
 }
 
+void check_apart(const Contacts& contacts, const MassSpringModel& model,
+                 const std::vector<Constraint>& constraints) {
+  meshing::check_apart(contacts.bodies, model.network.X, model.network.F,
+                       constrained_nodes(model, constraints));
+}
+
 void add_obstacles(const Contacts& contacts, const MassSpringModel& model, Forces& forces) {
   for (auto& energy : obstacles_in_statics(contacts.bodies, model.network.X, model.network.F,
                                            model.material.E, constrained_nodes(model, forces.constraints)))
     forces.surface.push_back(std::move(energy));
 }
 
-void push_out(const std::vector<RigidBody>& bodies, const State& before, double h,
-              std::vector<Eigen::VectorXd>& clearances, Matrix3Xd& x, Matrix3Xd& v) {
+bool push_out(const std::vector<RigidBody>& bodies, const State& before, double h,
+              const Eigen::VectorXd& mass, std::vector<Eigen::VectorXd>& clearances, Matrix3Xd& x,
+              Matrix3Xd& v, meshing::EnergyFlows& flows) {
   clearances.resize(bodies.size());
+  Matrix3Xd v_before;
+  std::atomic<bool> has_pushed = false;
   for (size_t b = 0; b < bodies.size(); ++b) {
     const RigidBody& body = bodies[b];
     Eigen::VectorXd& clearance = clearances[b];
     if (clearance.size() == 0) clearance.setZero(x.cols());
     const Vector3d shift = h * velocity_of(body, before.t, h);
+    const bool has_flows = body.friction > 0 || !shift.isZero(0);
+    if (has_flows) v_before = v;
     for_each_chunk(x.cols(), [&](Eigen::Index begin, Eigen::Index end) {
       for (Eigen::Index i = begin; i < end; ++i) {
         clearance(i) -= (x.col(i) - before.x.col(i) - shift).lpNorm<1>();  // no shorter than the way
@@ -110,17 +131,26 @@ void push_out(const std::vector<RigidBody>& bodies, const State& before, double 
         if (push_out_of(body, shift, before.x.col(i), before.t, h, xi, vi)) {
           x.col(i) = xi;
           v.col(i) = vi;
+          has_pushed = true;
         }
         clearance(i) = body.gap(xi, before.t + h).distance;
       }
     });
+    if (!has_flows) continue;
+    for (Eigen::Index i = 0; i < x.cols(); ++i)
+      if (v.col(i) != v_before.col(i))
+        add_blow(body, shift, h, mass(i) * (v.col(i) - v_before.col(i)), mass(i),
+                 body.gap(x.col(i), before.t + h).normal, v_before.col(i), flows);
   }
+  return has_pushed;
 }
 
 void constrain_active(const std::vector<RigidBody>& bodies, const State& state, double h,
-                      std::vector<Constraint>& constraints, Matrix3Xd& friction) {
+                      std::vector<Constraint>& constraints, SlidingFriction& friction) {
   const std::vector<Touch>& touches = state.history.active_set;
-  friction.setZero(3, state.x.cols());
+  friction.force.setZero(3, state.x.cols());
+  friction.start = state.x;
+  friction.driven = 0;
   std::vector<Constraint*> of_node(state.x.cols(), nullptr);
   constraints.reserve(constraints.size() + touches.size());
   for (Constraint& c : constraints) of_node[c.node] = &c;
@@ -141,17 +171,22 @@ void constrain_active(const std::vector<RigidBody>& bodies, const State& state, 
       const Vector3d n = free_normal / size;
       c->velocity += gap.normal.dot(u - c->velocity) / size * n;
       c->S -= n * n.transpose();
-      friction.col(touch.node) += touch.friction;
+      const Vector3d shift = h * velocity_of(body, state.t, h);
+      friction.force.col(touch.node) += touch.friction;
+      friction.start.col(touch.node) += shift;
+      friction.driven += touch.friction.dot(shift);
     }
   }
 }
 
 std::vector<Touch> settle_active(const std::vector<RigidBody>& bodies, const State& before, double h,
-                                 const Matrix3Xd& r, Matrix3Xd& x, Matrix3Xd& v) {
+                                 const Eigen::VectorXd& mass, const Matrix3Xd& r, Matrix3Xd& x, Matrix3Xd& v,
+                                 meshing::EnergyFlows& flows) {
   std::vector<Touch> kept;
   std::vector<char> is_touching(x.cols(), false);
   for (Touch touch : before.history.active_set) {
     const RigidBody& body = bodies[touch.body];
+    flows.obstacles += h * r.col(touch.node).dot(velocity_of(body, before.t, h));
     const Vector3d n = body.gap(x.col(touch.node), before.t + h).normal;
     const double pressing = n.dot(r.col(touch.node));
     if (!(pressing > 0)) continue;
@@ -178,6 +213,8 @@ std::vector<Touch> settle_active(const std::vector<RigidBody>& bodies, const Sta
     for (Eigen::Index i = 0; i < x.cols(); ++i) {
       Vector3d xi = x.col(i), vi = v.col(i);
       if (!push_out_of(bodies[b], shift, before.x.col(i), before.t, h, xi, vi)) continue;
+      add_blow(bodies[b], shift, h, mass(i) * (vi - v.col(i)), mass(i),
+               bodies[b].gap(xi, before.t + h).normal, v.col(i), flows);
       x.col(i) = xi;
       v.col(i) = vi;
       if (is_touching[i]) continue;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "meshing/algebra/load_path.h"
-#include "meshing/surface_energies/surface_energy.h"
+#include "meshing/surface_energies/energy_ledger.h"
 
 namespace testbed::massspring {
 
@@ -44,6 +44,7 @@ struct State {
   double target_volume = 0;     ///< of the global volume force (m3)
   int n_done = 0;               ///< load or time steps
   StepHistory history;
+  meshing::EnergyLedger ledger;        ///< of motion
   std::optional<LoadHistory> loading;  ///< absent: at rest
 };
 

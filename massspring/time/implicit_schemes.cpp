@@ -1,4 +1,5 @@
 // Implicit schemes as sequences of stages v = w + a M^-1 f(x, v), x = y + a v.
+#include <algorithm>
 #include <cmath>
 
 #include "massspring/time/implicit_stage.h"
@@ -65,20 +66,37 @@ class Bdf2 : public StagedScheme {
 };
 
 /// Trapezoidal rule to t + gamma h, then BDF2 over both parts; gamma = 2 - sqrt(2) gives both the same
-/// matrix. Second order, L-stable [Bank et al. 1985].
+/// matrix. Second order, L-stable [Bank et al. 1985]. A step in which contact acts is one of implicit Euler: the
+/// trapezoidal rule holds a node where it touches by turning its velocity round.
 class TrBdf2 : public StagedScheme {
  public:
   using StagedScheme::StagedScheme;
   StepReport advance(const State& state, double h, Matrix3Xd& x, Matrix3Xd& v) override {
     const double gamma = 2 - std::sqrt(2.0), a = gamma * h / 2, old = 1 / (gamma * (2 - gamma));
-    State middle = state;
-    const StepReport first =
-        stage_.solve(state, a, state.x + a * state.v, state.v + a * acceleration(state), middle.x, middle.v);
-    return sum(first, stage_.solve(middle, a, old * middle.x + (1 - old) * state.x,
-                                   old * middle.v + (1 - old) * state.v, x, v));
+    StepReport report;
+    bool is_touching = touches(state.x);
+    if (!is_touching) {
+      State middle = state;
+      report = stage_.solve(state, a, state.x + a * state.v, state.v + a * acceleration(state), middle.x,
+                            middle.v);
+      is_touching = touches(middle.x);
+      if (!is_touching) {
+        report = sum(report, stage_.solve(middle, a, old * middle.x + (1 - old) * state.x,
+                                          old * middle.v + (1 - old) * state.v, x, v));
+        is_touching = touches(x);
+      }
+    }
+    if (!is_touching) return report;
+    report.status = Status::Ok;
+    return sum(report, stage_.solve(state, h, state.x, state.v, x, v));
   }
 
  private:
+  bool touches(const Matrix3Xd& x) const {
+    return std::any_of(motion_.touching.begin(), motion_.touching.end(),
+                       [&](const auto& energy) { return energy->energy(x) - energy->friction(x) > 0; });
+  }
+
   /// M^-1 f on the free directions.
   Matrix3Xd acceleration(const State& state) const {
     constexpr double kTolerance = 1e-13;

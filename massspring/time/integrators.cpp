@@ -19,6 +19,10 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, con
       options_(options),
       end_(end),
       supports_(motion_.constraints),
+      is_driven_(std::any_of(supports_.begin(), supports_.end(),
+                             [](const Constraint& c) {
+                               return !c.displacement.isZero(0) || c.motion[0] || c.motion[1] || c.motion[2];
+                             })),
       size_((model.network.X.rowwise().maxCoeff() - model.network.X.rowwise().minCoeff()).norm()),
       rest_norm_(model.network.X.norm()),
       scheme_(integrator_.make(motion_, options)) {
@@ -30,6 +34,7 @@ TimeStepper::TimeStepper(const MassSpringModel& model, const Forces& forces, con
     throw std::runtime_error(
         "an explicit scheme, expected mass at nodes: consistent mass has no simple inverse");
   if (integrator_.has_barriers()) motion_.add_barriers();
+  if (!contacts.bodies.empty() && integrator_.in_touch) in_touch_ = integrator_.in_touch(motion_, options);
   if (!contacts.bodies.empty() && integrator_.is_linearised) motion_.add_friction();
 }
 
@@ -70,7 +75,7 @@ bool TimeStepper::stays_at_rest(const State& state, double h) {
 void TimeStepper::constrain_touching(const State& state, double h) {
   if (!motion_.friction) return;
   motion_.constraints = supports_;
-  constrain_active(motion_.contacts.bodies, state, h, motion_.constraints, motion_.friction->force);
+  constrain_active(motion_.contacts.bodies, state, h, motion_.constraints, *motion_.friction);
 }
 
 StepReport TimeStepper::step_or_halves(State& state, double h, int n_halvings) {
@@ -146,7 +151,9 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     motion_.constraints[i].velocity = c.velocity;
   }
   constrain_touching(state, h);
-  if (motion_.friction) v_before_ = state.v;
+  meshing::EnergyLedger ledger = state.ledger;
+  ledger.begin_step(surface_at(state), state.x);
+  if (motion_.friction || is_driven_) v_before_ = state.v;
   motion_.constrain(state.v);
   StepReport report = scheme_->advance(state, h, x_, v_);
   StepHistory history;
@@ -158,10 +165,17 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     Matrix3Xd f;
     motion_.forces_at(after, f);
     f = momenta(motion_.model, (v_ - v_before_) / h) - f;
-    history.active_set = settle_active(bodies, state, h, f, x_, v_);
+    history.active_set = settle_active(bodies, state, h, motion_.model.mass, f, x_, v_, ledger.flows);
   } else if (integrator_.is_explicit) {
+    const meshing::EnergyFlows flows = ledger.flows;
     history.clearance = state.history.clearance;
-    push_out(bodies, state, h, history.clearance, x_, v_);
+    if (push_out(bodies, state, h, motion_.model.mass, history.clearance, x_, v_, ledger.flows) &&
+        in_touch_) {
+      in_touch_->advance(state, h, x_, v_);
+      ledger.flows = flows;
+      history.clearance = state.history.clearance;
+      push_out(bodies, state, h, motion_.model.mass, history.clearance, x_, v_, ledger.flows);
+    }
   }
   prescribe(supports_, motion_.model.network.X, state.t + h, end_, x_);
   constexpr double kFarOff = 1e6;
@@ -174,12 +188,52 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     history.x = state.x;
     history.v = state.v;
   }
+  ledger.end_step(surface, x_);
+  ledger.flows.loads += motion_.forces.load.cwiseProduct(x_ - state.x).sum();
+  ledger.flows.damping += h / 2 * (damping_power_at(state.x, state.v) + damping_power_at(x_, v_));
+  if (is_driven_) ledger.flows.supports += work_of_supports(state, h);
+  state.ledger = std::move(ledger);
   history.surface = memories_of(surface);
   state.history = std::move(history);
   state.x.swap(x_);
   state.v.swap(v_);
   state.t += h;
   return report;
+}
+
+SurfaceEnergies TimeStepper::surface_at(const State& state) const {
+  massspring::surface_at(motion_.forces, state);
+  return motion_.surface();
+}
+
+/// That damping takes (W).
+double TimeStepper::damping_power_at(const Matrix3Xd& x, const Matrix3Xd& v) const {
+  const MassSpringModel& model = motion_.model;
+  const double c = motion_.forces.mass_damping;
+  double power = c > 0 ? 2 * c * kinetic_energy(model, v) : 0;
+  if (model.springs && model.springs->damping > 0)
+    power += damping_power(*model.springs, motion_.damped_at(x), v);
+  return power;
+}
+
+/// In the step from `state` to x_ and v_ (J): what supports add to momenta at the mean of velocities, and what
+/// they hold against forces along the way.
+double TimeStepper::work_of_supports(const State& state, double h) const {
+  State after = state;
+  after.x = x_;
+  after.v = v_;
+  after.t = state.t + h;
+  Matrix3Xd f0, f1;
+  motion_.forces_at(state, f0);
+  motion_.forces_at(after, f1);
+  const Matrix3Xd p = momenta(motion_.model, v_ - v_before_);
+  double work = 0;
+  for (const Constraint& c : supports_) {
+    const int i = c.node;
+    const Eigen::Vector3d v = (v_before_.col(i) + v_.col(i)) / 2, way = x_.col(i) - state.x.col(i);
+    work += (v - c.S * v).dot(p.col(i)) - (way - c.S * way).dot(f0.col(i) + f1.col(i)) / 2;
+  }
+  return work;
 }
 
 double stable_step(const MassSpringModel& model, const Forces& forces, const State& state) {

@@ -24,6 +24,9 @@ class TimeStepper {
   /// are kept from step to step and change a step within its tolerance.
   StepReport step(State& state, double h);
 
+  /// All that acts on the surface, as it does at a state.
+  SurfaceEnergies surface_at(const State& state) const;
+
   std::string solver_choice() const { return scheme_->solver_choice(); }
 
  private:
@@ -32,16 +35,19 @@ class TimeStepper {
   StepReport step_in_parts(State& state, double h);
   bool stays_at_rest(const State& state, double h);
   void constrain_touching(const State& state, double h);
+  double damping_power_at(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v) const;
+  double work_of_supports(const State& state, double h) const;
 
   EquationOfMotion motion_;
   const Integrator& integrator_;
   IntegratorOptions options_;
   double end_;
   std::vector<Constraint> supports_;
+  bool is_driven_;    ///< by supports
   double size_;       ///< of the body's box (m)
   double rest_norm_;  ///< of all positions at rest (m)
-  std::unique_ptr<Scheme> scheme_;
-  Eigen::Matrix3Xd x_, v_, v_before_;
+  std::unique_ptr<Scheme> scheme_, in_touch_;
+  Eigen::Matrix3Xd x_, v_, v_before_;  ///< at the step's end; at its beginning
 };
 
 /// Largest stable step (s) of the symplectic Euler method for small motions about `state`, by the largest

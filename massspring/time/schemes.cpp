@@ -13,7 +13,7 @@ const std::vector<Integrator>& integrators() {
   static const std::vector<Integrator> kAll{
       {"explicit_euler", 1, true, false, false, true, make_explicit_euler},
       {"symplectic_euler", 1, true, false, false, true, make_symplectic_euler},
-      {"rk4", 4, true, false, false, true, make_rk4},
+      {"rk4", 4, true, false, false, true, make_rk4, make_symplectic_euler},
       {"implicit_euler", 1, false, true, false, true, make_implicit_euler},
       {"minimising_euler", 1, false, false, false, true, make_minimising_euler},
       {"midpoint", 2, false, false, false, false, make_midpoint},

@@ -41,6 +41,9 @@ struct Integrator {
   bool has_memory;            ///< takes the step before into account, which another length makes worthless
   bool ends_where_it_solves;  ///< else what obstacles forbid is not seen where the step ends
   MakeScheme* make;
+  /// Of explicit steps in which obstacles push nodes out, which costs a scheme of more stages its order and makes
+  /// energy: they are taken anew by this one; null: by the scheme itself.
+  MakeScheme* in_touch = nullptr;
   bool minimises() const { return !is_explicit && !is_linearised; }
   /// Else the surface keeps apart from itself by a penalty.
   bool has_barriers() const { return minimises() && ends_where_it_solves; }

@@ -13,9 +13,8 @@ enum ExitStatus { kSolved = 0, kError = 1, kNotOk = 2, kNotModelled = 3 };
 
 constexpr const char* kExitStatusHelp =
     "Exit status: 0 solved; 1 error, no result; 2 a result is written, but its status is not ok (not\n"
-    "converged, diverged, stopped early); 3 the reference does not model a part of the scene. A stored "
-    "result\n"
-    "gives its status again.\n";
+    "converged, diverged, energy gained, strain too large, stopped early); 3 the reference does not model\n"
+    "a part of the scene. A stored result gives its status again.\n";
 
 /// Of a run by its record (run.json), whose status and reason are told on stderr unless it is ok.
 inline ExitStatus tell_status(const std::string& scene, const nlohmann::ordered_json& record) {

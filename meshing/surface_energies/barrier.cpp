@@ -84,6 +84,7 @@ void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
   t_before_ = t;
   t_ = t + h;
   start_ = x;
+  pressing_ = pressing(x, t);
   held_.clear();
   find_friction(x, t);
 }
@@ -148,6 +149,39 @@ double Barrier::energy(const Matrix3Xd& x) const {
                             : std::numeric_limits<double>::infinity();
   });
   for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip_).value;
+  return sum;
+}
+
+double Barrier::friction(const Matrix3Xd& x) const {
+  const double none = smooth_length(0, slip_).value;
+  double sum = 0;
+  for (const Held& held : held_)
+    sum += held.limit * (smooth_length(slid(held, x).norm(), slip_).value - none);
+  return sum;
+}
+
+/// Of contact forces at x, bodies being where they are at t, along the way of the bodies in this step (J).
+double Barrier::pressing(const Matrix3Xd& x, double t) const {
+  double sum = 0;
+  for (size_t b = 0; b < bodies_.size(); ++b) {
+    const Vector3d shift = bodies_[b].translation(t_) - bodies_[b].translation(t_before_);
+    if (shift.isZero(0)) continue;
+    for (int i = 0; i < weights_.rows(); ++i)
+      if (const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t); gap.distance > 0 && gap.distance < range_)
+        sum -= kappa_ * weights_(i, static_cast<Eigen::Index>(b)) * barrier_at(gap.distance, range_).db *
+               gap.normal.dot(shift);
+  }
+  return sum;
+}
+
+double Barrier::work(const Matrix3Xd& x) const {
+  double sum = (pressing_ + pressing(x, t_)) / 2;
+  for (const Held& held : held_) {
+    const RigidBody& body = bodies_[held.body];
+    const Vector3d way = slid(held, x);
+    sum -= held.limit / smooth_length(way.norm(), slip_).norm *
+           way.dot(body.translation(t_) - body.translation(t_before_));
+  }
   return sum;
 }
 

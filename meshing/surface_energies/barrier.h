@@ -33,7 +33,10 @@ class Barrier : public SurfaceEnergy {
   /// @param weights  of each point towards each body from here on (m2)
   void set_weights(Eigen::MatrixXd weights) { weights_ = std::move(weights); }
 
+  const char* name() const override { return "barrier"; }
   double energy(const Eigen::Matrix3Xd& x) const override;  ///< J; infinite inside
+  double friction(const Eigen::Matrix3Xd& x) const override;
+  double work(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
   /// Bodies go to their places at t + h, friction is taken from the contact forces at x.
@@ -58,6 +61,7 @@ class Barrier : public SurfaceEnergy {
   };
   Eigen::Vector3d slid(const Held& held, const Eigen::Matrix3Xd& x) const;
   void find_friction(const Eigen::Matrix3Xd& x, double t);
+  double pressing(const Eigen::Matrix3Xd& x, double t) const;
   template <class Visit>
   void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;
 
@@ -66,6 +70,7 @@ class Barrier : public SurfaceEnergy {
   double range_, kappa_;     ///< m, Pa/m
   FrictionLag lag_;
   double t_before_ = 0, t_ = 0;
+  double pressing_ = 0;     ///< at the beginning of the step (J)
   Eigen::Matrix3Xd start_;  ///< points at t_before_ (m)
   double slip_ = 0;         ///< below which friction is smoothed (m)
   std::vector<Held> held_;

@@ -11,6 +11,7 @@ class FollowerPressure : public SurfaceEnergy {
  public:
   FollowerPressure(double pressure, Faces faces) : pressure_(pressure), faces_(std::move(faces)) {}
 
+  const char* name() const override { return "pressure"; }
   void set_load_factor(double factor) override { factor_ = factor; }
   double energy(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;

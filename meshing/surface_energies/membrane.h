@@ -28,6 +28,7 @@ class Membrane : public SurfaceEnergy {
   Membrane(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double stiffness, double nu,
            std::optional<Relaxation> relaxation = {});
 
+  const char* name() const override { return "membrane"; }
   double energy(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   /// Projected: without what compressed edges make indefinite.

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <memory>
+#include <sstream>
+#include <stdexcept>
 
 #include "meshing/surface/surface_tree.h"
 
@@ -105,6 +107,35 @@ std::optional<Vector3d> RigidBody::first_touch(const Vector3d& x, const Vector3d
     if (gone >= length) return {};
     gone = std::min(length, gone + std::max(distance - least, kShortest * least));
   }
+}
+
+void check_apart(const std::vector<RigidBody>& obstacles, const Eigen::Matrix3Xd& X,
+                 const Eigen::MatrixXi& faces, const std::vector<char>& is_constrained) {
+  const double size = (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
+  constexpr double kTouching = 1e-6, kInward = 1e-4;  // of the size
+  double deepest = kTouching * size;
+  std::string fault;
+  const auto look = [&](size_t k, const Vector3d& x, const char* of, Eigen::Index vertex) {
+    const double depth = -obstacles[k].gap(x, 0).distance;
+    if (!(depth > deepest)) return;
+    deepest = depth;
+    std::ostringstream text;
+    text << "obstacles[" << k << "]: " << of << vertex << " at (" << X.col(vertex).transpose()
+         << ") m begins " << depth << " m inside, expected a body that begins outside or in touch";
+    fault = text.str();
+  };
+  for (size_t k = 0; k < obstacles.size(); ++k) {
+    for (Eigen::Index i = 0; i < X.cols(); ++i)
+      if (!is_constrained[i]) look(k, X.col(i), "node ", i);
+    // An obstacle may lie between nodes, or be the surface itself: just below a face that touches is the body.
+    for (const auto& face : faces.colwise()) {
+      if (is_constrained[face(0)] && is_constrained[face(1)] && is_constrained[face(2)]) continue;
+      const Vector3d a = X.col(face(0)), b = X.col(face(1)), c = X.col(face(2)),
+                     inward = -(b - a).cross(c - a).normalized();
+      look(k, (a + b + c) / 3 + kInward * size * inward, "the face of node ", face(0));
+    }
+  }
+  if (!fault.empty()) throw std::runtime_error(fault);
 }
 
 }  // namespace testbed::meshing

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <optional>
+#include <vector>
 
 #include "meshing/scene/scene.h"
 
@@ -36,5 +37,13 @@ class RigidBody {
   bool is_flat_;                                    ///< a half-space, to which gaps are linear
   std::function<Gap(const Eigen::Vector3d&)> gap_;  ///< of a point in the body's frame
 };
+
+/// That a body begins outside of obstacles; it may touch them. What nothing but a support moves may lie inside.
+/// @param X  nodes (3 x n, m)
+/// @param faces  3 or 6 nodes each, outward
+/// @param is_constrained  per node, whether supports hold it
+/// @throws std::runtime_error naming obstacle, vertex and depth where it lies deepest
+void check_apart(const std::vector<RigidBody>& obstacles, const Eigen::Matrix3Xd& X,
+                 const Eigen::MatrixXi& faces, const std::vector<char>& is_constrained);
 
 }  // namespace testbed::meshing

@@ -206,6 +206,14 @@ double SelfBarrier::energy(const Matrix3Xd& x) const {
   return sum;
 }
 
+double SelfBarrier::friction(const Matrix3Xd& x) const {
+  const double none = smooth_length(0, slip_).value;
+  double sum = 0;
+  for (const Held& held : held_)
+    sum += held.limit * (smooth_length(slid(held, x).norm(), slip_).value - none);
+  return sum;
+}
+
 void SelfBarrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
   for_each_near(x, [&](const Near& near, const Smoothing& smoothing) {
     const Vector12 gradient = smoothing.m * near.b.db * near.by_nodes() + near.b.b * smoothing.gradient;

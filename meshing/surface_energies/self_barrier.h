@@ -26,7 +26,9 @@ class SelfBarrier : public SurfaceEnergy {
   SelfBarrier(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double E, double thickness,
               double friction = 0);
 
+  const char* name() const override { return "self_contact"; }
   double energy(const Eigen::Matrix3Xd& x) const override;  ///< J; infinite where pairs touch
+  double friction(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override;

@@ -17,6 +17,7 @@ class SurfaceContact : public SurfaceEnergy {
   /// @param thickness  D (m)
   SurfaceContact(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double E, double thickness);
 
+  const char* name() const override { return "self_contact"; }
   double energy(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;

@@ -132,6 +132,13 @@ class SurfaceEnergy {
   /// part alone.
   virtual void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const = 0;
 
+  /// What it is called in curves.csv.
+  virtual const char* name() const { return "surface"; }
+  /// Part of the energy at x that friction has taken since the step began (J): it is not stored.
+  virtual double friction(const Eigen::Matrix3Xd&) const { return 0; }
+  /// Work of obstacles that move in the step that ends at x, by the forces at its two ends (J).
+  virtual double work(const Eigen::Matrix3Xd&) const { return 0; }
+
   /// Largest part of the step dx from x within which nothing passes through, at most 1.
   virtual double largest_step(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd&) const { return 1; }
 

@@ -62,6 +62,9 @@ class EnergyOfPoints : public SurfaceEnergy {
   /// Faces that are met stay even so.
   bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const override;
   double energy(const Eigen::Matrix3Xd& x) const override { return energy_->energy(at_points(x)); }
+  const char* name() const override { return energy_->name(); }
+  double friction(const Eigen::Matrix3Xd& x) const override { return energy_->friction(at_points(x)); }
+  double work(const Eigen::Matrix3Xd& x) const override { return energy_->work(at_points(x)); }
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
   double largest_step(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx) const override {

@@ -33,6 +33,7 @@ class VolumePenalty : public SurfaceEnergy {
 
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override;
   void set_target(double volume) { target_ = volume; }
+  const char* name() const override { return "volume"; }
   double energy(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   /// Its positive semidefinite part is P/V_1 (dV/dx)(dV/dx)^T. The other one, P (V - V_1)/V_1 d2V/dx2, has

@@ -2,7 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
 
 #include "fem_reference/solid/simulation.h"
 #include "tests/meshing/box_tets.h"
@@ -271,6 +275,127 @@ TEST(State, OfTheOtherModeIsRefused) {
   statics.scene.supports.resize(1);
   Simulation motion = box.simulation();
   EXPECT_THROW(motion.set_state(statics.simulation().state()), std::runtime_error);
+}
+
+/// A column of the ledger (J).
+double column_of(const Simulation& simulation, const std::string& name) {
+  for (const auto& [column, value] : simulation.snapshot().ledger)
+    if (column == name) return value;
+  throw std::runtime_error("no column " + name);
+}
+
+double stored(const Simulation& simulation) {
+  const Snapshot snapshot = simulation.snapshot();
+  return snapshot.kinetic_energy + snapshot.elastic_energy;
+}
+
+Support held_face() {
+  Support face;
+  face.region.shape = HalfSpace{Vector3d(0.05, 0, 0), Vector3d(1, 0, 0)};
+  return face;
+}
+
+TEST(Ledger, ClosesToRoundingWhereTheSchemeConserves) {
+  for (const bool is_free : {true, false}) {
+    FreeBox box;
+    box.scene.initial.clear();
+    box.scene.gravity = Vector3d(0, -9.81, 0);
+    box.scene.material.law = MaterialLaw::SmallStrain;
+    if (!is_free) box.scene.supports = {held_face()};
+    Simulation simulation = box.simulation();
+    double largest = 0;
+    while (!simulation.has_ended()) {
+      simulation.advance();
+      largest = std::max(largest, stored(simulation));
+      ASSERT_NEAR(stored(simulation), column_of(simulation, "work_of_loads"), 1e-9 * largest);
+      ASSERT_NEAR(column_of(simulation, "lost_to_scheme"), 0, 1e-9 * largest);
+    }
+    const double m = 250, t = 0.1;
+    if (is_free) EXPECT_NEAR(stored(simulation), m * std::pow(9.81 * t, 2) / 2, 1e-6 * largest);
+    EXPECT_EQ(simulation.status(), Status::Ok);
+  }
+}
+
+TEST(Ledger, ReadsWhatDampingTakesOfARigidMotionAndOfAnOscillator) {
+  FreeBox box;
+  box.scene.material.damping = 5;
+  box.scene.initial[0].velocity = Vector3d(1, 0, 0);
+  {
+    Simulation simulation = box.simulation();
+    while (!simulation.has_ended()) simulation.advance();
+    const double lost = 250. / 2 * (1 - std::exp(-2 * 5 * 0.1));
+    EXPECT_NEAR(column_of(simulation, "lost_to_damping"), lost, 1e-4 * lost);
+    EXPECT_NEAR(column_of(simulation, "lost_to_scheme"), 0, 1e-4 * lost);
+  }
+  box.scene.material.law = MaterialLaw::SmallStrain;
+  box.scene.supports = {held_face()};
+  Simulation simulation = box.simulation();
+  const double before = stored(simulation);
+  while (!simulation.has_ended()) simulation.advance();
+  const double lost = before - stored(simulation);
+  EXPECT_GT(lost, 0.3 * before);
+  EXPECT_NEAR(column_of(simulation, "lost_to_damping"), lost, 0.02 * lost);
+}
+
+TEST(Ledger, ReadsTheWorkOfASupportThatMoves) {
+  FreeBox box;
+  box.scene.initial.clear();
+  box.scene.material.law = MaterialLaw::SmallStrain;
+  Support end;
+  end.region.shape = HalfSpace{Vector3d(0.95, 0, 0), Vector3d(-1, 0, 0)};
+  end.displacement = Vector3d(0.01, 0, 0);
+  box.scene.supports = {held_face(), end};
+  Simulation simulation = box.simulation();
+  const double before = stored(simulation);  // supports move at once
+  while (!simulation.has_ended()) simulation.advance();
+  const double work = column_of(simulation, "work_of_supports");
+  EXPECT_GT(work, 0);
+  EXPECT_NEAR(stored(simulation) - before, work, 0.02 * work);
+}
+
+TEST(Ledger, EndsARunThatMakesEnergy) {
+  for (const MaterialLaw law : {MaterialLaw::SmallStrain, MaterialLaw::NeoHookean}) {
+    FreeBox box;
+    box.scene.initial.clear();
+    box.scene.gravity = Vector3d(0, -9.81, 0);
+    box.scene.material.law = law;
+    box.scene.supports = {held_face()};
+    box.scene.reference.integrator = "central_differences";
+    box.scene.time.step = 0;
+    const double stable = 2 * box.simulation().step();
+    for (const auto& [part, status] : {std::pair(0.9, Status::Ok), std::pair(1.15, Status::EnergyGained)}) {
+      box.scene.time.step = part * stable;
+      box.scene.time.end = 100 * stable;
+      Simulation simulation = box.simulation();
+      while (!simulation.has_ended()) simulation.advance();
+      EXPECT_EQ(simulation.status(), status) << part;
+    }
+  }
+}
+
+TEST(SmallStrain, EndsWhereItIsNotSmall) {
+  for (const TimeMode mode : {TimeMode::Static, TimeMode::Dynamic}) {
+    FreeBox box;
+    box.scene.initial.clear();
+    box.scene.gravity = Vector3d(0, -1e6, 0);
+    box.scene.material.law = MaterialLaw::SmallStrain;
+    box.scene.time.mode = mode;
+    box.scene.supports = {held_face()};
+    Simulation simulation = box.simulation();
+    while (!simulation.has_ended()) simulation.advance();
+    EXPECT_EQ(simulation.status(), Status::StrainTooLarge);
+    EXPECT_NE(simulation.reason().find("neo_hookean"), std::string::npos);
+  }
+}
+
+TEST(Obstacles, AreRefusedWhereTheyBeginInsideTheBody) {
+  FreeBox box;
+  box.scene.reference.integrator = "minimising_euler";
+  box.scene.obstacles.resize(1);
+  box.scene.obstacles[0].shape = HalfSpace{Vector3d::Zero(), Vector3d::UnitY()};
+  EXPECT_NO_THROW(box.simulation());  // touches
+  box.scene.obstacles[0].shape = HalfSpace{Vector3d(0, 0.01, 0), Vector3d::UnitY()};
+  EXPECT_THROW(box.simulation(), std::runtime_error);
 }
 
 }  // namespace
