@@ -17,7 +17,7 @@ double shortest_side(const SurfaceMesh& surface);
 double static_length(const Collapse& collapse, double shortest_side, double part, const Eigen::Vector3d& X,
                      double load_factor);
 
-/// Multiplies lengths over their first by what a step of h seconds from t on leaves of them [(9)], down to
+/// Multiplies lengths over their first by what a step of h seconds from t on leaves of them [massspring/README.md (21)], down to
 /// collapse.least.
 /// @param part    of the collapse that each point takes, n
 /// @param x       where the points are, 3 x n (m)
