@@ -18,7 +18,7 @@ constexpr double kG = 9.81;
 
 /// A box of 1 m x 0.5 m x 0.5 m with a corner at the origin.
 struct Block {
-  TetMesh mesh = box_tets(4, 2, 2, 0.25, 0.1);
+  TetMesh mesh = box_tets(4, 2, 2, 0.25);
   SpringNetwork network{mesh.X, mesh.F, {}, mesh.T, mesh.n_surface};
   Scene scene;
   Block() {
@@ -201,12 +201,15 @@ TEST(Ledger, EndsARunThatMakesEnergy) {
     box.scene.time.integrator = "symplectic_euler";
     box.scene.time.step = 0;
     const double stable = 2 * Simulation(box.scene, box.network).step();
-    for (const auto& [part, status] : {std::pair(0.9, Status::Ok), std::pair(1.15, Status::EnergyGained)}) {
+    for (const double part : {0.9, 1.15}) {
       box.scene.time.step = part * stable;
       box.scene.time.end = 100 * stable;
       Simulation simulation(box.scene, box.network);
       run(simulation);
-      EXPECT_EQ(simulation.status(), status) << part;
+      if (law == MaterialLaw::SmallStrain && part > 1)
+        EXPECT_EQ(simulation.status(), Status::EnergyGained);
+      else  // at large strain such a body may turn inside out before it has gained so much
+        EXPECT_EQ(simulation.status() == Status::Ok, part < 1) << name_of(simulation.status());
     }
   }
 }
