@@ -20,8 +20,8 @@ from ..drawing.style import style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES
 from ..report import Table
-from ..run_store import Outcome, RunRequest, Store, read_toml, say
-from ..runs import Array, Run, RunError, load_frames
+from ..run_store import Outcome, RunRequest, Store, say
+from ..runs import Array, Run, RunError, load_frames, read_toml
 from ..shape_measures import (
     Surface,
     curvature_histogram,

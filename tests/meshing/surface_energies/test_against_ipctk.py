@@ -127,9 +127,7 @@ def test_energy_and_forces_of_the_barrier_between_two_triangles_are_the_same(val
             by_x = ipctk.barrier_first_derivative(d, reach) / (2 * d) * gradient
             m, dm = 1.0, np.zeros(12)
             if is_edges:
-                bound = (
-                    1e-2 * np.sum((before[1] - before[0]) ** 2) * np.sum((before[3] - before[2]) ** 2)
-                )
+                bound = 1e-2 * np.sum((before[1] - before[0]) ** 2) * np.sum((before[3] - before[2]) ** 2)
                 m = ipctk.edge_edge_mollifier(*at, bound)
                 dm = ipctk.edge_edge_mollifier_gradient(*at, bound)
             energy += stiffness * m * b
