@@ -262,6 +262,7 @@ TEST(PushOut, LeavesAloneOnlyNodesThatItWouldNotMove) {
   State state;
   state.x = random_points(n, 1, 1);
   state.v = random_points(n, 3, 2);
+  const Eigen::VectorXd mass = Eigen::VectorXd::Ones(n);
   std::vector<Eigen::VectorXd> clearance;
   int n_moved = 0;
   while (state.t < 1) {
@@ -269,9 +270,11 @@ TEST(PushOut, LeavesAloneOnlyNodesThatItWouldNotMove) {
     state.v -= 20 * h * state.x;  // sends them round and past the obstacles again and again
     const Matrix3Xd free_x = state.x + h * state.v;
     Matrix3Xd x = free_x, v = state.v, all_x = x, all_v = v;
-    push_out(bodies, state, h, clearance, x, v);
+    meshing::EnergyFlows flows, all_flows;
+    push_out(bodies, state, h, mass, clearance, x, v, flows);
     std::vector<Eigen::VectorXd> unknown;
-    push_out(bodies, state, h, unknown, all_x, all_v);
+    push_out(bodies, state, h, mass, unknown, all_x, all_v, all_flows);
+    ASSERT_EQ(flows.put_in(), all_flows.put_in()) << state.t;
     ASSERT_EQ(x, all_x) << state.t;
     ASSERT_EQ(v, all_v) << state.t;
     n_moved += static_cast<int>((x - free_x).colwise().any().count());
