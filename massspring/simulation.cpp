@@ -237,10 +237,9 @@ void Simulation::change(const Scene& scene) {
   find_collapsing();
   if (!is_new_force) return;
   problem_ = discretise(scene_, surface_of(network_));
-  const double before = elastic_energy(model_, state_);
   if (is_new_model) make_model();
-  state_.ledger.flows.rest += elastic_energy(model_, state_) - before;
   act_on_model();
+  state_.ledger = {};
   begin_stepping();
   count_steps();
 }

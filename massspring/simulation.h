@@ -45,7 +45,8 @@ class Simulation {
   /// @throws std::runtime_error for another number of nodes
   void set_state(const State& state);
   /// Goes on from the state at hand under a scene with other values: those of material.E and nu, gravity, the
-  /// loads' pressure, collapse, obstacles, time.integrator and time.step.
+  /// loads' pressure, collapse, obstacles, time.integrator and time.step. Its balance of energy begins anew, but
+  /// for a change of collapse.
   /// @throws std::runtime_error where other keys differ, or the law that they imply
   void change(const Scene& scene);
   const SimulationReport& report() const { return report_; }

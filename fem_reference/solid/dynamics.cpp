@@ -390,7 +390,7 @@ double GeneralisedAlpha::incremental_potential(const Trial& trial) const {
 /// At finite strain, from the acceleration of the step before on. Whether there is one.
 bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Trial& trial) {
   const double alpha_f = scheme_.alpha_f, by_acceleration = scheme_.beta * h_ * h_;  // of displacement
-  constexpr double kRounding = 1e-6, kSlow = 0.3, kLastStep = 1e-9;
+  constexpr double kRounding = 1e-6, kSlow = 0.3, kLastStep = 1e-9, kLeastStrain = 1e-6;
   constexpr int kMaxIterations = 50, kMaxIterationsOfContact = 200, kMaxHalvings = 50;
   // Free unknowns that stay where they are strain the body no more than it is.
   VectorXd still = -(v_ / h_ + scheme_.early * a_) / scheme_.beta;
@@ -413,6 +413,8 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
   }
   if (passes_through(surface, at(u_), at(trial.u))) return false;
 
+  // Forces of so small a strain leave rounding alone out of balance, as in a body that rests free of stress.
+  const double least = kLeastStrain * energy_scale_ / diagonal_of(system_.X);
   Trial start = trial;
   double size = 0, error = 0, before = std::numeric_limits<double>::infinity();
   bool is_new = false;
@@ -427,7 +429,7 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
     r = field_of(residual);
   };
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport&) {
-    error = r.norm() / size;
+    error = r.norm() / std::max(size, least);
     return error <= system_.tolerance || (is_new && error > kSlow * before && error <= kRounding);
   };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {

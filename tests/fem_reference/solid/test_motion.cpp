@@ -363,12 +363,15 @@ TEST(Ledger, EndsARunThatMakesEnergy) {
     box.scene.reference.integrator = "central_differences";
     box.scene.time.step = 0;
     const double stable = 2 * box.simulation().step();
-    for (const auto& [part, status] : {std::pair(0.9, Status::Ok), std::pair(1.15, Status::EnergyGained)}) {
+    for (const double part : {0.9, 1.15}) {
       box.scene.time.step = part * stable;
       box.scene.time.end = 100 * stable;
       Simulation simulation = box.simulation();
       while (!simulation.has_ended()) simulation.advance();
-      EXPECT_EQ(simulation.status(), status) << part;
+      if (law == MaterialLaw::SmallStrain && part > 1)
+        EXPECT_EQ(simulation.status(), Status::EnergyGained);
+      else  // at large strain such a body may turn inside out before it has gained so much
+        EXPECT_EQ(simulation.status() == Status::Ok, part < 1) << name_of(simulation.status());
     }
   }
 }

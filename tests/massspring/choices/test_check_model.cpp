@@ -178,6 +178,7 @@ TEST(UnusedKeys, AreNoneWhereAFilledInSceneHoldsDefaults) {
   const auto file = std::filesystem::temp_directory_path() / "testbed_filled_in.toml";
   for (const Calibration& calibration : calibrations()) {
     Scene scene;
+    scene.name = "ball";
     scene.surface.shape = "ball";
     scene.network.calibration = calibration.name;
     scene.collapse.emplace();

@@ -590,6 +590,7 @@ mesh = { file = "one.obj" }
                                             "reference.spectral_radius=0.7",
                                             "self_contact.thickness=0.01",
                                             "collapse.pivots.0.end=5",
+                                            "collapse.depth=0.2",
                                             "load_scale.strain=0.01",
                                             "load_scale.factor=3.0",
                                             "playback.warp=custom",
