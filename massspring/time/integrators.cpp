@@ -166,6 +166,14 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     motion_.forces_at(after, f);
     f = momenta(motion_.model, (v_ - v_before_) / h) - f;
     history.active_set = settle_active(bodies, state, h, motion_.model.mass, f, x_, v_, ledger.flows);
+    const bool has_moved = std::any_of(bodies.begin(), bodies.end(), [&](const RigidBody& body) {
+      return body.translation(state.t + h) != body.translation(state.t);
+    });
+    if (has_moved && after.x != x_) {  // pushed to where bodies have gone, which strains the solid
+      const double before = elastic_energy(motion_.model, after);
+      after.x = x_;
+      ledger.flows.obstacles += elastic_energy(motion_.model, after) - before;
+    }
   } else if (integrator_.is_explicit) {
     const meshing::EnergyFlows flows = ledger.flows;
     history.clearance = state.history.clearance;

@@ -84,7 +84,6 @@ void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
   t_before_ = t;
   t_ = t + h;
   start_ = x;
-  pressing_ = pressing(x, t);
   held_.clear();
   find_friction(x, t);
 }
@@ -175,7 +174,7 @@ double Barrier::pressing(const Matrix3Xd& x, double t) const {
 }
 
 double Barrier::work(const Matrix3Xd& x) const {
-  double sum = (pressing_ + pressing(x, t_)) / 2;
+  double sum = pressing(x, t_);
   for (const Held& held : held_) {
     const RigidBody& body = bodies_[held.body];
     const Vector3d way = slid(held, x);

@@ -70,7 +70,6 @@ class Barrier : public SurfaceEnergy {
   double range_, kappa_;     ///< m, Pa/m
   FrictionLag lag_;
   double t_before_ = 0, t_ = 0;
-  double pressing_ = 0;     ///< at the beginning of the step (J)
   Eigen::Matrix3Xd start_;  ///< points at t_before_ (m)
   double slip_ = 0;         ///< below which friction is smoothed (m)
   std::vector<Held> held_;

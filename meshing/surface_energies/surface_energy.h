@@ -136,7 +136,7 @@ class SurfaceEnergy {
   virtual const char* name() const { return "surface"; }
   /// Part of the energy at x that friction has taken since the step began (J): it is not stored.
   virtual double friction(const Eigen::Matrix3Xd&) const { return 0; }
-  /// Work of obstacles that move in the step that ends at x, by the forces at its two ends (J).
+  /// Work of obstacles that move in the step that ends at x, by the forces at its end, as implicit steps take them (J).
   virtual double work(const Eigen::Matrix3Xd&) const { return 0; }
 
   /// Largest part of the step dx from x within which nothing passes through, at most 1.

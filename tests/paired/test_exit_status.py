@@ -138,7 +138,7 @@ def test_of_a_folder_that_cannot_be_made_is_1_and_the_folder_is_named(tmp_path, 
     words = [PROGRAMS / program, SCENES / "ball_pressure.toml", "--quiet", "--out", out]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert done.stderr == f"error: --out {out}: cannot be made a folder: Not a directory\n"
+    assert done.stderr == f"error: {out}: cannot be made a folder: Not a directory\n"
 
 
 def test_of_meshings_command_line_is_1_where_it_is_wrong():
