@@ -99,6 +99,23 @@ TEST(CollapseInMotion, FollowsItsPivotWithinItsTime) {
   EXPECT_NEAR(after(0.5)(0), 1 - 0.4 / (1 + 0.5 / 2), 1e-14);
 }
 
+/// A body that flies past its pivot, at 10 m/s, is most depleted near it.
+TEST(CollapseInMotion, IsAroundWhereTheBodyIs) {
+  constexpr double kFlown = 10, kPart = 0.3, kDifference = 0.03;
+  CollapsingBox box;
+  box.scene.time.step = 0.01;
+  box.scene.collapse->coefficient = kPart;
+  box.scene.collapse->pivots[0].point = Vector3d(kFlown, 0.5, 0.5);
+  box.scene.initial.emplace_back().velocity = Vector3d(kFlown, 0, 0);
+  Simulation simulation = box.simulation();
+  double logarithm = 0;  // of what is left at the first node, were it not drawn inwards
+  for (int n = 0; n < 100; ++n)
+    logarithm += 0.01 * std::log(1 - kPart / (1 + Vector3d(kFlown * (1 - 0.01 * n), 0.5, 0.5).norm()));
+  const double at_rest = std::log(1 - kPart / (1 + Vector3d(kFlown, 0.5, 0.5).norm()));
+  EXPECT_NEAR(std::log(to_end(simulation).state().length(0)), logarithm, kDifference * std::abs(logarithm));
+  EXPECT_LT(logarithm, 2 * at_rest);
+}
+
 TEST(CollapseInMotion, HasAHistoryOfFirstOrderInTheStep) {
   CollapsingBox box;
   box.scene.reference.degree = 1;
