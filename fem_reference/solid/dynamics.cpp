@@ -117,6 +117,7 @@ std::unique_ptr<Integrator> make_minimising_euler(Dynamics system, double h, con
 void GeneralisedAlpha::find_free() {
   free_ = all_but(system_.constrained, system_.K.rows());
   factor_.reset();
+  roots_.resize(0, 0);  // of another tangent
   if (!factorise(system_.K)) refuse_indefinite();
 }
 
