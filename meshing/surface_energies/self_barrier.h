@@ -12,7 +12,8 @@ namespace testbed::meshing {
 ///   kappa sum w m b(d), b(d) = -(d - D)^2 ln(d/D) for d < D, else 0, [(26)]
 /// d the distance of a vertex and a triangle or of two edges, and m what smoothing_of_edges leaves of the latter.
 /// w is a quarter of a vertex's third of its triangles, or of the mean of two edges' thirds: two layers then have
-/// about kappa b(d) for each area, however fine they are. kappa is E/(50 D) as of barrier_around.
+/// about kappa b(d) for each area while their edges are 4 D or more; where they are shorter a point meets several
+/// parts, and has more. kappa is E/(50 D) as of barrier_around.
 /// Pairs that share a node do not count. D of others is half of their distance at rest at most, so that there is no
 /// energy at rest, and nothing where they touch there.
 /// Coulomb's friction is lagged as that of Barrier.
