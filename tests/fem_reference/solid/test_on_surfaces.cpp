@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 
 #include "meshing/surface_energies/barrier.h"
-#include "meshing/surface_energies/bending.h"
+#include "meshing/surface_energies/membrane.h"
 #include "meshing/surface_energies/seams.h"
 #include "meshing/surface_energies/surface_points.h"
 #include "meshing/surface_energies/volume_penalty.h"
@@ -68,7 +68,8 @@ TEST_P(OnSurfaces, ForceIsTheGradientOfTheEnergyAndTheTangentItsOwn) {
   ElasticSolid solid = box(2);
   ElasticLoads loads;
   loads.follower_pressure = [](int) { return 300; };
-  loads.surface = {seam_across(solid.X(), 5e4), bag(solid, 0.8)};
+  loads.surface = {seam_across(solid.X(), 5e4), bag(solid, 0.8),
+                   std::make_shared<Membrane>(solid.X(), flat_triangles(solid.faces()), 3e3, 0.3)};
   solid.assemble(kMaterial, ElasticLaw::NeoHookean, loads, {});
   std::srand(1);
   const Matrix3Xd u = 0.02 * Matrix3Xd::Random(3, solid.X().cols()), d = Matrix3Xd::Random(3, u.cols());
@@ -82,6 +83,56 @@ TEST_P(OnSurfaces, ForceIsTheGradientOfTheEnergyAndTheTangentItsOwn) {
   const VectorXd difference = (force(kStep) - force(-kStep)) / (2 * kStep);
   EXPECT_LT((product - difference).norm(), kDifference * product.norm());
   EXPECT_GT((at.tangent * d.reshaped() - difference).norm(), 1e-2 * product.norm()) << "the root counts";
+}
+
+// With P (V_1 - V)/V_1 for its pressure, which pushes outward.
+TEST_P(OnSurfaces, ABagPushesAsTheFollowerPressureThatItComesTo) {
+  ElasticSolid bagged = box(2), pressed = box(2);
+  const Faces faces = faces_of(bagged.faces());
+  const double at_rest = volume_of(faces, bagged.X());
+  ElasticLoads loads;
+  loads.surface = {bag(bagged, 1.3)};
+  bagged.assemble(kMaterial, ElasticLaw::NeoHookean, loads, rollers(bagged.X()));
+  ASSERT_TRUE(bagged.solve().is_converged);
+  const double V = volume_of(faces, bagged.X() + bagged.displacement()),
+               pressure = 2e4 * (1 - V / 1.3 / at_rest);
+  EXPECT_GT(V, 1.05 * at_rest);
+  EXPECT_LT(V, 1.25 * at_rest);
+  loads = {};
+  loads.follower_pressure = [=](int) { return -pressure; };
+  pressed.assemble(kMaterial, ElasticLaw::NeoHookean, loads, rollers(pressed.X()));
+  ASSERT_TRUE(pressed.solve().is_converged);
+  EXPECT_LT((pressed.displacement() - bagged.displacement()).norm(), 1e-7 * bagged.displacement().norm());
+}
+
+// Its rest lengths are history, as they relax where the surface was bent, and the target is that of the time.
+TEST_P(OnSurfaces, AMotionInARelaxingSkinAndAChangingBagGoesOnFromItsState) {
+  const auto motion_of = [](ElasticSolid& solid) {
+    const Matrix3Xd& X = solid.X();
+    const Eigen::Matrix3Xi F = flat_triangles(solid.faces());
+    const Faces faces = faces_of(solid.faces());
+    ElasticLoads loads;
+    loads.surface = {std::make_shared<Membrane>(X, F, 1e3, 0.3, Relaxation{0.9, make_bending(X, F, 1)}),
+                     std::make_shared<VolumePenalty>(
+                         2e4, faces, TargetVolume{volume_of(faces, X), {{0, 1}, {0.1, 0.6}}, false})};
+    solid.assemble(kMaterial, ElasticLaw::NeoHookean, loads, {});
+    return GeneralisedAlpha(dynamics_of(solid), 0.01, kImplicitEuler);
+  };
+  ElasticSolid first = box(2), second = box(2);
+  GeneralisedAlpha whole = motion_of(first), rest = motion_of(second);
+  for (int n = 0; n < 4; ++n) ASSERT_TRUE(whole.step());
+  const MotionState state = whole.state();
+  ASSERT_EQ(state.surface.size(), 1u);
+  for (int n = 0; n < 4; ++n) ASSERT_TRUE(whole.step());
+  rest.set_state(state);
+  for (int n = 0; n < 4; ++n) ASSERT_TRUE(rest.step());
+  EXPECT_LT((rest.u() - whole.u()).norm(), 1e-7 * whole.u().norm());
+  const VectorXd relaxed = state.surface[0]->rest_length, last = whole.state().surface[0]->rest_length;
+  EXPECT_LT((rest.state().surface[0]->rest_length - last).norm(), 1e-7 * (relaxed - last).norm());
+  EXPECT_LT(last.sum(), (1 - 1e-3) * relaxed.sum());
+  const Faces faces = faces_of(first.faces());
+  EXPECT_LT(volume_of(faces, first.X() + whole.u().reshaped(3, first.X().cols())),
+            0.95 * volume_of(faces, first.X()));
 }
 
 // At small strain the energies of stitches are quadratic, so that a dense solve tells the displacement.

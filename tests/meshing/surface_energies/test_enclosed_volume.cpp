@@ -131,6 +131,21 @@ TEST_F(VolumeForce, CurvatureIsTheSecondDifferenceOfTheVolume) {
   }
 }
 
+TEST_F(VolumeForce, HasTheTargetAtTheEndOfAStep) {
+  const double at_rest = volume(model.network.X, F), V = volume(x, F);
+  const auto energy_to = [&](double target) { return 15 * (V - target) * (V - target) / target; };
+  VolumePenalty curved{30, {F}, TargetVolume{at_rest, {{0, 1}, {1, 2}}, true}};
+  EXPECT_NEAR(curved.energy(x), energy_to(at_rest), kRounding);
+  curved.begin_step(0.25, 0.5, x);
+  EXPECT_NEAR(curved.energy(x), energy_to(1.75 * at_rest), kRounding);
+  VolumePenalty steady{30, {F}, TargetVolume{at_rest, {}, false}},
+      collapsing{30, {F}, TargetVolume{at_rest, {}, true}};
+  steady.begin_step(0.25, 0.5, x);
+  EXPECT_NEAR(steady.energy(x), energy_to(at_rest), kRounding);
+  collapsing.begin_step(0.25, 0.5, x);
+  EXPECT_NEAR(collapsing.energy(x), 0, kRounding);
+}
+
 TEST_F(VolumeForce, KeepsLinearAndAngularMomentum) {
   const Matrix3Xd f = forces(x);
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();
