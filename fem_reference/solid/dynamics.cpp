@@ -10,7 +10,6 @@
 #include "meshing/algebra/lowest_modes.h"
 #include "meshing/algebra/newton.h"
 #include "meshing/scene/scene.h"
-#include "meshing/surface_energies/self_barrier.h"
 
 namespace testbed::fem {
 

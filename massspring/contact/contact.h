@@ -51,6 +51,7 @@ struct SlidingFriction : SurfaceEnergy {
 
   const char* name() const override { return "friction"; }
   double energy(const Eigen::Matrix3Xd& x) const override { return -force.cwiseProduct(x - start).sum(); }
+  double stored(const Eigen::Matrix3Xd&) const override { return 0; }
   double friction(const Eigen::Matrix3Xd& x) const override { return energy(x); }
   double work(const Eigen::Matrix3Xd&) const override { return driven; }
   bool is_stiff() const override { return true; }

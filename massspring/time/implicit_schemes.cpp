@@ -94,7 +94,7 @@ class TrBdf2 : public StagedScheme {
  private:
   bool touches(const Matrix3Xd& x) const {
     return std::any_of(motion_.touching.begin(), motion_.touching.end(),
-                       [&](const auto& energy) { return energy->energy(x) - energy->friction(x) > 0; });
+                       [&](const auto& energy) { return energy->stored(x) > 0; });
   }
 
   /// M^-1 f on the free directions.

@@ -6,7 +6,6 @@
 #include "meshing/algebra/newton.h"
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
-#include "meshing/surface_energies/self_barrier.h"
 
 namespace testbed::massspring {
 

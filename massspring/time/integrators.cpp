@@ -179,10 +179,9 @@ StepReport TimeStepper::step_whole(State& state, double h) {
     history.clearance = state.history.clearance;
     if (push_out(bodies, state, h, motion_.model.mass, history.clearance, x_, v_, ledger.flows) &&
         in_touch_) {
-      in_touch_->advance(state, h, x_, v_);
       ledger.flows = flows;
       history.clearance = state.history.clearance;
-      push_out(bodies, state, h, motion_.model.mass, history.clearance, x_, v_, ledger.flows);
+      step_in_touch(state, h, history.clearance, ledger.flows);
     }
   }
   prescribe(supports_, motion_.model.network.X, state.t + h, end_, x_);
@@ -207,6 +206,20 @@ StepReport TimeStepper::step_whole(State& state, double h) {
   state.v.swap(v_);
   state.t += h;
   return report;
+}
+
+/// In parts as short as the scheme's stages: those of lower order have a shorter stable step.
+void TimeStepper::step_in_touch(const State& state, double h, std::vector<Eigen::VectorXd>& clearance,
+                                meshing::EnergyFlows& flows) {
+  constexpr int kParts = 4;
+  State part = state;
+  for (int n = 0; n < kParts; ++n) {
+    in_touch_->advance(part, h / kParts, x_, v_);
+    push_out(motion_.contacts.bodies, part, h / kParts, motion_.model.mass, clearance, x_, v_, flows);
+    part.x = x_;
+    part.v = v_;
+    part.t += h / kParts;
+  }
 }
 
 SurfaceEnergies TimeStepper::surface_at(const State& state) const {

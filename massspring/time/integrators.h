@@ -35,6 +35,8 @@ class TimeStepper {
   StepReport step_in_parts(State& state, double h);
   bool stays_at_rest(const State& state, double h);
   void constrain_touching(const State& state, double h);
+  void step_in_touch(const State& state, double h, std::vector<Eigen::VectorXd>& clearance,
+                     meshing::EnergyFlows& flows);
   double damping_power_at(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& v) const;
   double work_of_supports(const State& state, double h) const;
 

@@ -42,7 +42,7 @@ struct Integrator {
   bool ends_where_it_solves;  ///< else what obstacles forbid is not seen where the step ends
   MakeScheme* make;
   /// Of explicit steps in which obstacles push nodes out, which costs a scheme of more stages its order and makes
-  /// energy: they are taken anew by this one; null: by the scheme itself.
+  /// energy: they are taken anew by quarter steps of this one; null: by the scheme itself.
   MakeScheme* in_touch = nullptr;
   bool minimises() const { return !is_explicit && !is_linearised; }
   /// Else the surface keeps apart from itself by a penalty.

@@ -141,12 +141,17 @@ double Barrier::largest_step(const Matrix3Xd& x, const Matrix3Xd& dx) const {
   return part;
 }
 
-double Barrier::energy(const Matrix3Xd& x) const {
+double Barrier::stored(const Matrix3Xd& x) const {
   double sum = 0;
   for_each_near(x, [&](int, double stiffness, const RigidBody::Gap& gap) {
     sum += gap.distance > 0 ? stiffness * barrier_at(gap.distance, range_).b
                             : std::numeric_limits<double>::infinity();
   });
+  return sum;
+}
+
+double Barrier::energy(const Matrix3Xd& x) const {
+  double sum = stored(x);
   for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip_).value;
   return sum;
 }

@@ -35,6 +35,7 @@ class Barrier : public SurfaceEnergy {
 
   const char* name() const override { return "barrier"; }
   double energy(const Eigen::Matrix3Xd& x) const override;  ///< J; infinite inside
+  double stored(const Eigen::Matrix3Xd& x) const override;
   double friction(const Eigen::Matrix3Xd& x) const override;
   double work(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;

@@ -10,13 +10,13 @@ namespace {
 /// A barrier that is touched has no finite energy: the first step leads to where it has.
 bool is_finite(const SurfaceEnergies& surface, const Eigen::Matrix3Xd& x) {
   return std::all_of(surface.begin(), surface.end(),
-                     [&](const auto& energy) { return std::isfinite(energy->energy(x)); });
+                     [&](const auto& energy) { return std::isfinite(energy->stored(x)); });
 }
 
 std::vector<double> stored_at(const SurfaceEnergies& surface, const Eigen::Matrix3Xd& x) {
   std::vector<double> stored;
   for (const auto& energy : surface) {
-    const double value = energy->energy(x) - energy->friction(x);
+    const double value = energy->stored(x);
     stored.push_back(std::isfinite(value) ? value : 0);
   }
   return stored;
@@ -52,7 +52,7 @@ void EnergyLedger::begin_step(const SurfaceEnergies& surface, const Eigen::Matri
     flows.targets += surface_energy() - before;
   }
   for (size_t i = 0; i < surface.size(); ++i)
-    if (!surface[i]->is_stiff()) flows.targets += surface[i]->energy(x) - stored_[i];
+    if (!surface[i]->is_stiff()) flows.targets += surface[i]->stored(x) - stored_[i];
 }
 
 void EnergyLedger::end_step(const SurfaceEnergies& surface, const Eigen::Matrix3Xd& x) {

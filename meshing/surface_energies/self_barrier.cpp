@@ -196,12 +196,17 @@ void SelfBarrier::for_each_near(const Matrix3Xd& x, const Visit& visit) const {
   }
 }
 
-double SelfBarrier::energy(const Matrix3Xd& x) const {
+double SelfBarrier::stored(const Matrix3Xd& x) const {
   double sum = 0;
   for_each_near(x, [&](const Near& near, const Smoothing& smoothing) {
     sum +=
         near.d > 0 ? near.pair.stiffness * smoothing.m * near.b.b : std::numeric_limits<double>::infinity();
   });
+  return sum;
+}
+
+double SelfBarrier::energy(const Matrix3Xd& x) const {
+  double sum = stored(x);
   for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip_).value;
   return sum;
 }
@@ -295,13 +300,6 @@ bool SelfBarrier::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
 bool SelfBarrier::passes_through(const Matrix3Xd& x, const Matrix3Xd& y) const {
   constexpr double kAny = 1e-3;
   return time_of_impact(x, y - x, kAny) < 1;
-}
-
-bool passes_through(const SurfaceEnergies& energies, const Matrix3Xd& x, const Matrix3Xd& y) {
-  return std::any_of(energies.begin(), energies.end(), [&](const auto& energy) {
-    const auto barrier = std::dynamic_pointer_cast<const SelfBarrier>(energy);
-    return barrier && barrier->passes_through(x, y);
-  });
 }
 
 }  // namespace testbed::meshing

@@ -29,14 +29,14 @@ class SelfBarrier : public SurfaceEnergy {
 
   const char* name() const override { return "self_contact"; }
   double energy(const Eigen::Matrix3Xd& x) const override;  ///< J; infinite where pairs touch
+  double stored(const Eigen::Matrix3Xd& x) const override;
   double friction(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override;
   /// Takes all nodes back on their way from x to y until nothing passes through.
   bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const override;
-  /// Whether it passes through itself on the straight way from x to y.
-  bool passes_through(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) const;
+  bool passes_through(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) const override;
   /// By additive continuous collision detection [Li et al. 2021], which leaves pairs a tenth of their distance,
   /// or of their range where that is less. No node moves farther than a mean edge against the others.
   double largest_step(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx) const override;
@@ -81,9 +81,6 @@ class SelfBarrier : public SurfaceEnergy {
   mutable double margin_ = 0;
   mutable std::vector<Pair> pairs_;
 };
-
-/// The same of all of a list: a first guess may that supports move, although keep_out saw it.
-bool passes_through(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y);
 
 /// The thickness of a scene that names none: a fifth of the surface's mean edge (m).
 double default_thickness(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F);

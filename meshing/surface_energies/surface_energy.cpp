@@ -14,6 +14,11 @@ bool is_stiff(const SurfaceEnergies& energies) {
   return std::any_of(energies.begin(), energies.end(), [](const auto& energy) { return energy->is_stiff(); });
 }
 
+bool passes_through(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) {
+  return std::any_of(energies.begin(), energies.end(),
+                     [&](const auto& energy) { return energy->passes_through(x, y); });
+}
+
 bool SurfaceHessian::empty() const {
   return diagonal.empty() && pairs.empty() && blocks.empty() && roots.empty() && curvatures.empty();
 }

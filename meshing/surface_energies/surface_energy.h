@@ -134,13 +134,19 @@ class SurfaceEnergy {
 
   /// What it is called in curves.csv.
   virtual const char* name() const { return "surface"; }
-  /// Part of the energy at x that friction has taken since the step began (J): it is not stored.
+  /// The energy at x without the potential of friction, which nothing gives back (J).
+  virtual double stored(const Eigen::Matrix3Xd& x) const { return energy(x); }
+  /// What friction has taken since the step began, at x (J).
   virtual double friction(const Eigen::Matrix3Xd&) const { return 0; }
   /// Work of obstacles that move in the step that ends at x, by the forces at its end, as implicit steps take them (J).
   virtual double work(const Eigen::Matrix3Xd&) const { return 0; }
 
   /// Largest part of the step dx from x within which nothing passes through, at most 1.
   virtual double largest_step(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd&) const { return 1; }
+
+  /// Whether anything passes through on the straight way from x to y, where keep_out did not have the last word: what
+  /// supports move may do so.
+  virtual bool passes_through(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd&) const { return false; }
 
   /// Newton's method went from x to y.
   virtual void follow(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd&) {}
@@ -191,6 +197,9 @@ using SurfaceEnergies = std::vector<std::shared_ptr<SurfaceEnergy>>;
 bool is_invariant(const SurfaceEnergies& energies);
 /// Whether any is contact.
 bool is_stiff(const SurfaceEnergies& energies);
+
+/// Whether anything passes through by any of them.
+bool passes_through(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y);
 
 /// Memories of those that have any.
 using SurfaceMemories = std::vector<std::shared_ptr<const SurfaceMemory>>;

@@ -63,6 +63,7 @@ class EnergyOfPoints : public SurfaceEnergy {
   bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const override;
   double energy(const Eigen::Matrix3Xd& x) const override { return energy_->energy(at_points(x)); }
   const char* name() const override { return energy_->name(); }
+  double stored(const Eigen::Matrix3Xd& x) const override { return energy_->stored(at_points(x)); }
   double friction(const Eigen::Matrix3Xd& x) const override { return energy_->friction(at_points(x)); }
   double work(const Eigen::Matrix3Xd& x) const override { return energy_->work(at_points(x)); }
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
@@ -72,6 +73,9 @@ class EnergyOfPoints : public SurfaceEnergy {
   }
   void follow(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) override {
     energy_->follow(at_points(x), at_points(y));
+  }
+  bool passes_through(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) const override {
+    return energy_->passes_through(at_points(x), at_points(y));
   }
   bool bounds_steps() const override { return energy_->bounds_steps(); }
   bool is_stiff() const override { return energy_->is_stiff(); }

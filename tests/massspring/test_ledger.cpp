@@ -140,7 +140,20 @@ TEST(Ledger, ReadsWhatFrictionTakesOfASlidingBlockByEachContact) {
   }
 }
 
-// A support that stretches a bar: what it does is what the bar stores, but for what rings.
+// Its contact force is as good as infinite there, and what friction could take, too: nothing of it is stored.
+TEST(Ledger, StoresNoFrictionOfABodyThatBeginsAHairAboveItsFloor) {
+  Block box;
+  box.scene.gravity = Vector3d(0, -kG, 0);
+  box.scene.material.law = MaterialLaw::NeoHookean;
+  box.put_on_plane(-1e-15).friction = 0.5;
+  box.scene.time.integrator = "minimising_euler";
+  Simulation simulation(box.scene, box.network);
+  run(simulation);
+  EXPECT_EQ(simulation.state().ledger.gain(), 0);
+  EXPECT_EQ(simulation.status(), Status::Ok);
+}
+
+// A support that stretches a bar: what it does is what the bar stores, and what rings in it.
 TEST(Ledger, ReadsTheWorkOfASupportThatMoves) {
   Block box;
   box.scene.material.law = MaterialLaw::SmallStrain;
@@ -153,7 +166,7 @@ TEST(Ledger, ReadsTheWorkOfASupportThatMoves) {
   run(simulation);
   const double work = of(simulation, "work_of_supports");
   EXPECT_GT(work, 0);
-  EXPECT_NEAR(stored(simulation), work, 0.02 * work);
+  EXPECT_NEAR(stored(simulation), work, 1e-9 * work);
 }
 
 // A plane that moves at V gives momentum p to a body, and with it the energy p V.
@@ -236,6 +249,10 @@ TEST(Blows, MakeNoEnergyByAnyIntegrator) {
     box.throw_at({0, -2, 0});
     box.scene.time.integrator = integrator.name;
     box.scene.time.step = integrator.is_explicit ? 0 : 2e-3;
+    if (integrator.name == "rk4") {  // which is stable at twice the step of others
+      box.scene.material.E = 1e7;
+      box.scene.time.step = 2 * Simulation(box.scene, box.network).step();
+    }
     box.scene.time.end = 0.3;
     Simulation simulation(box.scene, box.network);
     run(simulation);

@@ -10,12 +10,13 @@ namespace {
 
 using Eigen::Matrix3Xd;
 
-/// An energy of any value, of which friction has taken a part.
+/// An energy of any value, of which friction's potential is a part.
 struct Given : SurfaceEnergy {
-  double value = 0, taken = 0, done = 0;
+  double value = 0, potential = 0, taken = 0, done = 0;
   bool is_contact = false;
   const char* name() const override { return "given"; }
   double energy(const Matrix3Xd&) const override { return value; }
+  double stored(const Matrix3Xd&) const override { return value - potential; }
   double friction(const Matrix3Xd&) const override { return taken; }
   double work(const Matrix3Xd&) const override { return done; }
   void add_forces(const Matrix3Xd&, Matrix3Xd&) const override {}
@@ -75,14 +76,15 @@ TEST(EnergyLedger, TellsTargetsFromObstaclesAndFrictionFromWhatIsStored) {
     given->value = 3;
     ledger.begin_step(surface, kNowhere);
     given->value = 5;
-    given->taken = 1;
+    given->potential = 1;
+    given->taken = 0.75;
     given->done = 2;
     ledger.end_step(surface, kNowhere);
     EXPECT_EQ(column(ledger, surface, "given_energy"), 4);
     EXPECT_EQ(column(ledger, surface, "work_of_targets"), is_contact ? 0 : 3);
     EXPECT_EQ(column(ledger, surface, "work_of_obstacles"), 2);
-    EXPECT_EQ(column(ledger, surface, "lost_to_friction"), 1);
-    EXPECT_EQ(column(ledger, surface, "lost_to_scheme"), (is_contact ? 2 : 5) - 1 - 4);
+    EXPECT_EQ(column(ledger, surface, "lost_to_friction"), 0.75);
+    EXPECT_EQ(column(ledger, surface, "lost_to_scheme"), (is_contact ? 2 : 5) - 0.75 - 4);
   }
 }
 
