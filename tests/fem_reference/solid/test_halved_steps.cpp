@@ -1,0 +1,108 @@
+// Steps in which Newton's method does not end, of a single node on a spring that stiffens.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "fem_reference/solid/dynamics.h"
+
+namespace testbed::fem {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::VectorXd;
+
+/// Tells how long the step at hand is.
+struct StepLength : meshing::SurfaceEnergy {
+  double h = 0;
+  void begin_step(double, double length, const Matrix3Xd&) override { h = length; }
+  double energy(const Matrix3Xd&) const override { return 0; }
+  void add_forces(const Matrix3Xd&, Matrix3Xd&) const override {}
+  void add_hessian(const Matrix3Xd&, meshing::SurfaceHessian&, meshing::Curvature) const override {}
+};
+
+Eigen::SparseMatrix<double> diagonal(const VectorXd& d) {
+  return Eigen::SparseMatrix<double>(Eigen::MatrixXd(d.asDiagonal()).sparseView());
+}
+
+/// f = 4 u + u^3 in each direction, and c (1, 1, 1) (1, 1, 1) u. The first direction is driven. Steps longer than
+/// `longest` find no force.
+Dynamics spring(double longest, double c = 0) {
+  const auto length = std::make_shared<StepLength>();
+  Dynamics s{
+      diagonal(VectorXd::Constant(3, 4)), diagonal(VectorXd::Ones(3)), 0, 0, VectorXd::Zero(3), {0}, {}, {}};
+  s.constrained_motion = [](double t) { return VectorXd::Constant(1, 0.1 * std::sin(3 * t)); };
+  s.linearise = [=](const VectorXd& u, bool with_tangent) {
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    Linearisation at;
+    const double sum = u.sum();
+    at.force = (4 * u.array() + u.array().cube() + c * sum) * (length->h > longest ? kNone : 1);
+    at.energy = (2 * u.array().square() + u.array().pow(4) / 4).sum() + c / 2 * sum * sum;
+    if (with_tangent) {
+      at.tangent = diagonal(4 + 3 * u.array().square());
+      if (c > 0) at.roots.push_back(VectorXd::Constant(3, std::sqrt(c)));
+    }
+    return at;
+  };
+  s.X = Matrix3Xd::Ones(3, 1);
+  s.surface = {length};
+  return s;
+}
+
+constexpr double kStep = 0.1, kAny = 1, kSolved = 1e-8;
+
+TEST(HalvedSteps, AreThoseOfHalfTheLengthAndCountOnce) {
+  for (const int n_parts : {2, 4}) {
+    GeneralisedAlpha halved(spring(1.01 * kStep / n_parts), kStep, kNewmark),
+        shorter(spring(kAny), kStep / n_parts, kNewmark);
+    const VectorXd start = Eigen::Vector3d(0, 1, -2);
+    halved.restart(VectorXd::Zero(3), start);
+    shorter.restart(VectorXd::Zero(3), start);
+    for (int n = 1; n <= 5; ++n) {
+      ASSERT_TRUE(halved.step());
+      for (int part = 0; part < n_parts; ++part) ASSERT_TRUE(shorter.step());
+      EXPECT_NEAR(halved.t(), n * kStep, 1e-14);
+      EXPECT_LT((halved.u() - shorter.u()).norm(), kSolved) << n_parts << ' ' << n;
+      EXPECT_LT((halved.v() - shorter.v()).norm(), kSolved) << n_parts << ' ' << n;
+    }
+    EXPECT_EQ(halved.n_halved(), 5);
+    EXPECT_EQ(shorter.n_halved(), 0);
+  }
+}
+
+TEST(HalvedSteps, LeaveTheStateAsItWasWhereASixtyFourthFindsNone) {
+  GeneralisedAlpha found(spring(1.01 / 64 * kStep), kStep, kNewmark),
+      lost(spring(0.99 / 64 * kStep), kStep, kNewmark);
+  const VectorXd start = Eigen::Vector3d(0, 1, -2);
+  found.restart(VectorXd::Zero(3), start);
+  lost.restart(VectorXd::Zero(3), start);
+  const MotionState before = lost.state();
+  EXPECT_TRUE(found.step());
+  EXPECT_FALSE(lost.step());
+  EXPECT_EQ(lost.t(), 0);
+  EXPECT_EQ(lost.u(), before.u);
+  EXPECT_EQ(lost.v(), before.v);
+}
+
+// What a tangent leaves out has as many entries as are free.
+TEST(GeneralisedAlpha, GoesOnWhereASupportEndsWithATangentThatLeavesOutARoot) {
+  const auto held = [](const std::vector<int>& constrained) {
+    Dynamics s = spring(kAny, 100);
+    s.constrained = constrained;
+    s.constrained_motion = {};
+    return s;
+  };
+  GeneralisedAlpha motion(held({0}), kStep, kNewmark), free(held({}), kStep, kNewmark);
+  motion.restart(VectorXd::Zero(3), Eigen::Vector3d(0, 1, -2));
+  for (int n = 0; n < 5; ++n) ASSERT_TRUE(motion.step());
+  motion.hold({}, {});
+  free.restart(motion.u(), motion.v());
+  for (int n = 0; n < 5; ++n) {
+    ASSERT_TRUE(motion.step());
+    ASSERT_TRUE(free.step());
+  }
+  EXPECT_LT((motion.u() - free.u()).norm(), kSolved);
+}
+
+}  // namespace
+}  // namespace testbed::fem
