@@ -109,10 +109,10 @@ class Store:
     def find(self, request: RunRequest) -> Outcome | None:
         """The run's outcome if it has been run, its files are there as they were written, and it was not stopped by a time
         limit shorter than this one."""
-        return self._known(self._loaded(request))
+        request = self._loaded(request)
+        return self._known(self.folder / self.key(request), request)
 
-    def _known(self, request: RunRequest) -> Outcome | None:
-        folder = self.folder / self.key(request)
+    def _known(self, folder: Path, request: RunRequest) -> Outcome | None:
         try:
             outcome = Outcome(**json.loads((folder / "outcome.json").read_text()), folder=folder)
             has_record = outcome.status not in ("failed", "time limit")
@@ -132,13 +132,15 @@ class Store:
     def run(self, request: RunRequest) -> Outcome:
         """The run's outcome, running it now if that has not been done."""
         request = self._loaded(request)
-        if known := self._known(request):
+        folder = self.folder / self.key(
+            request
+        )  # of the programs as they are now, which may be built anew meanwhile
+        if known := self._known(folder, request):
             return known
-        with locked(self.folder, f".{self.key(request)}.lock"):
-            return self._known(request) or self._made(request)
+        with locked(self.folder, f".{folder.name}.lock"):
+            return self._known(folder, request) or self._made(folder, request)
 
-    def _made(self, request: RunRequest) -> Outcome:
-        folder = self.folder / self.key(request)
+    def _made(self, folder: Path, request: RunRequest) -> Outcome:
         part = folder.with_name(f"{folder.name}{_MARK}{os.getpid()}")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
@@ -150,7 +152,7 @@ class Store:
         del values["folder"], values["record"]
         write_text(part / "outcome.json", json.dumps(values))
         part.rename(folder)
-        found = self._known(request)
+        found = self._known(folder, request)
         assert found
         return found
 

@@ -120,11 +120,11 @@ def differences(run: Run, referee: Run, n_frames: int = _N_FRAMES) -> Difference
     return Difference(*(float(value) for value in np.mean(rows, axis=0)))
 
 
-def jittered(frame_X: Array, F: Array, name: str) -> Array:
+def jittered(X: Array, F: Array, name: str) -> Array:
     """Vertices (n, 3) moved at random, in the same way for the same name."""
-    edges = frame_X[F] - frame_X[np.roll(F, 1, axis=1)]
+    edges = X[F] - X[np.roll(F, 1, axis=1)]
     by = _JITTER * float(np.linalg.norm(edges, axis=2).mean())
-    moved: Array = frame_X + by * random_of(name).standard_normal(frame_X.shape)
+    moved: Array = X + by * random_of(name).standard_normal(X.shape)
     return moved
 
 
@@ -154,13 +154,12 @@ class Strip:
         options = ("--no-diagnostics",) if program == "massspring" else ()
         return self.store.run(RunRequest(program, self.scene, (*self.overrides, *own, *overrides), options))
 
-    def measure(self, methods: Sequence[str]) -> None:
-        for method in methods:
-            outcome = self.outcomes[method] = self.run(method)
-            if (outcome.folder / "frames.pvd").exists():
-                run = sound_part(load_frames(outcome.folder))
-                if len(run.times) > 1:
-                    self.runs[method] = run
+    def measure(self, method: str) -> None:
+        outcome = self.outcomes[method] = self.run(method)
+        if (outcome.folder / "frames.pvd").exists():
+            run = sound_part(load_frames(outcome.folder))
+            if len(run.times) > 1:
+                self.runs[method] = run
 
     @property
     def referee(self) -> str | None:
@@ -270,7 +269,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
         with alone(arguments.quiet):
             for method in methods:
                 say(f"{scene.stem}, {method}", arguments.quiet)
-                strip.measure([method])
+                strip.measure(method)
         rows += strip.rows()
         figures: Figures = {}
         if len(strip.runs) > 1:
@@ -291,5 +290,6 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
 
 _HOW = (
     "Each row is the mean over the motion's frames. Volume, area and inertia are over those at rest, lengths over the body's "
-    "size, silhouettes over their union. Quadratic elements judge where they come to the end, linear ones elsewhere."
+    "size, silhouettes over their union. Quadratic elements judge where they come to the end, linear ones elsewhere. "
+    "A motion that ends early is compared up to its end."
 )

@@ -9,6 +9,7 @@ import time
 from solvers import calls, make_solvers
 
 from analysis.paths import ROOT
+from analysis.run_store import RunRequest, Store
 
 _HOLD = """
 import sys, time
@@ -52,3 +53,24 @@ def test_run_that_another_process_makes_is_waited_for_and_taken(ball, tmp_path):
     both = [start(_STORE, programs, tmp_path / "runs", tmp_path / "scene.toml") for _ in range(2)]
     assert [process.communicate(timeout=120)[0] for process in both] == ["ok\n", "ok\n"]
     assert len(calls(programs)) == 1
+
+
+def test_run_is_that_of_the_programs_as_they_were_when_it_began(ball, tmp_path, monkeypatch):
+    """A build meanwhile makes other programs; what has been run is not lost."""
+    programs = make_solvers(tmp_path / "home", ball)
+    (tmp_path / "scene.toml").write_text("")
+    request, store = (
+        RunRequest("massspring", tmp_path / "scene.toml"),
+        Store(tmp_path / "runs", programs=programs),
+    )
+    folder, execute = store.folder / store.key(request), Store._execute
+
+    def build_meanwhile(self, request, folder):
+        outcome = execute(self, request, folder)
+        with (programs / "massspring").open("a") as program:
+            program.write("\n# another\n")
+        return outcome
+
+    monkeypatch.setattr(Store, "_execute", build_meanwhile)
+    assert store.run(request).folder == folder
+    assert store.key(request) != folder.name and not store.find(request)
