@@ -88,8 +88,14 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
 
 GeneralisedAlpha::GeneralisedAlpha(Dynamics system, double h, const TimeScheme& scheme)
     : Integrator(std::move(system), h), scheme_(scheme) {
+  // Forces of so small a strain leave rounding alone out of balance, as in a body that rests free of stress.
+  constexpr double kLeastStrain = 1e-6;
   const auto n = system_.K.rows();
-  if (system_.linearise) energy_scale_ = system_.X.reshaped().dot(system_.K * system_.X.reshaped());
+  if (system_.linearise) {
+    const VectorXd f = system_.K * system_.X.reshaped();
+    energy_scale_ = system_.X.reshaped().dot(f);
+    least_size_ = kLeastStrain * f.norm();
+  }
   find_free();
   restart(VectorXd::Zero(n), VectorXd::Zero(n));
 }
@@ -390,7 +396,7 @@ double GeneralisedAlpha::incremental_potential(const Trial& trial) const {
 /// At finite strain, from the acceleration of the step before on. Whether there is one.
 bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Trial& trial) {
   const double alpha_f = scheme_.alpha_f, by_acceleration = scheme_.beta * h_ * h_;  // of displacement
-  constexpr double kRounding = 1e-6, kSlow = 0.3, kLastStep = 1e-9, kLeastStrain = 1e-6;
+  constexpr double kRounding = 1e-6, kSlow = 0.3, kLastStep = 1e-9;
   constexpr int kMaxIterations = 50, kMaxIterationsOfContact = 200, kMaxHalvings = 50;
   // Free unknowns that stay where they are strain the body no more than it is.
   VectorXd still = -(v_ / h_ + scheme_.early * a_) / scheme_.beta;
@@ -413,8 +419,6 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
   }
   if (passes_through(surface, at(u_), at(trial.u))) return false;
 
-  // Forces of so small a strain leave rounding alone out of balance, as in a body that rests free of stress.
-  const double least = kLeastStrain * energy_scale_ / diagonal_of(system_.X);
   Trial start = trial;
   double size = 0, error = 0, before = std::numeric_limits<double>::infinity();
   bool is_new = false;
@@ -429,7 +433,7 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
     r = field_of(residual);
   };
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport&) {
-    error = r.norm() / std::max(size, least);
+    error = r.norm() / std::max(size, least_size_);
     return error <= system_.tolerance || (is_new && error > kSlow * before && error <= kRounding);
   };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {

@@ -175,6 +175,7 @@ class GeneralisedAlpha : public Integrator {
   std::optional<meshing::SparseCholesky> factor_;
   // At finite strain:
   double energy_scale_ = 0;  // of what a body as large as itself would take: for rounding (J)
+  double least_size_ = 0;    // of forces that a step is held against (N)
   meshing::SinglePrecisionFactor single_;
   Eigen::MatrixXd roots_, solved_roots_;  // G, and what the factor makes of it, of a tangent with G G^T
 };

@@ -132,6 +132,14 @@ def test_files_of_another_run_are_refused(folder, ball, tmp_path):
         load_run(folder)
 
 
+def test_file_of_another_run_is_refused_though_it_is_as_long(folder):
+    file = folder / "curves.csv"
+    text = file.read_text()
+    file.write_text(text[:-2] + str((int(text[-2]) + 1) % 10) + text[-1])
+    with pytest.raises(RunError, match=r"curves.csv: not the file that run.json lists"):
+        load_run(folder)
+
+
 def test_run_that_lists_no_files_is_refused(folder):
     record = json.loads((folder / "run.json").read_text())
     del record["outputs"]
