@@ -132,11 +132,13 @@ ChildResult run_child(const std::filesystem::path& program, const std::vector<st
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) throw std::runtime_error(program.string() + ": cannot be started: " + std::strerror(error));
   output.close_inherited();
+#ifndef __SANITIZE_ADDRESS__  // The sanitizer's shadow alone takes terabytes of address space.
   if (std::isfinite(memory_limit)) {
     const auto bytes = static_cast<rlim_t>(memory_limit);
     const rlimit limit{bytes, bytes};
     prlimit(process, RLIMIT_AS, &limit, nullptr);
   }
+#endif
 
   ChildResult result{false, false, "", ""};
   int status = 0;

@@ -304,7 +304,9 @@ TEST(SurfaceContact, StiffnessIsTheSlopeOfTheForceAlsoOfNearlyParallelEdges) {
 }
 
 TEST_F(TwoBalls, BounceInsteadOfPassingThrough) {
-  for (const char* integrator : {"symplectic_euler", "implicit_euler", "minimising_euler"}) {
+  const std::map<std::string, double> steps{
+      {"symplectic_euler", 2e-3}, {"implicit_euler", 2e-3}, {"minimising_euler", 5e-3}};
+  for (const auto& [integrator, h] : steps) {
     MassSpringModel body = model;
     Eigen::Matrix2Xi pairs(2, 2 * n * (n - 1) / 2);
     int s = 0;
@@ -318,7 +320,7 @@ TEST_F(TwoBalls, BounceInsteadOfPassingThrough) {
     State state = initial_state(body);
     state.v.rightCols(n).row(0).setConstant(-1);
     TimeStepper stepper(body, forces, integrator, 2, {}, contacts);
-    while (state.t < 2) ASSERT_EQ(stepper.step(state, 2e-3).status, Status::Ok);
+    while (state.t < 2) ASSERT_EQ(stepper.step(state, h).status, Status::Ok);
     const double left = state.x.leftCols(n).row(0).mean(), right = state.x.rightCols(n).row(0).mean();
     EXPECT_GT(right - left, 2) << "passed through";
     EXPECT_LT(state.v.leftCols(n).row(0).mean(), -0.3) << "momentum not handed on";
