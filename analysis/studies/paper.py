@@ -2,7 +2,7 @@
 
 Table 1: frames a second of one core, measured by bench_step on bodies of the paper's counts of nodes (its own meshes are not
 known), median of interleaved repetitions. The paper's are those of the machine of its day. Figure 11: the scenes FIGURE_11,
-springs alone, beside the method as published. Every claim of the paper with a verdict: analysis/CLAIMS.md.
+the method as published beside ours, and finite elements [strips]. Every claim of the paper with a verdict: analysis/CLAIMS.md.
 """
 
 from __future__ import annotations

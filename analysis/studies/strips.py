@@ -34,6 +34,7 @@ from ..shape_measures import (
 from ..spread import spread, statement
 from ..wording import percent
 from .bodies import random_of
+from .claims import PUBLISHED
 from .published import overrides_of, sound_part
 from .result import Figures, Result, Section
 
@@ -42,7 +43,6 @@ _N_VERTICES = 300  # of the surfaces, as near as shapes allow
 _N_COPIES, _JITTER = 10, 1e-3  # of the surface for chance; what vertices move by, of the mean edge
 _N_FRAMES = 8  # of a motion, at which shapes are compared
 _LIMIT, _QUICK_LIMIT = 1500.0, 120.0  # s of a run
-PUBLISHED = "uniform, as published"
 _COUPLED = "node_averaged"
 
 
