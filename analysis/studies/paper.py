@@ -2,7 +2,7 @@
 
 Table 1: frames a second of one core, measured by bench_step on bodies of the paper's counts of nodes (its own meshes are not
 known), median of interleaved repetitions. The paper's are those of the machine of its day. Figure 11: the scenes FIGURE_11,
-springs alone, beside the method as published. Every claim of the paper with a verdict: analysis/CLAIMS.md.
+the method as published beside ours, and finite elements [strips]. Every claim of the paper with a verdict: analysis/CLAIMS.md.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from matplotlib.figure import Figure
 from ..drawing.film import draw_strip
 from ..drawing.network_pictures import draw_before_and_after
 from ..drawing.style import style_of, svg_of
+from ..methods import FEM_P2
 from ..paths import PROGRAMS, SCENES, write_text
 from ..report import Table
 from ..run_store import RunRequest, Store
 from ..runs import RunError, load_run
 from ..time_warp import WARPS, warp_of
-from . import network_curves
+from . import network_curves, strips
 from .claims import EXPLICIT, IMPLICIT, N_SEEDS, Seeds
 from .claims import measure as measure_claims
 from .published import figure_11 as published_figure_11
@@ -38,6 +39,8 @@ PUBLISHED = {
     "handle": (1432, 6837, 16.62, 0.66),
     "head": (4397, 24808, 5.14, 0.23),
 }
+#: Of strips.METHODS; quadratic elements take hours.
+_NOT_IN_PAIRS = (FEM_P2, "edge_coupled", "uniform")
 FIGURE_11 = ("torus_implodes", "handle_folds", "head_crushes", "ball_deflates")  # a to d
 _CUSTOM = [
     [0.0, 0.0],
@@ -207,16 +210,21 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
         ),
     }
     scenes = arguments.scenes or [SCENES / f"{name}.toml" for name in FIGURE_11]
-    strips, ended = figure_11(scenes, Store(folder / "runs"), folder)
+    pictures, ended = figure_11(scenes, Store(folder / "runs"), folder)
     sections = [Section("Table 1", [], {}, {"table_1": table}), Section("Figures", [], figures)]
-    shown: Figures = {name: (file, f"Figure 11: {name}.") for name, file in strips.items()}
+    shown: Figures = {name: (file, f"Figure 11: {name}.") for name, file in pictures.items()}
     sections.append(Section("Figure 11", [], shown, {"figure_11": ended}))
-    strips, ended = published_figure_11(scenes, Store(folder / "runs"), folder)
+    pictures, ended = published_figure_11(scenes, Store(folder / "runs"), folder)
     shown = {
         f"{name}_published": (file, f"Figure 11: {name}, ours above the method as published.")
-        for name, file in strips.items()
+        for name, file in pictures.items()
     }
     sections.append(Section("Figure 11 as published", [], shown, {"published": ended}))
+    differences, pairs = strips.compare(
+        scenes, Store(folder / "runs"), folder, without=_NOT_IN_PAIRS, is_quiet=arguments.quiet
+    )
+    sections.append(Section("Figure 11 in pairs", [strips.HOW], {}, {"pairs": differences}))
+    sections += pairs
     seeds = Seeds(Store(folder / "runs"), 2 if arguments.quick else N_SEEDS)
     sections.append(network_curves.section(network_curves.measure(seeds)))
     sections.append(Section("Claims", [], {}, {"claims": measure_claims(seeds)}))

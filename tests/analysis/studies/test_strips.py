@@ -60,11 +60,13 @@ def test_a_run_of_one_frame_is_refused(ball, tmp_path):
         strips.differences(run, run)
 
 
-def test_copies_move_by_a_part_of_an_edge_and_by_their_name(ball):
+def test_copies_move_inwards_by_a_part_of_an_edge_and_by_their_name(ball):
     X, F = ball
     moved = strips.jittered(X, F, "a_1")
     edges = np.linalg.norm(X[F] - X[np.roll(F, 1, axis=1)], axis=2).mean()
-    assert (moved - X).std() == pytest.approx(1e-3 * edges, rel=0.2)
+    way = np.linalg.norm(moved - X, axis=1)
+    assert np.sqrt((way**2).mean()) == pytest.approx(1e-3 * edges, rel=0.2)
+    assert np.linalg.norm(X, axis=1) - np.linalg.norm(moved, axis=1) == pytest.approx(way, rel=1e-2)
     assert (moved == strips.jittered(X, F, "a_1")).all()
     assert (moved != strips.jittered(X, F, "a_2")).any()
 
