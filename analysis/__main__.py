@@ -11,7 +11,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from . import grid, pair, remesh, reproduce
+from . import cluster, grid, pair, remesh, reproduce
 from .experiment import TIME_LIMIT, default_folder, run_solvers, surface_file, surface_overrides
 from .folder_lock import locked
 from .index import write_index
@@ -47,8 +47,15 @@ _SWEEP_EXAMPLES = """examples:
   ./testbed sweep --set material.nu=0.25,0.3,0.45 --set network.multiplicity=3,5,8 --set network.calibration=uniform
   ./testbed sweep analysis/scenes/bar_sag.toml --set network.calibration=uniform,affine,node_averaged
 
-On N machines: start "--part 1/N" ... "--part N/N" with one --out on a shared file system, or copy the machines'
-DIR/runs into one folder; then the same command without --part writes the table.
+On several machines: analysis/CLUSTER.md. Or without an engine: start "--part 1/N" ... "--part N/N" with one --out on a
+shared file system, or copy the machines' DIR/runs into one folder; then the same command without --part writes the table.
+"""
+
+
+_WORKER_EXAMPLES = """example, on two machines:
+  .venv/bin/dask scheduler --host 192.168.0.1
+  ./testbed worker tcp://192.168.0.1:8786                              on each machine
+  ./testbed study accuracy --cluster tcp://192.168.0.1:8786
 """
 
 
@@ -145,6 +152,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         metavar="I/N",
         help="run only the I-th of every N runs, on one of N machines",
     )
+    cluster.add_arguments(sweep)
     compare = add(
         "compare", [],
         "Compares two results on the same surface, whoever computed them: the folder of a run (as fem_reference in out/NAME), "
@@ -165,14 +173,23 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     again.add_argument(
         "names", nargs="*", metavar="NAME", help=f"of: {', '.join(reproduce.entries())}; default: all"
     )
+    cluster.add_arguments(again)
     again.add_argument("--write", action="store_true", help="write tables and figures anew, of a commit")
-    study.add_arguments(
+    measure = add(
+        "study", [forced],
+        "Measures something over many runs and reports it. A study that was killed continues. Timed runs are made one "
+        "at a time: leave the machine alone meanwhile.",
+        study.examples(),
+    )  # fmt: skip
+    study.add_arguments(measure)
+    cluster.add_arguments(measure)
+    cluster.add_worker_arguments(
         add(
-            "study",
-            [forced],
-            "Measures something over many runs and reports it. A study that was killed continues. Timed runs are made one "
-            "at a time: leave the machine alone meanwhile.",
-            study.examples(),
+            "worker",
+            [],
+            "Makes runs for those who ask the scheduler at an address, until it is stopped. One on each machine: the first "
+            "takes timed runs, and makes no others meanwhile.",
+            _WORKER_EXAMPLES,
         )
     )
     return parser.parse_args(arguments)
@@ -209,7 +226,7 @@ def _run_in(folder: Path, arguments: argparse.Namespace) -> int:
 
 _COMMANDS = {
     "run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main,
-    "reproduce": reproduce.main,
+    "reproduce": reproduce.main, "worker": cluster.serve,
 }  # fmt: skip
 
 

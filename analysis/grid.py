@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 import json
+import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from .cluster import engine_of
 from .compare import compare_runs
 from .drawing.style import number_logarithmic, style_of, svg_of
 from .experiment import default_folder, surface_overrides
@@ -20,7 +22,7 @@ from .folder_lock import locked
 from .outputs import forget
 from .paths import ROOT, write_text
 from .report import html_table, page, svg_figure, text_table
-from .run_store import Outcome, RunRequest, Store, reminders, say
+from .run_store import Outcome, Progress, RunRequest, Store, each, reminders
 from .runs import RunError, load_run, read_toml
 from .verdict import SERVES
 from .wording import percent
@@ -29,6 +31,7 @@ _ERROR = "displacement_error_l2"
 _ERRORS = [_ERROR, "displacement_error_max", "volume_change_error"]
 _SECONDS = ["seconds_massspring", "seconds_fem_reference"]
 FIGURES = [*_ERRORS, "n_nodes", "n_springs", "n_patches", *_SECONDS]
+_PAUSE = 1.0  # s, between tables on the way
 Row = dict[str, Any]
 
 
@@ -223,7 +226,7 @@ def sweep(
     is_quiet: bool = False,
     store: Store | None = None,
 ) -> list[Row]:
-    """Makes every run of the grid that has not been made, and writes the table after each.
+    """Makes every run of the grid that has not been made, and writes the table on the way.
 
     part: (i, n) runs the i-th of every n runs only, and writes no table: the share of one of n machines.
     """  # fmt: skip
@@ -245,16 +248,14 @@ def _sweep(
     settings = settings_of(grid)
     share = settings[part[0] - 1 :: part[1]]
     rows: list[Row] = []
-    for values in share:
-        rows.append(measure(store, scene, values))
-        row = rows[-1]
+    progress, written = Progress(len(share), is_quiet), -_PAUSE
+    for values, row in zip(share, each(lambda values: measure(store, scene, values), share), strict=True):
+        rows.append(row)
         result = percent(row[_ERROR]) if row["status"] == "ok" else f"{row['status']}: {row['message']}"
-        say(
-            f"[{len(rows)}/{len(share)}] {' '.join(f'{k}={v}' for k, v in values.items())}: {result}",
-            is_quiet,
-        )
-        if share == settings:
+        progress.say(f"{' '.join(f'{k}={v}' for k, v in values.items())}: {result}")
+        if share == settings and time.monotonic() > written + _PAUSE:
             write_text(folder / "sweep.csv", csv_of(rows))
+            written = time.monotonic()
     if share != settings:
         return rows
     records = {
@@ -281,7 +282,7 @@ def main(arguments: Any) -> int:
         raise RunError("--force with --part: other parts may be at work, expected one of them")
     if arguments.force:
         forget(folder)
-    with reminders("sweep", arguments.quiet):
+    with engine_of(arguments), reminders("sweep", arguments.quiet):
         rows = sweep(arguments.scene.resolve(), grid, folder, arguments.part, arguments.quiet)
     if arguments.part == (1, 1):
         keys = varied(grid)

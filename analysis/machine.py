@@ -7,12 +7,15 @@ import os
 import platform
 import re
 import subprocess
+import tempfile
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+#: Held by the timed study or the worker whose timed runs are made on this machine.
+LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
 THREADS = ("OMP_NUM_THREADS", "DEAL_II_NUM_THREADS")
 _WAITED = 0.1  # of its time: a run that waits longer tells nothing on seconds
 _PROGRAMS = {
@@ -52,6 +55,11 @@ def describe(programs: Path) -> dict[str, Any]:
             file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in files
         },
     }
+
+
+def kind() -> str:
+    """Of this machine, so far as seconds depend on it: processor and cores."""
+    return f"{_processor()}, {os.cpu_count()} cores"
 
 
 def has_waited(cpu: float, wall: float) -> bool:

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .cluster import engine_of
 from .comparison import compare, without_nan
 from .experiment import run_solvers
 from .folder_lock import locked
@@ -214,7 +215,7 @@ def differences_of_tables(stored: Table, fresh: Table, tolerance: float) -> list
     ]
 
 
-def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool) -> list[str]:
+def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool, _cluster: str = "") -> list[str]:
     """Differences of a table of runs; written anew where that is asked for.
 
     Rows whose body is not on this machine are left out. Raises RunError where they would have to be written.
@@ -240,14 +241,18 @@ def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool) -> list[str]:
     return said
 
 
-def reproduce_command(entry: Entry, is_written: bool, is_quiet: bool) -> list[str]:
-    """Runs a study, and names the cells and figures that have changed. Raises RunError where it fails."""
-    say(f"{entry.name}: {entry.command}", is_quiet)
+def reproduce_command(entry: Entry, is_written: bool, is_quiet: bool, cluster: str = "") -> list[str]:
+    """Runs a study, and names the cells and figures that have changed. Raises RunError where it fails.
+
+    cluster: address of the scheduler whose workers make the study's runs, if there is one.
+    """
+    command = f"{entry.command} --cluster {cluster}" if cluster else entry.command
+    say(f"{entry.name}: {command}", is_quiet)
     out = OUT / "reproduce" / entry.name
     out.mkdir(parents=True, exist_ok=True)
     page = (ROOT / entry.page).read_text()
     with (out / "output.txt").open("w") as output:
-        done = subprocess.run(entry.command, shell=True, cwd=ROOT, stdout=output, check=False)
+        done = subprocess.run(command, shell=True, cwd=ROOT, stdout=output, check=False)
     if done.returncode:
         raise RunError(
             f"{entry.name}: '{entry.command}' ended with {done.returncode}, see {out / 'output.txt'}"
@@ -267,10 +272,10 @@ def reproduce_command(entry: Entry, is_written: bool, is_quiet: bool) -> list[st
     return said
 
 
-def reproduce(entry: Entry, is_written: bool, is_quiet: bool = False) -> list[str]:
+def reproduce(entry: Entry, is_written: bool, is_quiet: bool = False, cluster: str = "") -> list[str]:
     """What differs from what is stored. With is_written the page is written anew, and what it is of is noted."""
     start = time.monotonic()
-    said = (reproduce_runs if entry.rows else reproduce_command)(entry, is_written, is_quiet)
+    said = (reproduce_runs if entry.rows else reproduce_command)(entry, is_written, is_quiet, cluster)
     if is_written:
         stored = json.loads(STORED.read_text()) if STORED.exists() else {}
         of = describe(PROGRAMS)
@@ -282,6 +287,11 @@ def reproduce(entry: Entry, is_written: bool, is_quiet: bool = False) -> list[st
 
 def main(arguments: argparse.Namespace) -> int:
     """./testbed reproduce"""
+    with engine_of(arguments) as engine:
+        return _reproduce_all(arguments, engine.address if engine else "")
+
+
+def _reproduce_all(arguments: argparse.Namespace, cluster: str) -> int:
     listed = entries()
     if unknown := [name for name in arguments.names if name not in listed]:
         raise RunError(f"no entry '{unknown[0]}' (known: {', '.join(listed)})")
@@ -314,7 +324,7 @@ def main(arguments: argparse.Namespace) -> int:
     for entry in chosen:
         try:
             with reminders(entry.name, arguments.quiet):
-                said = reproduce(entry, arguments.write, arguments.quiet)
+                said = reproduce(entry, arguments.write, arguments.quiet, cluster)
         except RunError as error:
             said = [str(error)]
         of = stored.get(entry.name, {}).get("commit", "an unknown commit")

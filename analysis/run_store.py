@@ -11,20 +11,22 @@ import sys
 import threading
 import time
 import tomllib
-from collections.abc import Iterator
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from . import load_scale
 from .execute import execute, solver
 from .folder_lock import locked
-from .machine import THREADS
+from .machine import THREADS, kind
 from .outputs import are_as_written
 from .paths import PROGRAMS, write_text
 from .runs import NOT_OK, SOLVED, RunError, built, read_toml, record_of
+from .wording import duration
 
 # Top-level keys of a scene that change nothing in a program's result, as in its own input hash.
 _IGNORED = {
@@ -32,7 +34,14 @@ _IGNORED = {
     "massspring": {"name", "reference", "comparison", "playback"},
 }
 _MESHERS = ("gmsh_worker", "tetgen_worker")
+_READER = "vtk_worker"
 _MARK = f".part-{platform.node()}-"  # of a folder that a process works on; its number follows
+_guards: dict[str, threading.Lock] = defaultdict(
+    threading.Lock
+)  # of runs: threads wait for each other without a word
+
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -45,6 +54,7 @@ class RunRequest:
     options: tuple[str, ...] = ()  #: further words of the command line
     prefix: tuple[str, ...] = ()  #: a command that runs the program, such as valgrind
     repetition: int = 0  #: of a timed run; only the first keeps its frames
+    is_timed: bool = False  #: its seconds count: no other run shares its machine, and only those of one kind of machine are taken
 
 
 @dataclass(frozen=True)
@@ -58,6 +68,60 @@ class Outcome:
     load: float  #: load average of the machine as the run began
     folder: Path = Path()
     record: dict[str, Any] = field(default_factory=dict)  #: run.json
+
+
+class LostRunError(RunError):
+    """A run whose makers have all died: it is no result, and is made again where it is asked for again."""
+
+
+class Engine(Protocol):
+    """Makes runs. What has been made is the store's."""
+
+    @property
+    def machine(self) -> str:
+        """Kind of machine that timed runs are made on. Raises RunError where there is none."""
+
+    def make(self, store: Store, request: RunRequest, key: str, folder: Path) -> None:
+        """Makes a run and writes all its files and outcome.json into a folder. Raises LostRunError."""
+
+    def each(self, function: Callable[[Item], Found], items: Iterable[Item]) -> Iterator[Found]:
+        """A function of each item, in their order; as many at a time as the engine has use for."""
+
+
+class Here:
+    """One run after the other, by this process."""
+
+    machine = kind()
+
+    def make(self, store: Store, request: RunRequest, key: str, folder: Path) -> None:  # noqa: ARG002
+        store.fill(request, folder)
+
+    def each(self, function: Callable[[Item], Found], items: Iterable[Item]) -> Iterator[Found]:
+        return map(function, items)
+
+
+_engine: Engine = Here()
+
+
+@contextmanager
+def made_by(engine: Engine) -> Iterator[None]:
+    """Within it, an engine makes the runs of every store."""
+    global _engine
+    before, _engine = _engine, engine
+    try:
+        yield
+    finally:
+        _engine = before
+
+
+def each(function: Callable[[Item], Found], items: Iterable[Item]) -> Iterator[Found]:
+    """A function of each item, in their order; runs that it asks of a store are made beside those of other items."""
+    return _engine.each(function, items)
+
+
+def is_of_one_machine() -> bool:
+    """Whether runs are made by this process."""
+    return isinstance(_engine, Here)
 
 
 class Store:
@@ -78,11 +142,7 @@ class Store:
         """
         ignored = _IGNORED[request.program]
         scene = read_toml(request.scene)
-        settings = dict(override.partition("=")[::2] for override in request.overrides)
-        files = dict(_files_in(scene, "", request.scene.parent))
-        for key, text in settings.items():
-            files = {place: file for place, file in files.items() if not f"{place}.".startswith(f"{key}.")}
-            files |= dict(_files_in(value_of(text), key, Path()))
+        settings = _settings_of(request)
         parts = [
             {key: value for key, value in scene.items() if key not in ignored},
             {key: value for key, value in settings.items() if key.split(".")[0] not in ignored},
@@ -92,9 +152,10 @@ class Store:
             request.repetition,
             [_hash_of_file(built(self.programs, name)) for name in (request.program, *_MESHERS)],
             # Programs of earlier commits have none.
-            _hash_of_file(worker) if (worker := self.programs / "vtk_worker").exists() else "",
+            _hash_of_file(worker) if (worker := self.programs / _READER).exists() else "",
             [os.environ.get(name, "") for name in THREADS],
-            {place: _hash_of_file(file) for place, file in files.items()},
+            {place: _hash_of_file(file) for place, file in files_of(request).items()},
+            *([_engine.machine] if request.is_timed else []),
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
@@ -132,12 +193,15 @@ class Store:
     def run(self, request: RunRequest) -> Outcome:
         """The run's outcome, running it now if that has not been done."""
         request = self._loaded(request)
-        folder = self.folder / self.key(
-            request
-        )  # of the programs as they are now, which may be built anew meanwhile
+        # Of the programs as they are now, which may be built anew meanwhile.
+        return self.run_as(self.key(request), request)
+
+    def run_as(self, key: str, request: RunRequest) -> Outcome:
+        """The outcome of a run whose key is known, running it now if that has not been done."""
+        folder = self.folder / key
         if known := self._known(folder, request):
             return known
-        with locked(self.folder, f".{folder.name}.lock"):
+        with _guards[str(folder)], locked(self.folder, f".{key}.lock"):
             return self._known(folder, request) or self._made(folder, request)
 
     def _made(self, folder: Path, request: RunRequest) -> Outcome:
@@ -145,16 +209,23 @@ class Store:
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
         shutil.rmtree(folder, ignore_errors=True)  # of a shorter time limit, or damaged
-        outcome = self._execute(request, part)
-        if request.repetition:
-            shutil.rmtree(part / "frames", ignore_errors=True)
-        values = asdict(outcome)
-        del values["folder"], values["record"]
-        write_text(part / "outcome.json", json.dumps(values))
+        try:
+            _engine.make(self, request, folder.name, part)
+        except LostRunError as error:
+            return Outcome("failed", str(error), 0, 0, 0)
         part.rename(folder)
         found = self._known(folder, request)
         assert found
         return found
+
+    def fill(self, request: RunRequest, folder: Path) -> None:
+        """Makes a run by this process, with all its files and outcome.json in a folder."""
+        outcome = self._execute(request, folder)
+        if request.repetition:
+            shutil.rmtree(folder / "frames", ignore_errors=True)
+        values = asdict(outcome)
+        del values["folder"], values["record"]
+        write_text(folder / "outcome.json", json.dumps(values))
 
     def _loaded(self, request: RunRequest) -> RunRequest:
         """The request with the factor on its loads by which it strains as its scene wants, found by a trial."""
@@ -186,6 +257,25 @@ class Store:
             return Outcome("failed", said.splitlines()[-1], **spent)
         record = record_of(folder)
         return Outcome(record["status"], record.get("reason", ""), **spent)
+
+
+def files_of(request: RunRequest) -> dict[str, Path]:
+    """Place in the scene -> file, of all that a run reads. Raises RunError when the scene cannot be read."""
+    files = dict(_files_in(read_toml(request.scene), "", request.scene.parent))
+    for key, text in _settings_of(request).items():
+        files = {place: file for place, file in files.items() if not f"{place}.".startswith(f"{key}.")}
+        files |= dict(_files_in(value_of(text), key, Path()))
+    return files
+
+
+def _settings_of(request: RunRequest) -> dict[str, str]:
+    return dict(override.partition("=")[::2] for override in request.overrides)
+
+
+def hash_of_programs(programs: Path) -> str:
+    """Of all that a run's result depends on, of either program. Raises RunError where one is not there."""
+    hashes = [_hash_of_file(built(programs, name)) for name in (*_IGNORED, *_MESHERS)]
+    return hashlib.sha256("".join(hashes).encode()).hexdigest()[:16]
 
 
 def value_of(text: str) -> Any:
@@ -232,6 +322,22 @@ def say(text: str, is_quiet: bool) -> None:
         now = time.monotonic()
         _last.update(text=text, said=now, shown=now)
         print(text, file=sys.stderr, flush=True)
+
+
+class Progress:
+    """Tells what is done of so many things, and how long the others will take by the pace of the last ones."""
+
+    def __init__(self, n: int, is_quiet: bool) -> None:
+        self.n, self.is_quiet, self.n_done = n, is_quiet, 0
+        self._times = deque([time.monotonic()], maxlen=20)
+
+    def say(self, text: str) -> None:
+        """Of one more that is done."""
+        self.n_done += 1
+        self._times.append(time.monotonic())
+        pace = (self._times[-1] - self._times[0]) / (len(self._times) - 1)
+        left = f", {duration(pace * (self.n - self.n_done))} left" if self.n_done < self.n else ""
+        say(f"[{self.n_done}/{self.n}{left}] {text}", self.is_quiet)
 
 
 @contextmanager

@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import csv
 import subprocess
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,7 +29,7 @@ from ..grid import csv_of
 from ..methods import FEM_P2, label_of
 from ..paths import PACKAGE, PROGRAMS, write_text
 from ..report import Table
-from ..run_store import RunRequest, Store, say
+from ..run_store import Progress, RunRequest, Store, each
 from ..runs import Run, RunError, load_run
 from ..surface_points import on_points_of
 from .accuracy_loads import CUTTABLE, FREE, HELD, of_cut_surface, scene_of
@@ -69,6 +68,10 @@ class Case:
     @property
     def kind(self) -> str:
         return "held" if self.load in HELD else "free"
+
+    @property
+    def name(self) -> str:
+        return f"{self.body.name}, {self.load}, nu = {self.nu}"
 
 
 def cases(has_held_out: bool = False, is_quick: bool = False) -> list[Case]:
@@ -421,13 +424,10 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     bench = Bench(folder)
     wanted = cases(arguments.held_out, arguments.quick)
     rows: list[Row] = []
-    start = time.perf_counter()
-    for number, case in enumerate(wanted, 1):
-        rows += bench.measure(case)
-        hours = (time.perf_counter() - start) / 3600
-        left = hours / number * (len(wanted) - number)
-        name = f"{case.body.name}, {case.load}, nu = {case.nu}"
-        say(f"[{number}/{len(wanted)}] {name}: {hours:.2f} h, {left:.2f} h left", arguments.quiet)
+    progress = Progress(len(wanted), arguments.quiet)
+    for case, found in zip(wanted, each(bench.measure, wanted), strict=True):
+        rows += found
+        progress.say(case.name)
         write_text(folder / "rows.csv", csv_of(rows))
     of_fields = {
         case.body: None

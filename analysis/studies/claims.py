@@ -18,7 +18,7 @@ from ..methods import FEM_P1, label_of
 from ..paths import PACKAGE, SCENES
 from ..report import Table
 from ..reproduce import tables_of
-from ..run_store import Outcome, RunRequest, Store
+from ..run_store import Outcome, RunRequest, Store, each
 from ..runs import Run, RunError, load_run
 from ..surface_points import on_points_of
 from ..verdict import SERVES
@@ -51,12 +51,11 @@ class Seeds:
         self.seeds = range(1, n + 1)
 
     def outcomes(self, scene: Path, overrides: Sequence[str]) -> list[Outcome]:
-        return [
-            self.store.run(
-                RunRequest("massspring", scene, (*overrides, f"network.seed={seed}"), ("--no-diagnostics",))
-            )
+        requests = [
+            RunRequest("massspring", scene, (*overrides, f"network.seed={seed}"), ("--no-diagnostics",))
             for seed in self.seeds
         ]
+        return list(each(self.store.run, requests))
 
     def values(
         self, scene: Path, overrides: Sequence[str], measure: Callable[[Outcome], float]

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from ..cluster import engine_of
 from ..folder_lock import locked
 from ..outputs import forget
 from ..paths import ROOT
@@ -18,6 +19,7 @@ from ..run_store import reminders
 from ..runs import RunError
 from . import (
     accuracy,
+    cluster,
     cost,
     estimate,
     gallery,
@@ -96,6 +98,9 @@ STUDIES = {
         estimate.study,
         frozenset({"quick", "held_out"}),
     ),
+    "cluster": Study(
+        "a sweep of small runs by one worker and by two, one of which is killed: half an hour", cluster.study
+    ),
     "verdicts": Study(
         "whether verdicts on the same bodies hold against a finer reference: an hour", verdicts.study
     ),
@@ -162,7 +167,7 @@ def main(arguments: argparse.Namespace) -> int:
     # Scenes in it name files in it.
     folder = (arguments.out or ROOT / "out" / "study" / arguments.name).resolve()
     measure = STUDIES[arguments.name].measure
-    with locked(folder), reminders(arguments.name, arguments.quiet):
+    with locked(folder), engine_of(arguments), reminders(arguments.name, arguments.quiet):
         if arguments.force:
             forget(folder)
         result = measure(arguments, folder)

@@ -16,7 +16,7 @@ import numpy as np
 from ..grid import csv_of
 from ..paths import write_text
 from ..report import Table
-from ..run_store import say
+from ..run_store import Progress, each
 from ..runs import Run, RunError
 from .accuracy import SPRINGS, Bench, Case, Row, cases, error_of
 from .result import Result, Section
@@ -103,9 +103,10 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     bench = Bench(folder)
     wanted = cases(arguments.held_out, arguments.quick)
     rows: list[Row] = []
-    for number, case in enumerate(wanted, 1):
-        rows += measure(bench, case)
-        say(f"[{number}/{len(wanted)}] {case.body.name}, {case.load}, nu = {case.nu}", arguments.quiet)
+    progress = Progress(len(wanted), arguments.quiet)
+    for case, found in zip(wanted, each(lambda case: measure(bench, case), wanted), strict=True):
+        rows += found
+        progress.say(case.name)
         write_text(folder / "rows.csv", csv_of(rows))
     sections = [Section("Estimates and targets", [_HOW], {}, {"estimates": table(rows)})]
     return Result("What the springs know of their error", finding(rows), sections)

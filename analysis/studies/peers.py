@@ -100,7 +100,7 @@ def measure(store: Store, folder: Path, n_vertices: int, degree: int) -> Pair:
             f"reference.degree={degree}",
             f"time.residual={_RESIDUAL}",
         )
-        request = RunRequest("fem_reference", _SCENE, settings, repetition=100 * repetition)
+        request = RunRequest("fem_reference", _SCENE, settings, repetition=100 * repetition, is_timed=True)
         outcome = store.run(request)
         if outcome.status != "ok":
             raise RunError(f"fem_reference: {outcome.status}: {outcome.message}")

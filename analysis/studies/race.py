@@ -255,8 +255,12 @@ class SceneStudy:
         if m.method.program == "massspring":
             target = (f"network.target_error={m.rung.target}",) if m.rung.target else ()
             seeded = (*overrides, *target, f"network.seed={draw + 1}")
-            return RunRequest(m.method.program, self.file, seeded, ("--no-diagnostics",), repetition=attempt)
-        return RunRequest(m.method.program, self.file, overrides, repetition=draw + 100 * attempt)
+            return RunRequest(
+                m.method.program, self.file, seeded, ("--no-diagnostics",), repetition=attempt, is_timed=True
+            )
+        return RunRequest(
+            m.method.program, self.file, overrides, repetition=draw + 100 * attempt, is_timed=True
+        )
 
     def run(self, is_quiet: bool) -> None:
         """Solves the references, times every method on the surfaces that have one, then measures their errors."""

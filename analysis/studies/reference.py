@@ -112,7 +112,8 @@ def explicit(store: Store) -> Table:
     rows = []
     for name, (program, keys, step) in _EXPLICIT.items():
         options = ("--no-diagnostics",) if program == "massspring" else ()
-        timed = solved(store, RunRequest(program, scene, (*keys, "time.step=0", *_FEW_FILES), options))
+        words = (*keys, "time.step=0", *_FEW_FILES)
+        timed = solved(store, RunRequest(program, scene, words, options, is_timed=True))
         error = trajectory_error(
             load_run(solved(store, RunRequest(program, scene, (*keys, *at(step)), options)).folder), exact
         )

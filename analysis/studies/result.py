@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import json
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,10 +12,7 @@ from pathlib import Path
 from .. import machine
 from ..paths import PROGRAMS, write_text
 from ..report import Table, csv_table, html_table, image_figure, page, svg_figure, text_table
-from ..run_store import say
-
-_LOCK = Path(tempfile.gettempdir()) / "testbed-timed-study.lock"
-
+from ..run_store import is_of_one_machine, say
 
 Figures = dict[str, tuple[str | Path, str]]
 
@@ -52,8 +48,11 @@ class Result:
 
 
 @contextmanager
-def alone(is_quiet: bool = False, lock_file: Path = _LOCK) -> Iterator[None]:
-    """Waits until no other timed study runs on this machine, and keeps others waiting."""
+def alone(is_quiet: bool = False, lock_file: Path = machine.LOCK) -> Iterator[None]:
+    """Waits until no other timed study runs on this machine, and keeps others waiting; of a cluster that is the engine's."""
+    if not is_of_one_machine():
+        yield
+        return
     with lock_file.open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -127,7 +127,14 @@ def measure(scene: Path, store: Store, sizes: list[float], repetitions: int, is_
                     "output.curves=false",
                 )
                 outcome = store.run(
-                    RunRequest(line.program, scene, (*few, *line.overrides), options, repetition=repetition)
+                    RunRequest(
+                        line.program,
+                        scene,
+                        (*few, *line.overrides),
+                        options,
+                        repetition=repetition,
+                        is_timed=True,
+                    )
                 )
                 if outcome.status == "ok":
                     size.outcomes.append(outcome)

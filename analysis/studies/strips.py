@@ -20,7 +20,7 @@ from ..drawing.style import style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES
 from ..report import Table
-from ..run_store import Outcome, RunRequest, Store, say
+from ..run_store import Outcome, RunRequest, Store, each, say
 from ..runs import Array, Run, RunError, load_frames, read_toml
 from ..shape_measures import (
     Surface,
@@ -198,19 +198,18 @@ class Strip:
     def copies(self, method: str, n: int, folder: Path) -> list[Surface]:
         """Ends of runs of moved copies of the surface."""
         rest = next(iter(self.runs.values())).frame(0)
-        ends = []
-        for number in range(n):
+
+        def run(number: int) -> Outcome:
             file = folder / f"{self.scene.stem}_{number}.obj"
             if not file.exists():
                 _write_obj(file, jittered(rest.X, rest.F, file.stem), rest.F)
             as_file = [
                 f'surface.file="{file}"', 'surface.shape=""', "surface.size=[0,0,0]", "surface.across=0"
             ]  # fmt: skip
-            outcome = self.run(method, as_file)
-            if outcome.status == "ok":
-                run = load_frames(outcome.folder)
-                ends.append(surface_at(run, run.times[-1]))
-        return ends
+            return self.run(method, as_file)
+
+        ended = [load_frames(copy.folder) for copy in each(run, range(n)) if copy.status == "ok"]
+        return [surface_at(run, run.times[-1]) for run in ended]
 
 
 def curves(strip: Strip) -> str:

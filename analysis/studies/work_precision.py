@@ -30,7 +30,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..paths import SCENES
-from ..run_store import Store, say
+from ..run_store import Store, each, say
 from . import fronts
 from .frame_budget import frame_budget
 from .race import FULL, QUICK, REFERENCE_LIMIT, REGIMES, SceneStudy, is_dynamic
@@ -48,8 +48,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     n_runs = sum(m.method.n_draws(effort) for scene in studies for m in scene.measurements)
     say(f"{n_runs} runs of up to {arguments.time_limit:g} s, most of a second: hours", arguments.quiet)
     with alone(arguments.quiet):
-        for scene in studies:
-            scene.run(arguments.quiet)
+        list(each(lambda scene: scene.run(arguments.quiet), studies))
     sections = [
         Section(
             "Cheapest springs and cheapest elements",

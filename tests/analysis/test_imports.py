@@ -27,7 +27,8 @@ ALLOWED = {
     "compare": {"runs", "small_strain", "surface_points"},
     "load_scale": {"runs", "small_strain"},
     "execute": set(),
-    "run_store": {"execute", "folder_lock", "load_scale", "machine", "outputs", "paths", "runs"},
+    "run_store": {"execute", "folder_lock", "load_scale", "machine", "outputs", "paths", "runs", "wording"},
+    "cluster": {"machine", "paths", "run_store", "runs"},
     "experiment_folder": set(),
     "experiment": {
         "execute",
@@ -102,6 +103,7 @@ ALLOWED = {
         "verdict",
     },
     "grid": {
+        "cluster",
         "compare",
         "drawing",
         "experiment",
@@ -115,6 +117,7 @@ ALLOWED = {
         "wording",
     },
     "reproduce": {
+        "cluster",
         "comparison",
         "experiment",
         "folder_lock",
@@ -127,6 +130,7 @@ ALLOWED = {
         "wording",
     },
     "studies": {
+        "cluster",
         "compare",
         "comparison",
         "drawing",
@@ -151,6 +155,7 @@ ALLOWED = {
         "wording",
     },
     "__main__": {
+        "cluster",
         "experiment",
         "folder_lock",
         "grid",

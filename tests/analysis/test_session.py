@@ -209,7 +209,8 @@ def test_missing_scene_is_one_error():
 
 
 def test_package_asks_for_what_the_analysis_imports_and_nothing_that_testbed_does_not_install():
-    asked = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"])
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    asked = set(project["dependencies"] + project["optional-dependencies"]["cluster"])
     of_debian = {"peer_dolfinx.py"}  # for another Python
     trees = [ast.parse(file.read_text()) for file in PACKAGE.rglob("*.py") if file.name not in of_debian]
     names = {
@@ -226,7 +227,9 @@ def test_package_asks_for_what_the_analysis_imports_and_nothing_that_testbed_doe
     }
     names -= set(sys.stdlib_module_names) | {"analysis", "PIL"}  # pillow comes with matplotlib
     imported = {"vtk" if name == "vtkmodules" else name.replace("_", "-") for name in names}
-    pinned = set(
-        re.findall(r"^([\w-]+)==", (ROOT / "analysis" / "requirements.txt").read_text(), re.MULTILINE)
-    )
+    pinned = {
+        name
+        for file in ("requirements.txt", "requirements-cluster.txt")
+        for name in re.findall(r"^([\w-]+)==", (PACKAGE / file).read_text(), re.MULTILINE)
+    }
     assert imported <= asked <= pinned

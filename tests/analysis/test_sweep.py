@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from pages import fetched
@@ -18,7 +19,7 @@ from solvers import ERRORS, calls, make_solvers, wait_for_calls
 from analysis import grid as sweeps
 from analysis.__main__ import parse_arguments
 from analysis.grid import finding, parse_grid, settings_of, sweep
-from analysis.run_store import RunRequest, Store, reminders, say
+from analysis.run_store import Progress, RunRequest, Store, reminders, say
 from analysis.runs import RunError
 
 GRID = {"material.nu": list(ERRORS), "network.multiplicity": ["3", "5"]}
@@ -335,6 +336,18 @@ def test_progress_stands_on_stderr(capsys):
     say("half way", is_quiet=False)
     say("nothing", is_quiet=True)
     assert capsys.readouterr() == ("", "half way\n")
+
+
+def test_time_left_follows_the_pace_of_the_last(monkeypatch):
+    moments = iter([0.0, 1.0, 3.0, *(3.0 + 10 * n for n in range(1, 29))])  # s
+    said = []
+    monkeypatch.setattr("analysis.run_store.time", SimpleNamespace(monotonic=lambda: next(moments)))
+    monkeypatch.setattr("analysis.run_store.say", lambda text, is_quiet: said.append(text))
+    progress = Progress(31, is_quiet=False)
+    for number in range(30):
+        progress.say(str(number))
+    assert said[:2] == ["[1/31, 30 s left] 0", "[2/31, 40 s left] 1"]
+    assert said[-1] == "[30/31, 10 s left] 29"
 
 
 def wait_for(stream, text):

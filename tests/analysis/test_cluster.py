@@ -1,0 +1,279 @@
+"""Runs on a cluster of this machine: the same table as one run after the other, whatever dies, is foreign or is timed."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from argparse import Namespace
+
+import pytest
+from solvers import calls, make_solvers, wait_for_calls
+
+from analysis import cluster as module
+from analysis.cluster import engine_of, offered, perform, task_of
+from analysis.grid import sweep
+from analysis.paths import ROOT
+from analysis.run_store import Here, RunRequest, Store, each, hash_of_programs, made_by
+from analysis.runs import RunError
+
+pytest.importorskip("distributed")
+
+GRID = {"material.nu": ["0.25", "0.3", "0.6", "diverge"], "network.multiplicity": ["3", "5"]}
+_DEADLY = 'case "$*" in *deadly=*) sleep 0.3; kill -9 $PPID; sleep 60;; esac\n'
+_WORKER = """
+import sys
+from pathlib import Path
+from analysis import cluster, machine
+cluster.PROGRAMS, cluster.OUT, cluster.LOCK = (Path(word) for word in sys.argv[2:5])
+from analysis.__main__ import main
+sys.argv[1:] = ["worker", sys.argv[1], "--name", sys.argv[5], "--cores", "1"]
+sys.exit(main())
+"""
+
+
+@pytest.fixture(scope="module")
+def home(ball, tmp_path_factory):
+    return tmp_path_factory.mktemp("cluster")
+
+
+@pytest.fixture(scope="module")
+def programs(ball, home):
+    """Stand-ins; springs with deadly=N kill what started them."""
+    made = make_solvers(home / "solvers", ball, seconds=0.1)
+    (made / "massspring").rename(made.parent / "massspring")
+    (made / "massspring").write_text(f'#!/bin/sh\n{_DEADLY}exec {made.parent / "massspring"} "$@"\n')
+    (made / "massspring").chmod(0o755)
+    return made
+
+
+@pytest.fixture(scope="module")
+def scene(home):
+    file = home / "scene.toml"
+    file.write_text('name = "synthetic"\n')
+    return file
+
+
+@pytest.fixture(scope="module")
+def cluster(programs, home):
+    """Of two runs at once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "LOCK", home / "lock")
+        patch.setattr(module, "PROGRAMS", programs)
+        with engine_of(Namespace(workers=2, cluster=None, listen="127.0.0.1", quiet=True)):
+            from analysis import run_store
+
+            yield run_store._engine
+
+
+def store(folder, programs, time_limit=60):
+    return Store(folder, time_limit, programs)
+
+
+def request(scene, *overrides, **more):
+    return RunRequest("massspring", scene, ("material.nu=0.25", *overrides), **more)
+
+
+def files_of(folder):
+    return {
+        file.relative_to(folder): file.read_bytes()
+        for file in folder.rglob("*")
+        if file.is_file() and file.name not in ("outcome.json", ".lock")
+    }
+
+
+def test_sweep_gives_the_table_and_the_files_of_one_worker(cluster, scene, programs, tmp_path):
+    with made_by(Here()):
+        sweep(scene, GRID, tmp_path / "one", is_quiet=True, store=store(tmp_path / "one" / "runs", programs))
+    sweep(scene, GRID, tmp_path / "two", is_quiet=True, store=store(tmp_path / "two" / "runs", programs))
+    tables = [(tmp_path / name / "sweep.csv").read_text() for name in ("one", "two")]
+    assert tables[0] == tables[1] and tables[0].count("\n") == 9
+    assert "expected less than 0.5" in tables[0]
+    one, two = (files_of(tmp_path / name / "runs") for name in ("one", "two"))
+    assert {file: data for file, data in one.items() if not str(file).startswith(".")} == {
+        file: data for file, data in two.items() if not str(file).startswith(".")
+    }
+    n_calls = len(calls(programs))
+    sweep(scene, GRID, tmp_path / "two", is_quiet=True, store=store(tmp_path / "two" / "runs", programs))
+    assert len(calls(programs)) == n_calls
+
+
+def test_inputs_travel_and_messages_name_those_asked_for(tmp_path):
+    """The program finds content that is nowhere else, and what it writes of its inputs reads as if it had run here."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    (here / "bin").mkdir(parents=True)
+    program = (
+        '#!/bin/sh\nfor word; do case "$word" in surface.file=*|mesh=*) f=$(echo "$word" | tr -d \'"\');\n'
+    )
+    program += 'cat "${f#*=}"; echo "error: ${f#*=}:1: not a surface" >&2;; esac; done; cat "$1"; exit 1\n'
+    for name in ("massspring", "fem_reference", "gmsh_worker", "tetgen_worker"):
+        (here / "bin" / name).write_text(program)
+        (here / "bin" / name).chmod(0o755)
+    (here / "ball.obj").write_text("v 0 0 1\n")
+    (here / "scene.toml").write_text('surface = { file = "ball.obj" } # the scene\n')
+    made = store(here / "runs", here / "bin")
+    asked = RunRequest("massspring", here / "scene.toml")
+    key = made.key(asked)
+    task = task_of(made, asked, key)
+    for name in ("ball.obj", "scene.toml"):
+        (here / name).unlink()
+    files = perform(task, there)
+    assert "v 0 0 1\n" in files["messages.txt"].decode() and "# the scene" in files["messages.txt"].decode()
+    assert f'"{here / "ball.obj"}:1: not a surface"' in files["outcome.json"].decode()
+    assert str(there) not in str(files["messages.txt"] + files["outcome.json"])
+    before = (there / "runs" / key / "outcome.json").stat().st_mtime_ns
+    assert perform(task, there) == files  # by the worker's own store
+    assert (there / "runs" / key / "outcome.json").stat().st_mtime_ns == before
+
+
+def test_programs_that_have_been_built_anew_make_nothing(scene, ball, tmp_path):
+    programs = make_solvers(tmp_path / "solvers", ball)
+    task = task_of(store(tmp_path, programs), request(scene), "a")
+    (programs / "gmsh_worker").write_text("another")
+    with pytest.raises(RunError, match=r"built anew, expected \w+"):
+        perform(task, tmp_path / "worker")
+
+
+def spans(programs, folder):
+    """Start and end of each run (s), by whether it was timed."""
+    text = (folder / "spans.txt").read_text().split()
+    return [(word, float(start), float(end)) for word, start, end in zip(*[iter(text)] * 3, strict=True)]
+
+
+def test_timed_run_shares_the_machine_with_none(cluster, scene, programs, tmp_path):
+    log = tmp_path / "spans.txt"
+    (tmp_path / "note").write_text(
+        f'#!/bin/sh\nstart=$(date +%s.%N); "$@"; echo "$WHAT $start $(date +%s.%N)" >>{log}\n'
+    )
+    (tmp_path / "note").chmod(0o755)
+
+    def asked(number):
+        is_timed = number % 3 == 1
+        prefix = ("env", f"WHAT={'timed' if is_timed else 'plain'}", str(tmp_path / "note"))
+        return request(scene, f"a={number}", prefix=prefix, is_timed=is_timed)
+
+    made = store(tmp_path / "runs", programs)
+    assert {outcome.status for outcome in each(made.run, map(asked, range(9)))} == {"ok"}
+    found = spans(programs, tmp_path)
+    overlapping = [(a, b) for n, a in enumerate(found) for b in found[:n] if a[1] < b[2] and b[1] < a[2]]
+    assert len(found) == 9 and overlapping
+    assert not [pair for pair in overlapping if "timed" in (pair[0][0], pair[1][0])]
+
+
+def test_timed_runs_of_another_kind_of_machine_are_other_runs(scene, programs, tmp_path):
+    keys = []
+    for kind in ("one", "two"):
+        engine = Here()
+        engine.machine = kind
+        with made_by(engine):
+            keys.append([store(tmp_path, programs).key(request(scene, is_timed=t)) for t in (True, False)])
+    (one, plain), (two, same) = keys
+    assert plain == same and len({one, two, plain}) == 3
+
+
+def test_second_worker_of_a_machine_takes_no_timed_runs(programs, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "PROGRAMS", programs)
+    monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
+    with offered(2) as first, offered(2) as second:
+        pass
+    with offered(2) as later:
+        pass
+    kinds = [[name.split()[0] for name in resources] for resources in (first, second, later)]
+    assert kinds == [["run", "programs", "machine"], ["run", "programs"], ["run", "programs", "machine"]]
+
+
+def test_killed_worker_loses_nothing(cluster, scene, programs, tmp_path):
+    before = list(cluster.client.run(os.getpid).values())
+
+    def kill():
+        time.sleep(0.5)
+        os.kill(before[0], signal.SIGKILL)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    made = store(tmp_path / "runs", programs)
+    asked = [request(scene, f"a={number}") for number in range(20)]
+    assert [outcome.status for outcome in each(made.run, asked)] == ["ok"] * 20
+    thread.join()
+    assert list(cluster.client.run(os.getpid).values()) != before
+
+
+def test_run_that_kills_its_workers_is_a_row_that_is_not_kept(cluster, scene, programs, tmp_path):
+    made = store(tmp_path / "runs", programs)
+    lost = made.run(request(scene, "deadly=1"))
+    assert (lost.status, made.find(request(scene, "deadly=1"))) == ("failed", None)
+    assert lost.message.startswith("massspring: its worker died 3 times")
+    assert made.run(request(scene, "a=1")).status == "ok"
+
+
+def test_workers_join_and_one_with_other_programs_is_refused_by_name(
+    cluster, scene, programs, ball, tmp_path, capfd
+):
+    other = make_solvers(tmp_path / "solvers", ball)
+    address = cluster.client.scheduler.address
+    workers = [
+        subprocess.Popen(
+            [sys.executable, "-c", _WORKER, address, of, tmp_path / name, tmp_path / "lock", name],
+            cwd=ROOT, stdout=subprocess.PIPE, text=True,
+        )
+        for name, of in (("friend", programs), ("stranger", other))
+    ]  # fmt: skip
+    for worker, name in zip(workers, ("friend", "stranger"), strict=True):
+        assert worker.stdout.readline() == f"worker {name}: 1 runs at once for {address}\n"
+    made = store(tmp_path / "runs", programs)
+    assert {o.status for o in each(made.run, [request(scene, f"a={n}") for n in range(12)])} == {"ok"}
+    for worker in workers:
+        worker.kill()
+        worker.communicate()
+    assert not calls(other) and list((tmp_path / "friend").rglob("outcome.json"))
+    said = capfd.readouterr().err
+    assert (
+        "worker stranger" in said and hash_of_programs(other) in said and hash_of_programs(programs) in said
+    )
+
+
+def test_sweep_that_is_stopped_by_hand_ends_at_once(ball, scene, tmp_path):
+    slow = make_solvers(tmp_path / "solvers", ball, seconds=100)
+    code = (
+        "import sys; from pathlib import Path; from analysis import cluster, grid, run_store\n"
+        "cluster.PROGRAMS, cluster.LOCK = (Path(word) for word in sys.argv[1:3])\n"
+        "run_store.Store.__init__.__defaults__ = (3600, cluster.PROGRAMS)\n"
+        "del sys.argv[1:3]; from analysis.__main__ import main; sys.exit(main())"
+    )
+    words = [
+        "sweep",
+        scene,
+        "--set",
+        "material.nu=0.25,0.3,0.45",
+        "--workers",
+        "2",
+        "--out",
+        tmp_path / "out",
+    ]
+    with subprocess.Popen(
+        [sys.executable, "-c", code, slow, tmp_path / "lock", *words],
+        cwd=ROOT, stderr=subprocess.PIPE, text=True,
+    ) as stopped:  # fmt: skip
+        wait_for_calls(slow, 2, 0)
+        stopped.send_signal(signal.SIGINT)
+        said = stopped.communicate(timeout=60)[1]
+    assert stopped.returncode == 130 and "stopped; to continue: ./testbed sweep" in said
+    assert "Traceback" not in said
+
+
+def test_one_worker_loads_no_engine():
+    code = (
+        "import sys; from argparse import Namespace; import analysis.__main__ as m\n"
+        "with m.cluster.engine_of(Namespace(workers=1, cluster=None)): print('distributed' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+def test_workers_and_cluster_exclude_each_other():
+    with (
+        pytest.raises(RunError, match="expected one of them"),
+        engine_of(Namespace(workers=2, cluster="tcp://a:1")),
+    ):
+        pass
