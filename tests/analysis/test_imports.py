@@ -151,6 +151,7 @@ ALLOWED = {
         "wording",
     },
     "__main__": {
+        "drawing",
         "experiment",
         "folder_lock",
         "grid",
