@@ -12,7 +12,7 @@ import traceback
 from pathlib import Path
 
 from . import grid, pair, remesh, reproduce
-from .drawing import export
+from .drawing import export, replay
 from .experiment import TIME_LIMIT, default_folder, run_solvers, surface_file, surface_overrides
 from .folder_lock import locked
 from .index import write_index
@@ -165,6 +165,14 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
             "example:\n  ./testbed export out/torus_inflates/fem_reference --reverse\n",
         )
     )
+    replay.add_arguments(
+        add(
+            "view",
+            [],
+            "Replays finished runs side by side in a window: with one camera, colours, curves and a slider of time.",
+            "example:\n  ./testbed view out/torus_inflates/fem_reference out/torus_inflates/massspring/uniform\n",
+        )
+    )
     again = add(
         "reproduce", [forced],
         "Makes published tables and figures again and shows what differs from the stored ones, by analysis/manifest.toml. "
@@ -219,7 +227,7 @@ def _run_in(folder: Path, arguments: argparse.Namespace) -> int:
 
 _COMMANDS = {
     "run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main,
-    "reproduce": reproduce.main, "export": export.main,
+    "reproduce": reproduce.main, "export": export.main, "view": replay.main,
 }  # fmt: skip
 
 
