@@ -35,15 +35,13 @@ def stretch(X: Array, F: Array, x: Array) -> Array:
     With edges a, b the metrics G = (a, b)^T (a, b) at rest and g when moved, squared stretches are eigenvalues of G^-1 g.
     """
 
-    def metric(points: Array) -> tuple[Array, Array, Array]:
-        a, b = points[F[:, 1]] - points[F[:, 0]], points[F[:, 2]] - points[F[:, 0]]
-        return tuple(np.einsum("ij,ij->i", p, q) for p, q in ((a, a), (a, b), (b, b)))  # type: ignore[return-value]
+    def metric(points: Array) -> Array:
+        edges = points[F[:, 1:]] - points[F[:, :1]]
+        return np.einsum("tid,tjd->tij", edges, edges)
 
-    (A, B, C), (a, b, c) = metric(X), metric(x)
-    determinant = A * C - B * B
-    half_trace = (C * a - 2 * B * b + A * c) / (2 * determinant)
-    product = (a * c - b * b) / determinant
-    root = np.sqrt(np.maximum(half_trace**2 - product, 0))
+    ratio = np.linalg.solve(metric(X), metric(x))
+    half_trace = np.trace(ratio, axis1=1, axis2=2) / 2
+    root = np.sqrt(np.maximum(half_trace**2 - np.linalg.det(ratio), 0))
     strains = [np.abs(np.sqrt(np.maximum(half_trace + sign * root, 0)) - 1) for sign in (-1, 1)]
     values = np.zeros(len(X))
     np.maximum.at(values, F.ravel(), np.repeat(np.maximum(*strains), 3))
@@ -137,8 +135,8 @@ _CURVES: dict[str, Callable[[_Body], tuple[Array, Array]]] = {
     "largest displacement (m)": lambda body: (body.run.times, body.fields["displacement (m)"].max(axis=1)),
     "kinetic and elastic energy (J)": lambda body: (
         body.run.curves["time"],
-        sum(
-            body.run.curves[name] for name in ("kinetic_energy", "elastic_energy") if name in body.run.curves
+        np.sum(
+            [body.run.curves[n] for n in ("kinetic_energy", "elastic_energy") if n in body.run.curves], axis=0
         ),
     ),
 }
