@@ -24,19 +24,21 @@ def check_display(instead: str) -> None:
 
 
 class Window:
-    """A lit pyvista window of panels in a row, above one for curves, all bodies seen from one place.
+    """A lit pyvista window of panels in a row, above one for curves; is_linked: all seen from one place.
 
     keys: as VTK names them -> what each does; the window has no other keys but q, which closes it.
     """
 
-    def __init__(self, title: str, n_panels: int, keys: dict[str, Callable[[], None]]) -> None:
+    def __init__(
+        self, title: str, n_panels: int, keys: dict[str, Callable[[], None]], is_linked: bool = True
+    ) -> None:
         self.panel = (min(700, 1500 // n_panels), 600)  #: pixels of a body's, at first
         self.plotter = pv.Plotter(
             shape=(2, n_panels), row_weights=[3, 1], groups=[(1, slice(None))], border=False, lighting="none",
             window_size=[n_panels * self.panel[0], self.panel[1] * 4 // 3], title=title, off_screen=False,
         )  # fmt: skip
         self.plotter.set_background("white", all_renderers=True)
-        self.n_panels = n_panels
+        self._linked = list(range(n_panels)) if is_linked else []
         for panel in range(n_panels):
             self.plotter.subplot(0, panel)
             light(self.plotter)
@@ -53,7 +55,8 @@ class Window:
             self.plotter.add_chart(chart)
 
     def open(self) -> None:
-        self.plotter.link_views(list(range(self.n_panels)))
+        if self._linked:
+            self.plotter.link_views(self._linked)
         self.plotter.show(interactive_update=True, auto_close=False)
         interactor = self.plotter.iren.interactor
         style = interactor.GetInteractorStyle()

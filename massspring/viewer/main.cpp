@@ -207,8 +207,6 @@ class Preview {
         resume();
       } else if (word == "set") {
         set(rest);
-      } else if (word == "restart") {
-        restart(rest);
       } else if (word == "save") {
         write_file(rest, to_toml(scene_));
         message = "saved " + rest;
@@ -233,21 +231,6 @@ class Preview {
       simulation_->change(scene_);
       throw;
     }
-    values_ = std::move(values);
-    scene_ = scene;
-    resume();
-  }
-
-  /// From rest, for values that a body cannot take on its way.
-  void restart(const std::string& value) {
-    Values values = values_;
-    if (!value.empty()) values.overrides.push_back(value);
-    const Scene scene = values.scene();
-    const SpringNetwork network = network_of(scene);
-    if (network.n_surface != n_surface())
-      throw std::runtime_error(value + " gives the surface other vertices, expected a new preview");
-    simulation_ = std::make_unique<Simulation>(scene, network);
-    at_rest_ = simulation_->state();
     values_ = std::move(values);
     scene_ = scene;
     resume();
