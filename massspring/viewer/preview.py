@@ -28,6 +28,7 @@ from analysis.drawing.replay import stretch
 from analysis.drawing.window import Window, check_display
 from analysis.paths import PROGRAMS
 from analysis.runs import Array, RunError, built
+from analysis.scene import toml_of
 
 _ASKED = 1 / 40  # s between two pictures that are asked for
 _KEPT = 2000  # points of a curve
@@ -164,6 +165,7 @@ class Preview:
         listed = json.loads(subprocess.check_output([built(PROGRAMS, "massspring"), "--list"]))
         self.models, self.schemes = ([one["name"] for one in listed[of]] for of in ("models", "schemes"))
         self.colours = ["displacement (m)", "speed (m/s)", "strain (%)"]
+        self.changed: set[str] = set()
         self.speed = 1.0
         self.note = ""
         keys = {
@@ -263,10 +265,11 @@ class Preview:
         try:
             self.engine.say(command)
         except (OSError, ValueError):
-            self.note = "the program that steps has ended: r begins anew"
+            self.note = "the program that steps has ended: close the window"
 
     def set(self, key: str, value: str) -> None:
         """A value on the way; what the engine refuses, it tells."""
+        self.changed.add(key)
         self.say(f"set {key}={value}")
 
     def toggle(self) -> None:
@@ -289,7 +292,7 @@ class Preview:
         """From rest, since it is another body."""
         now = self.scene["network"]["calibration"]
         following = self.models[(self.models.index(now) + 1) % len(self.models)]
-        overrides = [*self.overrides, f"network.calibration={following}"]
+        overrides = [*self._overrides_now(), f"network.calibration={following}"]
         try:
             engine = Engine(self.file, overrides)
         except RunError:
@@ -297,8 +300,18 @@ class Preview:
             return
         self.engine.end()
         self.engine, self.overrides = engine, overrides
-        self.note = f"{following}, from rest with the file's values"
+        self.note = f"{following}, from rest"
         self._begin()
+
+    def _overrides_now(self) -> list[str]:
+        """Those of the command line, then what the engine has taken since."""
+        taken = []
+        for key in self.changed:
+            value: Any = self.scene
+            for part in key.split("."):
+                value = value[int(part)] if isinstance(value, list) else value.get(part, [])
+            taken.append(f"{key}={toml_of(value, key)}")
+        return [*self.overrides, *taken]
 
     def toggle_floor(self) -> None:
         if any("plane" in obstacle for obstacle in self.scene.get("obstacles", [])):
