@@ -1,4 +1,4 @@
-"""Animated glTF of a run, for Blender and other programs of animators [Khronos 2021, glTF 2.0]."""
+"""Animated glTF of a run, for Blender and other programs of animators: glTF 2.0 of Khronos."""
 
 from __future__ import annotations
 

@@ -401,10 +401,13 @@ def main(words: list[str] | None = None) -> int:
         check_display(f"./testbed run {arguments.scene} draws a film")
         Preview(arguments.scene, arguments.overrides).run()
     except RunError as error:
-        if not error.is_told:
-            print(f"error: {error}", file=sys.stderr)
-        return 1
+        return 1 if error.is_told else tell(error)
     return 0
+
+
+def tell(error: RunError) -> int:
+    print(f"error: {error}", file=sys.stderr)
+    return 1
 
 
 if __name__ == "__main__":
