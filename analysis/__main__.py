@@ -12,6 +12,7 @@ import traceback
 from pathlib import Path
 
 from . import cluster, grid, pair, remesh, reproduce
+from .drawing import export, replay
 from .experiment import TIME_LIMIT, default_folder, run_solvers, surface_file, surface_overrides
 from .folder_lock import locked
 from .index import write_index
@@ -163,6 +164,23 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     compare.add_argument("model", type=Path, metavar="A", help="the model")
     compare.add_argument("reference", type=Path, metavar="B", help="the reference")
     compare.add_argument("--out", type=Path, metavar="DIR", help="default: out/compare/A-B")
+    export.add_arguments(
+        add(
+            "export",
+            [],
+            "Makes a film or animated glTF (.glb) of a run, which Blender opens. Points and triangles of glTF are those of the "
+            "surface's file, in its order and its coordinates.",
+            "example:\n  ./testbed export out/torus_inflates/fem_reference --reverse\n",
+        )
+    )
+    replay.add_arguments(
+        add(
+            "view",
+            [],
+            "Replays finished runs side by side in a window: with one camera, colours, curves and a slider of time.",
+            "example:\n  ./testbed view out/torus_inflates/fem_reference out/torus_inflates/massspring/uniform\n",
+        )
+    )
     again = add(
         "reproduce", [forced],
         "Makes published tables and figures again and shows what differs from the stored ones, by analysis/manifest.toml. "
@@ -226,7 +244,7 @@ def _run_in(folder: Path, arguments: argparse.Namespace) -> int:
 
 _COMMANDS = {
     "run": run, "remesh": remesh.main, "sweep": grid.main, "compare": pair.main, "study": study.main,
-    "reproduce": reproduce.main, "worker": cluster.serve,
+    "reproduce": reproduce.main, "worker": cluster.serve, "export": export.main, "view": replay.main,
 }  # fmt: skip
 
 

@@ -17,6 +17,11 @@ MESHES = ROOT.parent / "shared" / "meshes"  #: real meshes, which the project do
 
 def write_text(file: Path, text: str) -> None:
     """Writes to a temporary name, then renames."""
+    write_bytes(file, text.encode())
+
+
+def write_bytes(file: Path, data: bytes) -> None:
+    """As write_text."""
     temporary = file.with_name(f"{file.name}.{os.getpid()}.tmp")  # others may write the same
-    temporary.write_text(text)
+    temporary.write_bytes(data)
     temporary.replace(file)

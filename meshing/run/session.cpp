@@ -12,6 +12,7 @@
 #include "meshing/scene/check.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface/surface_io.h"
 
 namespace testbed::meshing {
 namespace {
@@ -86,6 +87,21 @@ void Session::write_scene() const {
   write_file(out_ / "scene.toml", to_toml(scene));
 }
 
+/// What leads back from the surface to its file: the file's points and triangles, and the vertex of each point.
+void Session::write_surface_file() const {
+  const std::filesystem::path file = out_ / "surface_file.vtu";
+  std::filesystem::remove(file);
+  if (scene.surface.file.empty()) return;
+  ReadReport read;
+  read_surface(scene.surface.file, &read);
+  Eigen::Matrix3Xd points(3, read.points.size());
+  for (size_t i = 0; i < read.points.size(); ++i) points.col(i) = read.points[i];
+  Eigen::Matrix3Xi triangles(3, read.triangles.size());
+  for (size_t f = 0; f < read.triangles.size(); ++f) triangles.col(f) = read.triangles[f];
+  const Eigen::Map<const Eigen::RowVectorXi> vertices(read.vertices.data(), read.vertices.size());
+  write_vtu(file, points, {{5, triangles}}, {{"vertex", vertices.cast<double>()}}, {});
+}
+
 ExitStatus Session::tell(const nlohmann::ordered_json& result) const {
   return is_first_ ? tell_status(file_, result) : kSolved;  // one tells it for all
 }
@@ -117,6 +133,7 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
   const auto stored = is_forced_ ? std::nullopt : stored_record(out_, hash_);
   if (!stored) remove_run(out_);
   write_scene();
+  write_surface_file();
   if (!stored) return {};
   return tell(*stored);
 }

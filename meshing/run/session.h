@@ -41,8 +41,9 @@ class Session {
   ExitStatus refuse(const std::string& reason);
 
   /// The status of a finished run of the same inputs, if there is one that may stand, and whose files are there as they
-  /// were written; else removes what an older run left. Writes the scene with all its keys to the output folder. Warns of
-  /// what was probably not meant, but for a scene that has been checked. Of several processes the first alone decides.
+  /// were written; else removes what an older run left. Writes the scene with all its keys to the output folder, and
+  /// surface_file.vtu where the surface is a file's. Warns of what was probably not meant, but for a scene that has been
+  /// checked. Of several processes the first alone decides.
   /// @param ignored  keys of the scene that the program does not read
   /// @param options  of the command line that its results depend on
   std::optional<ExitStatus> stored_status(const std::vector<std::string>& ignored,
@@ -86,6 +87,7 @@ class Session {
  private:
   ExitStatus tell(const nlohmann::ordered_json& result) const;
   void write_scene() const;
+  void write_surface_file() const;
 
   using Clock = std::chrono::steady_clock;
 

@@ -37,9 +37,10 @@ std::vector<int> first_equals(const std::vector<Eigen::Vector3d>& points) {
   return first;
 }
 
-SurfaceMesh merge_equal_points(const PolygonSoup& soup, int& n_merged) {
+/// @param new_index  of each point
+SurfaceMesh merge_equal_points(const PolygonSoup& soup, std::vector<int>& new_index) {
   const std::vector<int> first = first_equals(soup.points);
-  std::vector<int> new_index(first.size());
+  new_index.resize(first.size());
   SurfaceMesh mesh{Eigen::Matrix3Xd(3, soup.points.size()), Eigen::Matrix3Xi(3, soup.triangles.size())};
   int n = 0;
   for (size_t i = 0; i < first.size(); ++i)
@@ -50,7 +51,6 @@ SurfaceMesh merge_equal_points(const PolygonSoup& soup, int& n_merged) {
       new_index[i] = new_index[first[i]];
     }
   mesh.X.conservativeResize(3, n);
-  n_merged = static_cast<int>(first.size()) - n;
   for (size_t f = 0; f < soup.triangles.size(); ++f)
     mesh.F.col(f) = soup.triangles[f].unaryExpr([&](int v) { return new_index[v]; });
   return mesh;
@@ -159,16 +159,19 @@ SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report) 
   if (reader == readers.end() && !is_vtk)
     throw std::runtime_error(name + ": extension '" + extension +
                              "', expected .obj, .off, .ply, .stl, .vtp or .vtu");
-  const PolygonSoup soup =
+  PolygonSoup soup =
       is_vtk ? read_by_vtk(file, extension.substr(1), bytes.size()) : reader->second(bytes, name);
   for (size_t i = 0; i < soup.points.size(); ++i)
     if (!soup.points[i].allFinite())
       throw std::runtime_error(name + ": vertex " + std::to_string(i) +
                                " has a coordinate that is not finite");
   if (soup.triangles.empty()) throw std::runtime_error(name + ": no triangles, expected a surface");
-  ReadReport own;
-  SurfaceMesh mesh = merge_equal_points(soup, (report ? *report : own).n_merged);
+  std::vector<int> new_index;
+  SurfaceMesh mesh = merge_equal_points(soup, new_index);
   check_place(mesh, name);
+  if (report)
+    *report = {static_cast<int>(new_index.size() - mesh.X.cols()), std::move(soup.points),
+               std::move(soup.triangles), std::move(new_index)};
   return mesh;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <vector>
 
 #include "meshing/base/mesh.h"
 
@@ -9,6 +10,9 @@ namespace testbed::meshing {
 
 struct ReadReport {
   int n_merged = 0;  ///< vertices dropped because an earlier one has the same position (texture seams, STL)
+  std::vector<Eigen::Vector3d> points;     ///< as they stand in the file; of VTK files those of polygons
+  std::vector<Eigen::Vector3i> triangles;  ///< of these points, in the order of the surface's
+  std::vector<int> vertices;               ///< of the surface, for each point
 };
 
 /// Reads OBJ, OFF, PLY, STL, VTP or VTU in double precision. Vertices keep the file's order; those at equal

@@ -156,6 +156,7 @@ ALLOWED = {
     },
     "__main__": {
         "cluster",
+        "drawing",
         "experiment",
         "folder_lock",
         "grid",

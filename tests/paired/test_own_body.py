@@ -2,13 +2,16 @@
 
 import subprocess
 
+import numpy as np
 import pytest
 import pyvista as pv
 
 from analysis.comparison import compare
+from analysis.drawing.gltf import file_surface
 from analysis.experiment import run_solvers
 from analysis.paths import PROGRAMS, SCENES
 from analysis.report import text_of
+from analysis.runs import load_run
 
 IN_MM = 'surface.unit="mm"'
 
@@ -61,3 +64,34 @@ def test_the_report_says_by_what_a_body_was_scaled(beam, tmp_path, capfd):
     )
     assert said.count("surface.unit has no effect") == 1
     assert capfd.readouterr().err.count("surface.unit has no effect") == 1
+
+
+def test_a_run_keeps_the_way_back_to_its_file(tmp_path):
+    """Of a cube of quadrilaterals in mm, z upwards, one of whose corners stands in the file twice."""
+    corners = 10.0 * np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)])
+    points = np.vstack([corners, corners[7:]])
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 8, 5)]
+    lines = [f"v {x} {y} {z}" for x, y, z in points] + ["f " + " ".join(str(v + 1) for v in f) for f in faces]
+    (tmp_path / "cube.obj").write_text("\n".join(lines))
+    values = [
+        IN_MM,
+        'surface.up="z"',
+        f"surface.file={tmp_path / 'cube.obj'}",
+        "network.calibration=edge_coupled",
+        "surface.shape=",
+    ]
+    command = [PROGRAMS / "massspring", SCENES / "own_body.toml", "--quiet", "--out", tmp_path / "run"]
+    subprocess.run([*command, *(word for value in values for word in ("--set", value))], check=True)
+    run = load_run(tmp_path / "run")
+    surface = file_surface(run)
+    np.testing.assert_array_equal(surface.points, points)
+    np.testing.assert_array_equal(surface.vertices, [*range(8), 7])
+    of_faces = [sorted(set(np.ravel(pair))) for pair in surface.triangles.reshape(6, 2, 3)]
+    assert of_faces == [sorted(face) for face in faces]
+    np.testing.assert_allclose(
+        surface.to_body[:3, :3], 1e-3 * np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]), atol=1e-15
+    )
+    up = np.array([[0, 0, 0.001]])
+    np.testing.assert_allclose(
+        surface.displacement(np.repeat(up, len(run.last.X), axis=0))[0], [0, -1, 0], atol=1e-9
+    )

@@ -347,6 +347,9 @@ TEST(SurfaceIo, MergesEqualPositionsIntoTheFirst) {
   EXPECT_EQ(report.n_merged, 2);
   EXPECT_EQ(mesh.X.cols(), 4);
   EXPECT_EQ(mesh.F.col(1), Eigen::Vector3i(1, 3, 2));
+  EXPECT_EQ(report.vertices, (std::vector<int>{0, 1, 2, 1, 3, 2}));
+  EXPECT_EQ(report.points[3], Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(report.triangles[1], Eigen::Vector3i(3, 4, 5));
 }
 
 TEST(SurfaceIo, ErrorsNameFileLineAndValue) {

@@ -1,0 +1,276 @@
+// The engine of a preview: a Simulation that steps in a thread of its own, spoken to by lines on stdin.
+#include <CLI/CLI.hpp>
+#include <condition_variable>
+#include <deque>
+#include <iostream>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "massspring/calibrations/calibrate.h"
+#include "massspring/choices/check_model.h"
+#include "massspring/choices/paper.h"
+#include "massspring/simulation.h"
+#include "meshing/base/files.h"
+#include "meshing/network/build_network.h"
+#include "meshing/run/exit_status.h"
+#include "meshing/scene/check.h"
+#include "meshing/surface/cut_surface.h"
+#include "meshing/surface/surface.h"
+
+namespace testbed::massspring {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Json = nlohmann::ordered_json;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+/// A scene with values that are set one after the other, each as --set has it.
+struct Values {
+  std::string file;
+  std::vector<std::string> overrides;
+
+  Scene scene() const {
+    Scene scene = read_scene(file, overrides);
+    if (scene.is_paper) set_paper_method(scene);
+    check_scene(scene, file);
+    check_model(scene, scene.network.calibration, file);
+    return scene;
+  }
+};
+
+SpringNetwork network_of(const Scene& scene) {
+  const Calibration& calibration = find_calibration(scene.network.calibration);
+  const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
+  const SurfaceMesh surface = load_surface(scene.surface);
+  return build_network(needs_links ? surface : cut_across(surface, scene.surface.across).surface,
+                       scene.network, needs_links, calibration.needs_tetrahedra);
+}
+
+void write_values(const Eigen::MatrixXd& values) {
+  const Eigen::MatrixXf narrow = values.cast<float>();
+  std::cout.write(reinterpret_cast<const char*>(narrow.data()),
+                  static_cast<std::streamsize>(narrow.size() * sizeof(float)));
+}
+
+/// What a window shows of a moment.
+struct Picture {
+  Json head;
+  Eigen::Matrix3Xd u, v;  ///< of the surface (m, m/s)
+};
+
+class Preview {
+ public:
+  explicit Preview(Values values) : values_(std::move(values)), scene_(values_.scene()) {
+    const SpringNetwork network = network_of(scene_);
+    simulation_ = std::make_unique<Simulation>(scene_, network);
+    at_rest_ = simulation_->state();
+    publish();
+  }
+
+  /// Tells triangles and positions at rest, then answers until stdin ends.
+  void listen() {
+    const Eigen::Matrix3Xi& F = simulation_->model().network.F;
+    std::cout << Json{{"n_surface", n_surface()},
+                      {"n_triangles", F.cols()},
+                      {"is_static", simulation_->is_static()}}
+              << '\n';
+    write_values(simulation_->model().network.X.leftCols(n_surface()));
+    write_values(F.cast<double>());
+    std::cout.flush();
+    std::thread([this] { step_until_the_end(); }).detach();  // a step that takes long holds up no answer
+    for (std::string line; std::getline(std::cin, line);) {
+      if (line == "picture") {
+        show();
+        continue;
+      }
+      const std::lock_guard<std::mutex> lock(mutex_);
+      commands_.push_back(line);
+      is_told_.notify_one();
+    }
+  }
+
+ private:
+  Eigen::Index n_surface() const { return simulation_->model().network.n_surface; }
+
+  void show() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    picture_.head["busy"] = is_busy_ ? seconds_since(busy_since_) : 0;
+    picture_.head["message"] = message_;
+    std::cout << picture_.head.dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
+    write_values(picture_.u);
+    write_values(picture_.v);
+    std::cout.flush();
+    is_wanted_ = true;
+  }
+
+  void publish() {
+    const Snapshot snapshot = simulation_->snapshot();
+    const State& state = simulation_->state();
+    const Eigen::Matrix3Xi& F = simulation_->model().network.F;
+    const Eigen::Index n = n_surface();
+    Picture picture;
+    picture.u = snapshot.u.leftCols(n);
+    picture.v = state.v.leftCols(n);
+    picture.head = {{"time", state.t},
+                    {"n_steps", simulation_->n_done()},
+                    {"step", simulation_->step()},
+                    {"volume", volume(state.x.leftCols(n), F)},
+                    {"kinetic_energy", snapshot.kinetic_energy},
+                    {"elastic_energy", snapshot.elastic_energy},
+                    {"status", name_of(simulation_->status())},
+                    {"reason", simulation_->report().reason},
+                    {"is_running", is_running_},
+                    {"has_ended", simulation_->has_ended()},
+                    {"scene", to_toml(scene_)}};
+    const std::lock_guard<std::mutex> lock(mutex_);
+    picture_ = std::move(picture);
+    is_wanted_ = false;
+  }
+
+  /// A step of time is due once a clock that goes `speed_` times as fast as the wall's has reached it.
+  bool is_due() const {
+    return simulation_->is_static() ||
+           simulation_->state().t - resumed_at_ <= speed_ * seconds_since(resumed_);
+  }
+
+  void resume() {
+    resumed_ = Clock::now();
+    resumed_at_ = simulation_->state().t;
+  }
+
+  void step_until_the_end() {
+    constexpr auto kNap = std::chrono::milliseconds(2);
+    for (;;) {
+      std::string command;
+      {
+        std::unique_lock<std::mutex> lock(mutex_);
+        const auto is_told = [this] { return !commands_.empty(); };
+        if (!is_running_ || simulation_->has_ended())
+          is_told_.wait(lock, is_told);
+        else if (!is_due())
+          is_told_.wait_for(lock, kNap, is_told);
+        if (is_told()) {
+          command = std::move(commands_.front());
+          commands_.pop_front();
+        }
+      }
+      if (!command.empty()) {
+        obey(command);
+        publish();
+      } else if (is_running_ && !simulation_->has_ended() && is_due()) {
+        step();
+      }
+    }
+  }
+
+  void step() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      is_busy_ = true;
+      busy_since_ = Clock::now();
+    }
+    simulation_->advance();
+    bool is_wanted;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      is_busy_ = false;
+      is_wanted = is_wanted_;
+    }
+    constexpr double kLate = 0.25;  // s: what cannot keep up goes on from where it is
+    if (speed_ * seconds_since(resumed_) > simulation_->state().t - resumed_at_ + kLate * speed_) resume();
+    if (is_wanted || simulation_->has_ended()) publish();
+  }
+
+  void obey(const std::string& command) {
+    const std::size_t blank = command.find(' ');
+    const std::string word = command.substr(0, blank);
+    const std::string rest = blank == std::string::npos ? "" : command.substr(blank + 1);
+    std::string message;
+    try {
+      if (word == "run") {
+        is_running_ = true;
+        resume();
+      } else if (word == "pause") {
+        is_running_ = false;
+      } else if (word == "step") {
+        is_running_ = false;
+        if (!simulation_->has_ended()) step();
+      } else if (word == "reset") {
+        simulation_->set_state(at_rest_);
+        resume();
+      } else if (word == "speed") {
+        speed_ = std::stod(rest);
+        resume();
+      } else if (word == "set") {
+        set(rest);
+      } else if (word == "save") {
+        write_file(rest, to_toml(scene_));
+        message = "saved " + rest;
+      } else {
+        message = "unknown command '" + word + "'";
+      }
+    } catch (const std::exception& error) {
+      message = error.what();
+    }
+    const std::lock_guard<std::mutex> lock(mutex_);
+    message_ = message;
+  }
+
+  /// Goes on from the state at hand. Where that cannot be, all stays as it was.
+  void set(const std::string& value) {
+    Values values = values_;
+    values.overrides.push_back(value);
+    const Scene scene = values.scene();
+    try {
+      simulation_->change(scene);
+    } catch (const std::exception&) {
+      simulation_->change(scene_);
+      throw;
+    }
+    values_ = std::move(values);
+    scene_ = scene;
+    resume();
+  }
+
+  Values values_;
+  Scene scene_;
+  std::unique_ptr<Simulation> simulation_;
+  State at_rest_;
+  bool is_running_ = false;
+  double speed_ = 1;  ///< of the scene's time over the wall's
+  Clock::time_point resumed_ = Clock::now();
+  double resumed_at_ = 0;  ///< s, of the scene
+
+  std::mutex mutex_;  ///< of what follows
+  std::condition_variable is_told_;
+  std::deque<std::string> commands_;
+  Picture picture_;
+  std::string message_;
+  bool is_busy_ = false, is_wanted_ = true;
+  Clock::time_point busy_since_;
+};
+
+}  // namespace
+}  // namespace testbed::massspring
+
+int main(int argc, char** argv) {
+  using namespace testbed;
+  massspring::Values values;
+  CLI::App app("Steps a scene as the lines on stdin say; massspring/viewer/preview.py draws it.");
+  app.add_option("scene", values.file, "scene file (.toml)")->required();
+  app.add_option("--set", values.overrides, "key=value: overrides a key of the scene; may be repeated")
+      ->allow_extra_args(false);
+  if (const auto status = meshing::parse(app, argc, argv)) return *status;
+  try {
+    massspring::Preview preview(std::move(values));
+    preview.listen();
+    std::_Exit(meshing::kSolved);  // whatever step is under way
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << '\n';
+    return meshing::kError;
+  }
+}
