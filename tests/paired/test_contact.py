@@ -50,6 +50,22 @@ def test_block_slides_where_the_slope_is_a_hundredth_too_steep(program, tmp_path
         assert subprocess.run([*command, "--set", gravity]).returncode == status, part
 
 
+@pytest.mark.parametrize("scene", ["bar_pressed", "ball_pressed"])
+def test_body_is_pressed_far_between_plates_by_one_force_in_both_programs(scene, tmp_path):
+    experiment, _ = compared(scene, tmp_path, "reference.degree=1", "output.frames_every=0")
+    folders = [
+        experiment.reference_folder,
+        *map(experiment.massspring_folder, ("node_averaged", "edge_coupled")),
+    ]
+    force = {}
+    for folder in folders:
+        curves = load_run(folder).curves
+        below, above = (np.array([curves[f"obstacle_{k}_force_{c}"] for c in "xyz"])[:, -1] for k in (0, 1))
+        assert np.abs(below + above).max() < 1e-6 * below[1], folder
+        force[folder] = below[1]
+    assert max(force.values()) < 1.1 * min(force.values())
+
+
 def momentum(run, k: int) -> np.ndarray:
     """Of the k-th frame over the density, in m4/s: shape functions integrated over straight tetrahedra at rest."""
     grid = pv.read(run.file(k))
