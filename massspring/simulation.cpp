@@ -358,10 +358,11 @@ Snapshot Simulation::snapshot() const {
     snapshot.strains.emplace_back("max_spring_strain",
                                   model_.linear ? largest_linear_strain(X, model_.springs->E, snapshot.u)
                                                 : largest_strain(*model_.springs, X, state_.x));
+  const SurfaceEnergies surface = is_static() ? forces_.surface : stepper_->surface_at(state_);
+  snapshot.contact = contact_columns(surface, state_.x, Eigen::Matrix3d::Identity());
   if (is_static()) return snapshot;
   snapshot.fields.push_back({"velocity", state_.v});
-  snapshot.ledger =
-      state_.ledger.columns(stepper_->surface_at(state_), snapshot.kinetic_energy, snapshot.elastic_energy);
+  snapshot.ledger = state_.ledger.columns(surface, snapshot.kinetic_energy, snapshot.elastic_energy);
   return snapshot;
 }
 

@@ -210,6 +210,9 @@ std::vector<std::pair<std::string, double>> Simulation::strains(const Eigen::Mat
 }
 
 Snapshot Simulation::snapshot() const {
+  const auto contact_at = [&](const Eigen::Matrix3Xd& u) {
+    return meshing::contact_columns(solid_.surface(), solid_.X() + u, frame_);
+  };
   if (integrator_) {
     const Eigen::Matrix3Xd u = integrator_->u().reshaped(3, solid_.X().cols());
     const double kinetic = integrator_->kinetic_energy(), elastic = integrator_->elastic_energy();
@@ -220,6 +223,7 @@ Snapshot Simulation::snapshot() const {
             elastic,
             strains(u, solid_.max_strain(u)),
             {{"velocity", frame_ * integrator_->v().reshaped(3, u.cols())}},
+            contact_at(u),
             integrator_->ledger().columns(integrator_->surface(), kinetic, elastic)};
   }
   const double scale = is_proportional_ ? load_factor() : 1;  // of the solution at full load
@@ -228,7 +232,9 @@ Snapshot Simulation::snapshot() const {
           frame_ * (scale * solid_.displacement()),
           0,
           scale * scale * equilibrium_.elastic_energy,
-          strains(solid_.displacement(), scale * equilibrium_.max_strain)};
+          strains(solid_.displacement(), scale * equilibrium_.max_strain),
+          {},
+          contact_at(solid_.displacement())};
 }
 
 std::string Simulation::solver() const {

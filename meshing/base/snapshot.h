@@ -20,12 +20,13 @@ struct Field {
 inline constexpr double kLargestSmallStrain = 1;
 
 struct Snapshot {
-  double time, load_factor;                                 ///< s or, in statics, load factor; of the loads
-  Eigen::Matrix3Xd u;                                       ///< displacement of the nodes (m)
-  double kinetic_energy, elastic_energy;                    ///< J
-  std::vector<std::pair<std::string, double>> strains;      ///< by their names
-  std::vector<Field> fields = {};                           ///< besides displacement
-  std::vector<std::pair<std::string, double>> ledger = {};  ///< of motion: EnergyLedger::columns (J)
+  double time, load_factor;                                  ///< s or, in statics, load factor; of the loads
+  Eigen::Matrix3Xd u;                                        ///< displacement of the nodes (m)
+  double kinetic_energy, elastic_energy;                     ///< J
+  std::vector<std::pair<std::string, double>> strains;       ///< by their names
+  std::vector<Field> fields = {};                            ///< besides displacement
+  std::vector<std::pair<std::string, double>> contact = {};  ///< contact_columns
+  std::vector<std::pair<std::string, double>> ledger = {};   ///< of motion: EnergyLedger::columns (J)
 };
 
 }  // namespace testbed::meshing

@@ -206,6 +206,7 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
         {"elastic_energy", snapshot.elastic_energy},
         {"max_displacement", snapshot.u.colwise().norm().maxCoeff()}};
     row.insert(row.end(), snapshot.strains.begin(), snapshot.strains.end());
+    row.insert(row.end(), snapshot.contact.begin(), snapshot.contact.end());
     row.insert(row.end(), snapshot.ledger.begin(), snapshot.ledger.end());
     recorder_->add_row(row);
     for (const auto& [name, value] : snapshot.strains)

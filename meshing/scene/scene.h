@@ -149,6 +149,8 @@ struct Obstacle {
   std::variant<HalfSpace, Ball, Box, Capsule, ClosedMesh> shape;  ///< what it fills
   Path motion;                                                    ///< its translation from there
   double friction = 0;                                            ///< Coulomb's coefficient
+  /// Of its barrier (m); absent: from the body's size.
+  std::optional<double> range = {};
 };
 
 /// The surface against itself.

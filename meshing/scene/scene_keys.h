@@ -231,6 +231,8 @@ void describe(V& v, Obstacle& o) {
   v("motion", o.motion, kAny, "translation [[s or load factor, m, m, m], ...]");
   v.check("motion", is_ascending(o.motion), "ascending times");
   v("friction", o.friction, kNotNegative, "Coulomb's coefficient");
+  v("range", o.range, kPositive,
+    "below which a barrier presses the surface away (m); absent: a thousandth of the body's diagonal");
 }
 
 template <class V>

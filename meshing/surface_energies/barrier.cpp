@@ -71,16 +71,26 @@ Vector3d Barrier::slid(const Held& held, const Matrix3Xd& x) const {
   return way - held.normal.dot(way) * held.normal;
 }
 
+/// N
+Vector3d Barrier::friction_on(const Held& held, const Matrix3Xd& x) const {
+  const Vector3d way = slid(held, x);
+  return -held.limit / smooth_length(way.norm(), slip(held)).norm * way;
+}
+
+/// Of a point outside the body (N).
+Vector3d Barrier::pressing_on(int point, size_t body, const RigidBody::Gap& gap) const {
+  return -stiffness(point, body) * barrier_at(gap.distance, range(body)).db * gap.normal;
+}
+
 template <class Visit>
 void Barrier::for_each_near(const Matrix3Xd& x, const Visit& visit) const {
   for (size_t b = 0; b < bodies_.size(); ++b)
     for (int i = 0; i < weights_.rows(); ++i)
-      if (const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t_); gap.distance < range_)
-        visit(i, kappa_ * weights_(i, static_cast<Eigen::Index>(b)), gap);
+      if (const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t_); gap.distance < range(b)) visit(i, b, gap);
 }
 
 void Barrier::begin_step(double t, double h, const Matrix3Xd& x) {
-  slip_ = kStillSpeed * range_ * h;
+  slip_ = kStillSpeed * h;
   t_before_ = t;
   t_ = t + h;
   start_ = x;
@@ -99,9 +109,8 @@ void Barrier::find_friction(const Matrix3Xd& x, double t) {
     const Vector3d shift = body.translation(t_) - body.translation(t_before_);
     for (int i = 0; i < weights_.rows(); ++i) {
       const RigidBody::Gap gap = body.gap(x.col(i), t);
-      if (gap.distance <= 0 || gap.distance >= range_) continue;
-      const double weight = weights_(i, static_cast<Eigen::Index>(b)),
-                   limit = -body.friction * kappa_ * weight * barrier_at(gap.distance, range_).db;
+      if (gap.distance <= 0 || gap.distance >= range(b)) continue;
+      const double limit = body.friction * pressing_on(i, b, gap).norm();
       const auto known = foreseen.find({b, i});
       const Vector3d friction = known == foreseen.end() ? Vector3d::Zero() : known->second;
       held_.push_back({b, i, gap.normal, start_.col(i) + shift, limit, no_longer_than(limit, friction)});
@@ -111,19 +120,22 @@ void Barrier::find_friction(const Matrix3Xd& x, double t) {
 
 bool Barrier::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
   bool is_moved = false;
-  for (const RigidBody& body : bodies_)
+  for (size_t b = 0; b < bodies_.size(); ++b) {
+    const RigidBody& body = bodies_[b];
+    const double closest = kClosest * range(b), first = kFirst * range(b);
     for (int i = 0; i < weights_.rows(); ++i) {
       Vector3d yi = y.col(i);
-      if (const auto touch = body.first_touch(x.col(i), yi, t_, 0, kClosest * range_)) yi = *touch;
+      if (const auto touch = body.first_touch(x.col(i), yi, t_, 0, closest)) yi = *touch;
       // Newton's method doubles a gap that is far too small, so points in touch keep theirs.
-      if (const RigidBody::Gap gap = body.gap(yi, t_); gap.distance < kFirst * range_) {
+      if (const RigidBody::Gap gap = body.gap(yi, t_); gap.distance < first) {
         const double before = body.gap(x.col(i), t_before_).distance;
-        const double kept = before > kClosest * range_ ? std::min(before, kFirst * range_) : kFirst * range_;
+        const double kept = before > closest ? std::min(before, first) : first;
         if (gap.distance < kept) yi += (kept - gap.distance) * gap.normal;
       }
       is_moved |= yi != y.col(i);
       y.col(i) = yi;
     }
+  }
   return is_moved;
 }
 
@@ -143,8 +155,8 @@ double Barrier::largest_step(const Matrix3Xd& x, const Matrix3Xd& dx) const {
 
 double Barrier::stored(const Matrix3Xd& x) const {
   double sum = 0;
-  for_each_near(x, [&](int, double stiffness, const RigidBody::Gap& gap) {
-    sum += gap.distance > 0 ? stiffness * barrier_at(gap.distance, range_).b
+  for_each_near(x, [&](int i, size_t b, const RigidBody::Gap& gap) {
+    sum += gap.distance > 0 ? stiffness(i, b) * barrier_at(gap.distance, range(b)).b
                             : std::numeric_limits<double>::infinity();
   });
   return sum;
@@ -152,68 +164,60 @@ double Barrier::stored(const Matrix3Xd& x) const {
 
 double Barrier::energy(const Matrix3Xd& x) const {
   double sum = stored(x);
-  for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip_).value;
+  for (const Held& held : held_) sum += held.limit * smooth_length(slid(held, x).norm(), slip(held)).value;
   return sum;
 }
 
 double Barrier::friction(const Matrix3Xd& x) const {
-  const double none = smooth_length(0, slip_).value;
   double sum = 0;
   for (const Held& held : held_)
-    sum += held.limit * (smooth_length(slid(held, x).norm(), slip_).value - none);
-  return sum;
-}
-
-/// Of contact forces at x, bodies being where they are at t, along the way of the bodies in this step (J).
-double Barrier::pressing(const Matrix3Xd& x, double t) const {
-  double sum = 0;
-  for (size_t b = 0; b < bodies_.size(); ++b) {
-    const Vector3d shift = bodies_[b].translation(t_) - bodies_[b].translation(t_before_);
-    if (shift.isZero(0)) continue;
-    for (int i = 0; i < weights_.rows(); ++i)
-      if (const RigidBody::Gap gap = bodies_[b].gap(x.col(i), t); gap.distance > 0 && gap.distance < range_)
-        sum -= kappa_ * weights_(i, static_cast<Eigen::Index>(b)) * barrier_at(gap.distance, range_).db *
-               gap.normal.dot(shift);
-  }
+    sum += held.limit *
+           (smooth_length(slid(held, x).norm(), slip(held)).value - smooth_length(0, slip(held)).value);
   return sum;
 }
 
 double Barrier::work(const Matrix3Xd& x) const {
-  double sum = pressing(x, t_);
-  for (const Held& held : held_) {
-    const RigidBody& body = bodies_[held.body];
-    const Vector3d way = slid(held, x);
-    sum -= held.limit / smooth_length(way.norm(), slip_).norm *
-           way.dot(body.translation(t_) - body.translation(t_before_));
-  }
+  const std::vector<Contact> with = contacts(x);
+  double sum = 0;
+  for (size_t b = 0; b < bodies_.size(); ++b)
+    sum += with[b].force.dot(bodies_[b].translation(t_) - bodies_[b].translation(t_before_));
   return sum;
 }
 
-void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
-  for_each_near(x, [&](int i, double stiffness, const RigidBody::Gap& gap) {
+std::vector<Contact> Barrier::contacts(const Matrix3Xd& x) const {
+  std::vector<Contact> with(bodies_.size());
+  for_each_near(x, [&](int i, size_t b, const RigidBody::Gap& gap) {
     if (gap.distance <= 0) return;  // a body that begins in touch: keep_out parts them
-    f.col(i) -= stiffness * barrier_at(gap.distance, range_).db * gap.normal;
+    with[b].force += pressing_on(i, b, gap);
+    with[b].area += weights_(i, static_cast<Eigen::Index>(b));
   });
-  for (const Held& held : held_) {
-    const Vector3d way = slid(held, x);
-    f.col(held.point) -= held.limit / smooth_length(way.norm(), slip_).norm * way;
-  }
+  for (const Held& held : held_) with[held.body].force += friction_on(held, x);
+  return with;
+}
+
+void Barrier::add_forces(const Matrix3Xd& x, Matrix3Xd& f) const {
+  for_each_near(x, [&](int i, size_t b, const RigidBody::Gap& gap) {
+    if (gap.distance > 0) f.col(i) += pressing_on(i, b, gap);
+  });
+  for (const Held& held : held_) f.col(held.point) += friction_on(held, x);
 }
 
 void Barrier::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature) const {
   std::vector<Eigen::Matrix3d>& diagonal = H.diagonal;
   if (diagonal.empty()) diagonal.assign(x.cols(), Eigen::Matrix3d::Zero());
-  for_each_near(x, [&](int i, double stiffness, const RigidBody::Gap& gap) {
-    if (gap.distance <= 0) return;
-    diagonal[i] += stiffness * barrier_at(gap.distance, range_).ddb * gap.normal * gap.normal.transpose();
+  for_each_near(x, [&](int i, size_t b, const RigidBody::Gap& gap) {
+    if (gap.distance > 0)
+      diagonal[i] +=
+          stiffness(i, b) * barrier_at(gap.distance, range(b)).ddb * gap.normal * gap.normal.transpose();
   });
   for (const Held& held : held_)
-    diagonal[held.point] += friction_hessian(held.limit, held.normal, held.friction, slid(held, x), slip_);
+    diagonal[held.point] +=
+        friction_hessian(held.limit, held.normal, held.friction, slid(held, x), slip(held));
 }
 
 void Barrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
   for (Held& held : held_)
-    held.friction = friction_foreseen(held.limit, held.friction, slid(held, x), slid(held, y), slip_);
+    held.friction = friction_foreseen(held.limit, held.friction, slid(held, x), slid(held, y), slip(held));
   if (lag_ == FrictionLag::Iteration) find_friction(y, t_);
 }
 

@@ -19,8 +19,8 @@ enum class FrictionLag {
 class Barrier : public SurfaceEnergy {
  public:
   /// @param weights  of the points (m2)
-  /// @param range  D (m)
-  /// @param kappa  Pa/m
+  /// @param range  D (m) of bodies that have none of their own
+  /// @param kappa  there (Pa/m); it goes with 1/D
   Barrier(const Eigen::VectorXd& weights, double range, double kappa, std::vector<RigidBody> bodies,
           FrictionLag lag = FrictionLag::Step)
       : bodies_(std::move(bodies)),
@@ -38,6 +38,7 @@ class Barrier : public SurfaceEnergy {
   double stored(const Eigen::Matrix3Xd& x) const override;
   double friction(const Eigen::Matrix3Xd& x) const override;
   double work(const Eigen::Matrix3Xd& x) const override;
+  std::vector<Contact> contacts(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
   /// Bodies go to their places at t + h, friction is taken from the contact forces at x.
@@ -60,9 +61,15 @@ class Barrier : public SurfaceEnergy {
     double limit;                   ///< friction coefficient times contact force (N)
     Eigen::Vector3d friction;       ///< that the point exerts, as foreseen (N)
   };
+  double range(size_t body) const { return bodies_[body].range.value_or(range_); }
+  double stiffness(int point, size_t body) const {
+    return kappa_ * range_ / range(body) * weights_(point, static_cast<Eigen::Index>(body));
+  }
+  double slip(const Held& held) const { return slip_ * range(held.body); }
   Eigen::Vector3d slid(const Held& held, const Eigen::Matrix3Xd& x) const;
+  Eigen::Vector3d friction_on(const Held& held, const Eigen::Matrix3Xd& x) const;
+  Eigen::Vector3d pressing_on(int point, size_t body, const RigidBody::Gap& gap) const;
   void find_friction(const Eigen::Matrix3Xd& x, double t);
-  double pressing(const Eigen::Matrix3Xd& x, double t) const;
   template <class Visit>
   void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;
 
@@ -72,7 +79,7 @@ class Barrier : public SurfaceEnergy {
   FrictionLag lag_;
   double t_before_ = 0, t_ = 0;
   Eigen::Matrix3Xd start_;  ///< points at t_before_ (m)
-  double slip_ = 0;         ///< below which friction is smoothed (m)
+  double slip_ = 0;         ///< below which friction is smoothed, over the range
   std::vector<Held> held_;
 };
 

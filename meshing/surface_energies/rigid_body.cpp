@@ -60,6 +60,7 @@ std::function<Gap(const Vector3d&)> gap_to_mesh(const ClosedMesh& mesh) {
 
 RigidBody::RigidBody(const Obstacle& obstacle, const Eigen::Matrix3d& frame)
     : friction(obstacle.friction),
+      range(obstacle.range),
       motion_(obstacle.motion),
       is_flat_(std::holds_alternative<HalfSpace>(obstacle.shape)),
       gap_(std::visit(

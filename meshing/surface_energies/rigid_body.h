@@ -30,7 +30,8 @@ class RigidBody {
   std::optional<Eigen::Vector3d> first_touch(const Eigen::Vector3d& x, const Eigen::Vector3d& y, double t,
                                              double h, double least) const;
 
-  double friction;  ///< Coulomb's coefficient
+  double friction;              ///< Coulomb's coefficient
+  std::optional<double> range;  ///< of its barrier (m)
 
  private:
   Path motion_;

@@ -19,6 +19,22 @@ bool passes_through(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x, 
                      [&](const auto& energy) { return energy->passes_through(x, y); });
 }
 
+std::vector<std::pair<std::string, double>> contact_columns(const SurfaceEnergies& energies,
+                                                            const Eigen::Matrix3Xd& x,
+                                                            const Eigen::Matrix3d& frame) {
+  std::vector<std::pair<std::string, double>> columns;
+  for (const auto& energy : energies) {
+    const std::vector<Contact> contacts = energy->contacts(x);
+    for (size_t k = 0; k < contacts.size(); ++k) {
+      const std::string name = "obstacle_" + std::to_string(k);
+      const Eigen::Vector3d force = frame * contacts[k].force;
+      for (int c = 0; c < 3; ++c) columns.emplace_back(name + "_force_" + "xyz"[c], force(c));
+      columns.emplace_back(name + "_area", contacts[k].area);
+    }
+  }
+  return columns;
+}
+
 bool SurfaceHessian::empty() const {
   return diagonal.empty() && pairs.empty() && blocks.empty() && roots.empty() && curvatures.empty();
 }

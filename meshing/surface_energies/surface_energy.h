@@ -3,6 +3,8 @@
 
 #include <array>
 #include <memory>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "meshing/algebra/block_matrix.h"
@@ -107,6 +109,12 @@ struct SurfaceMemory {
   Eigen::VectorXd rest_length;   ///< of a membrane's edges (m)
 };
 
+/// What an obstacle does to a surface.
+struct Contact {
+  Eigen::Vector3d force{0, 0, 0};  ///< on the surface, friction included (N)
+  double area = 0;                 ///< of the surface at rest that is in touch, as it faces the obstacle (m2)
+};
+
 /// An energy of the positions x (3 x n, m), in the order in which a step by Newton's method calls it.
 class SurfaceEnergy {
  public:
@@ -140,6 +148,8 @@ class SurfaceEnergy {
   virtual double friction(const Eigen::Matrix3Xd&) const { return 0; }
   /// Work of obstacles that move in the step that ends at x, by the forces at its end, as implicit steps take them (J).
   virtual double work(const Eigen::Matrix3Xd&) const { return 0; }
+  /// With each obstacle, at the end x of the step.
+  virtual std::vector<Contact> contacts(const Eigen::Matrix3Xd&) const { return {}; }
 
   /// Largest part of the step dx from x within which nothing passes through, at most 1.
   virtual double largest_step(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd&) const { return 1; }
@@ -200,6 +210,12 @@ bool is_stiff(const SurfaceEnergies& energies);
 
 /// Whether anything passes through by any of them.
 bool passes_through(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y);
+
+/// Columns of curves.csv by their names: force (N) of each obstacle on the surface at x, and area of contact (m2).
+/// @param frame  axes of the positions, in columns
+std::vector<std::pair<std::string, double>> contact_columns(const SurfaceEnergies& energies,
+                                                            const Eigen::Matrix3Xd& x,
+                                                            const Eigen::Matrix3d& frame);
 
 /// Memories of those that have any.
 using SurfaceMemories = std::vector<std::shared_ptr<const SurfaceMemory>>;

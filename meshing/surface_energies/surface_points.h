@@ -66,6 +66,9 @@ class EnergyOfPoints : public SurfaceEnergy {
   double stored(const Eigen::Matrix3Xd& x) const override { return energy_->stored(at_points(x)); }
   double friction(const Eigen::Matrix3Xd& x) const override { return energy_->friction(at_points(x)); }
   double work(const Eigen::Matrix3Xd& x) const override { return energy_->work(at_points(x)); }
+  std::vector<Contact> contacts(const Eigen::Matrix3Xd& x) const override {
+    return energy_->contacts(at_points(x));
+  }
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
   double largest_step(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx) const override {

@@ -191,6 +191,53 @@ TEST(EnergyOfPoints, ForcesOfABarrierAndItsHessianAreDifferencesOnStraightAndCur
   }
 }
 
+TEST(Barrier, TellsWhatEachObstacleExerts) {
+  for (const int n : {3, 6}) {
+    AboveAPlane above(n);
+    Obstacle far;
+    far.shape = Ball{{0, 0, 9}, 1};
+    above.bodies.emplace_back(far);
+    const auto energy = barrier_around(above.bodies, above.x, downward(two_faces(n)), 1e5,
+                                       std::vector<char>(above.x.cols(), false));
+    energy->begin_step(0, 1e-2, above.x);
+    Matrix3Xd x = above.x, f = Matrix3Xd::Zero(3, x.cols());
+    x.row(0).array() += 1e-5;
+    energy->add_forces(x, f);
+    ASSERT_LT(f.row(0).sum(), -1) << "friction";
+    const Eigen::Matrix3d frame = Eigen::AngleAxisd(0.3, Vector3d(1, 2, 2) / 3).matrix();
+    const auto columns = contact_columns({energy}, x, frame);
+    ASSERT_EQ(columns.size(), 8u);
+    const Vector3d sum = frame * f.rowwise().sum();
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_EQ(columns[c].first, std::string("obstacle_0_force_") + "xyz"[c]);
+      EXPECT_NEAR(columns[c].second, sum(c), 1e-12 * sum.norm());
+      EXPECT_EQ(columns[4 + c].second, 0);
+    }
+    EXPECT_EQ(columns[3].first, "obstacle_0_area");
+    EXPECT_NEAR(columns[3].second, 1, 1e-4);  // faces lean a little
+    EXPECT_EQ(columns[7].second, 0);
+  }
+}
+
+// The pressure at a gap hangs on its share of the range alone.
+TEST(Barrier, ARangeOfItsOwnStretchesTheLawOfPressure) {
+  const Eigen::MatrixXi faces = downward(two_faces(3));
+  Eigen::Vector2d forces;
+  for (const double times : {1., 3.}) {
+    Obstacle plane;
+    plane.shape = HalfSpace{{0, 0, 0}, {0, 0, 1}};
+    plane.range = times * AboveAPlane::kRange;
+    Matrix3Xd x = unit_square(3);
+    x.row(2).setConstant(0.3 * *plane.range);
+    const auto energy = barrier_around({RigidBody(plane)}, x, faces, 1e5, std::vector<char>(x.cols(), false));
+    forces(times > 1) = energy->contacts(x)[0].force(2);
+    x.row(2).setConstant(*plane.range);
+    EXPECT_EQ(energy->energy(x), 0);
+  }
+  EXPECT_GT(forces(0), 1);
+  EXPECT_NEAR(forces(1), forces(0), 1e-12 * forces(0));
+}
+
 TEST(EnergyOfPoints, StepsEndBeforeAPointWouldPassAndGuessesAreKeptOut) {
   for (const int n : {3, 6}) {
     AboveAPlane above(n);
