@@ -30,7 +30,8 @@ class RigidBody {
   std::optional<Eigen::Vector3d> first_touch(const Eigen::Vector3d& x, const Eigen::Vector3d& y, double t,
                                              double h, double least) const;
 
-  double friction;  ///< Coulomb's coefficient
+  double friction;   ///< Coulomb's coefficient
+  bool may_overlap;  ///< a body as its motion begins
 
  private:
   Path motion_;
@@ -38,7 +39,8 @@ class RigidBody {
   std::function<Gap(const Eigen::Vector3d&)> gap_;  ///< of a point in the body's frame
 };
 
-/// That a body begins outside of obstacles; it may touch them. What nothing but a support moves may lie inside.
+/// That a body begins outside of obstacles that it may not overlap; it may touch them. What nothing but a support moves
+/// may lie inside.
 /// @param X  nodes (3 x n, m)
 /// @param faces  3 or 6 nodes each, outward
 /// @param is_constrained  per node, whether supports hold it

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "meshing/algebra/block_matrix.h"
+#include "meshing/base/archive.h"
 #include "meshing/surface_energies/enclosed_volume.h"
 
 namespace testbed::meshing {
@@ -106,6 +107,13 @@ struct SurfaceMemory {
   std::vector<SidedPair> pairs;  ///< ascending
   Eigen::VectorXd rest_length;   ///< of a membrane's edges (m)
 };
+
+inline void archive(Archive& a, SidedPair& pair) {
+  a(pair.node, pair.is_edges, pair.side);
+}
+inline void archive(Archive& a, SurfaceMemory& memory) {
+  a(memory.listed, memory.pairs, memory.rest_length);
+}
 
 /// An energy of the positions x (3 x n, m), in the order in which a step by Newton's method calls it.
 class SurfaceEnergy {
