@@ -236,6 +236,7 @@ std::string Simulation::saved() const {
   State state = state_;
   SimulationReport counts = report_;
   to(state, counts);
+  stepper_->archive_kept(to);
   return to.bytes();
 }
 
@@ -245,6 +246,7 @@ void Simulation::restore(const std::string& saved) {
   from(state);
   set_state(state);
   from(report_);
+  stepper_->archive_kept(from);
 }
 
 void Simulation::change(const Scene& scene) {

@@ -49,9 +49,9 @@ class Simulation {
   /// Goes on from a state of a simulation of the same scene and network, and forgets what is kept besides.
   /// @throws std::runtime_error for another number of nodes
   void set_state(const State& state);
-  /// A motion's state and counts as bytes; of statics none.
+  /// A motion's state, counts and what is kept from step to step, as bytes; of statics none.
   std::string saved() const;
-  /// Goes on from what a simulation of the same scene and network has saved.
+  /// Goes on bit for bit from what a simulation of the same scene and network has saved.
   /// @throws std::runtime_error where it is cut
   void restore(const std::string& saved);
   /// Goes on from the state at hand under a scene with other values: those of material.E and nu, gravity, the

@@ -20,7 +20,7 @@ namespace testbed::meshing {
 /// names the members.
 class Archive {
  public:
-  Archive() = default;                                                                   ///< writes
+  Archive() = default;                                                                  ///< writes
   explicit Archive(std::string bytes) : bytes_(std::move(bytes)), is_reading_(true) {}  ///< reads
 
   /// @throws std::runtime_error where there are fewer bytes to read than the values take
@@ -29,6 +29,7 @@ class Archive {
     (visit(values), ...);
   }
   const std::string& bytes() const { return bytes_; }
+  bool is_reading() const { return is_reading_; }
 
  private:
   void copy(void* value, std::size_t n) {
@@ -84,14 +85,28 @@ class Archive {
   }
   template <class Value>
   void visit(std::vector<Value>& values) {
-    values.resize(count(values));
-    for (Value& value : values) visit(value);
+    const std::size_t n = count(values);
+    if constexpr (std::is_arithmetic_v<Value>) {
+      expect(n * sizeof(Value));
+      values.resize(n);
+      copy(values.data(), n * sizeof(Value));
+    } else {
+      values.resize(n);
+      for (Value& value : values) visit(value);
+    }
   }
   template <class Value>
   void visit(std::optional<Value>& value) {
     bool is_there = value.has_value();
     visit(is_there);
     if (is_reading_ && is_there) value.emplace();
+    if (is_there) visit(*value);
+  }
+  template <class Value>
+  void visit(std::unique_ptr<Value>& value) {
+    bool is_there = value != nullptr;
+    visit(is_there);
+    if (is_reading_) value = is_there ? std::make_unique<Value>() : nullptr;
     if (is_there) visit(*value);
   }
   template <class Value>

@@ -13,13 +13,14 @@
 namespace testbed::meshing {
 
 struct Checkpoint {
-  std::string simulation;             ///< as it was saved
-  Recorded recorded;                  ///< before the rows and frames of the step that it was saved after
+  std::string simulation;              ///< as it was saved
+  Recorded recorded;                   ///< before the rows and frames of the step that it was saved after
   std::map<std::string, double> sums;  ///< of the record so far
 };
 
 /// Writes it to a temporary name and renames it.
-void write_checkpoint(const std::filesystem::path& folder, const std::string& input_hash, Checkpoint checkpoint);
+void write_checkpoint(const std::filesystem::path& folder, const std::string& input_hash,
+                      Checkpoint checkpoint);
 
 /// That of a run of these inputs, if it is whole and its frames are there as they were written.
 std::optional<Checkpoint> stored_checkpoint(const std::filesystem::path& folder,

@@ -52,7 +52,8 @@ bool is_whole(const fs::path& folder, const nlohmann::ordered_json& record) {
 
 bool are_frames_whole(const fs::path& folder, const Recorded& recorded) {
   return std::all_of(recorded.frames.begin(), recorded.frames.end(), [&](const auto& frame) {
-    return is_as_written(folder / frame.second, recorded.outputs.value(frame.second, nlohmann::ordered_json()));
+    return is_as_written(folder / frame.second,
+                         recorded.outputs.value(frame.second, nlohmann::ordered_json()));
   });
 }
 

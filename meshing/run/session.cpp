@@ -46,9 +46,10 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
   app.add_option("--frequencies", options.n_frequencies,
                  "also find so many of the lowest natural frequencies (Hz) and write them into run.json")
       ->check(CLI::Range(1, 1000));
-  app.add_option("--budget", options.budget,
-                 "s of wall-clock time after which the run stops with what it has, to go on from there another "
-                 "time")
+  app.add_option(
+         "--budget", options.budget,
+         "s of wall-clock time after which the run stops with what it has, to go on from there another "
+         "time")
       ->check(CLI::PositiveNumber);
   app.add_flag("--quiet", options.is_quiet, "no progress on stderr");
   app.add_flag("--force", options.is_forced, "run even when nothing has changed");
@@ -86,9 +87,9 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       budget_(options.budget, [this] { end_overdue(); }) {
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
   if (!is_first) return;
-  FolderLock lock(out_, [](const std::string& text) { std::cerr << text << ": waiting for its end\n"; });
+  lock_.emplace(out_, [](const std::string& text) { std::cerr << text << ": waiting for its end\n"; });
   const std::lock_guard guard(writing_);
-  lock_.emplace(std::move(lock));
+  has_folder_ = true;
 }
 
 void Session::end_overdue() {
@@ -103,7 +104,7 @@ void Session::end_overdue() {
   try {
     if (recorder_)
       recorder_->finish(known_);
-    else if (lock_)
+    else if (has_folder_)
       write_file(out_ / "run.json", known_.dump(2) + "\n");
     tell(known_);
   } catch (const std::exception& error) {
@@ -229,8 +230,7 @@ void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::ve
   solved_ = solved;
   cells.insert(cells.begin(), CellBlock{5, solved.F});
   const std::lock_guard guard(writing_);
-  if (is_first_)
-    recorder_.emplace(out_, std::move(cells), n_surface, before_ ? &before_->recorded : nullptr);
+  if (is_first_) recorder_.emplace(out_, std::move(cells), n_surface, before_ ? &before_->recorded : nullptr);
   nlohmann::ordered_json head = environment_record(program_, n_threads);
   head["name"] = scene.name;
   head["law"] = name_of(law_of(scene));

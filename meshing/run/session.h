@@ -121,7 +121,7 @@ class Session {
   std::string stopped_early_;  ///< why; empty: it was not
 
   std::mutex writing_;  ///< is held while something is written, and guards what follows
-  bool may_end_ = true;
+  bool has_folder_ = false, may_end_ = true;
   std::string stage_;
   nlohmann::ordered_json known_;  ///< of the record, for an end wherever it is
 

@@ -53,7 +53,8 @@ Vector3d way_out(const RigidBody& obstacle, size_t k, const Matrix3Xd& points, d
     }
   }
   std::ostringstream fault;
-  fault << "obstacles[" << k << "] begins around the body or on all sides of it, expected initially = \"resolve\" "
+  fault << "obstacles[" << k
+        << "] begins around the body or on all sides of it, expected initially = \"resolve\" "
         << "of one that overlaps it from one side";
   throw std::runtime_error(fault.str());
 }
