@@ -60,7 +60,7 @@ def refine(
             break
         experiment = replace(experiment, n_refinements=n, next_reference_seconds=None)
     # One that was stopped early is to go on another time.
-    later = experiment.n_refinements + 1 + (record["status"] == STOPPED_EARLY)
+    later = experiment.n_refinements + 1 + (record.get("status") == STOPPED_EARLY)
     while (folder := experiment.refined_folder(later)).exists():
         shutil.rmtree(folder)  # of other values, or without a result
         later += 1
