@@ -20,7 +20,7 @@ from .outputs import forget
 from .paths import OUT, SCENES
 from .report import text_of
 from .results import results_of
-from .runs import NOT_OK, SOLVED, RunError, StoppedEarly
+from .runs import NOT_OK, SOLVED, RunError, StoppedEarlyError
 from .studies import command as study
 
 DEFAULT = "torus_inflates.toml"  #: the scene of a run that names none
@@ -240,7 +240,7 @@ def main() -> int:
     except RunError as error:
         if not error.is_told:
             print(f"error: {error}", file=sys.stderr)
-        return NOT_OK if isinstance(error, StoppedEarly) else 1
+        return NOT_OK if isinstance(error, StoppedEarlyError) else 1
     except MemoryError:
         print("error: takes more memory than there is, expected a coarser body", file=sys.stderr)
         return 1

@@ -28,7 +28,7 @@ from .runs import (
     SOLVED,
     STOPPED_EARLY,
     RunError,
-    StoppedEarly,
+    StoppedEarlyError,
     built,
     outcome_of,
     read_toml,
@@ -110,10 +110,10 @@ def check_playback(scene: Path, overrides: list[str]) -> None:
 
 
 def _expect_end(folder: Path) -> None:
-    """Raises StoppedEarly where a run's budget was spent."""
+    """Raises StoppedEarlyError where a run's budget was spent."""
     record = record_of(folder)
     if record.get("status") == STOPPED_EARLY:
-        raise StoppedEarly(f"{folder}: {outcome_of(record)}")
+        raise StoppedEarlyError(f"{folder}: {outcome_of(record)}")
 
 
 def run_solvers(
@@ -131,7 +131,7 @@ def run_solvers(
     The reference is refined as references.refine does, which gives its two options their meaning. budget: s of wall-clock time that
     the runs may take together; what is not solved by then is not compared, and goes on when this is called again. Where the scene has a part
     that the reference does not model, the springs run alone. Raises RunError when a spring model refuses the scene, and when
-    the reference fails or carries no part of the load, StoppedEarly when it is stopped before.
+    the reference fails or carries no part of the load, StoppedEarlyError when it is stopped before.
     """
     end = None if budget is None else time.monotonic() + budget
     command = _command(scene_file, surface, overrides)

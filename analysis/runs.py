@@ -37,7 +37,7 @@ class RunError(Exception):
         self.is_told = is_told
 
 
-class StoppedEarly(RunError):
+class StoppedEarlyError(RunError):
     """Not enough is there to go on with, as a budget of time was spent."""
 
 

@@ -26,7 +26,7 @@ from analysis.experiment_folder import Experiment
 from analysis.paths import SCENES
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
-from analysis.runs import RunError, StoppedEarly, load_run
+from analysis.runs import RunError, StoppedEarlyError, load_run
 from analysis.verdict import conclusion, finding
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
@@ -206,7 +206,7 @@ def test_runs_share_a_budget(solve, tmp_path):
 
 
 def test_reference_that_was_stopped_early_is_told_apart(solve):
-    with pytest.raises(StoppedEarly, match=r"fem_reference: stopped_early, after 2 of 5 steps"):
+    with pytest.raises(StoppedEarlyError, match=r"fem_reference: stopped_early, after 2 of 5 steps"):
         solve("late")
 
 

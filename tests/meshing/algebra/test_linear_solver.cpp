@@ -318,8 +318,9 @@ TEST(LinearSolver, FactorisesWhereMultigridStandsStillAndSaysSo) {
 
 // Whatever preconditioner it keeps: the block Jacobi of easy systems, a factor of few nodes, multigrid of many.
 TEST(LinearSolver, GoesOnFromAnArchiveBitForBit) {
-  for (const auto& [n, stiffness, choice] : {std::tuple(600, 0.1, "block Jacobi"),
-                                             std::tuple(400, 1e5, "Cholesky factor"), std::tuple(600, 1e5, "multigrid")}) {
+  for (const auto& [n, stiffness, choice] :
+       {std::tuple(600, 0.1, "block Jacobi"), std::tuple(400, 1e5, "Cholesky factor"),
+        std::tuple(600, 1e5, "multigrid")}) {
     Matrix3Xd line = Matrix3Xd::Zero(3, n);
     line.row(0) = Eigen::RowVectorXd::LinSpaced(n, 0, n - 1);
     const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
