@@ -128,10 +128,10 @@ def run_solvers(
 ) -> Experiment:
     """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
-    The reference is refined as references.refine does, which gives its two options their meaning. budget: s of wall-clock time that
-    the runs may take together; what is not solved by then is not compared, and goes on when this is called again. Where the scene has a part
-    that the reference does not model, the springs run alone. Raises RunError when a spring model refuses the scene, and when
-    the reference fails or carries no part of the load, StoppedEarlyError when it is stopped before.
+    The reference is refined as references.refine does, which gives time_limit and is_refined_once their meaning. Where the
+    scene has a part that the reference does not model, the springs run alone. budget: s of wall-clock time for all runs; what
+    is not solved by then is not compared, and goes on in another call. Raises RunError when a spring model refuses the scene,
+    and when the reference fails or carries no part of the load, StoppedEarlyError where that is for its budget.
     """
     end = None if budget is None else time.monotonic() + budget
     command = _command(scene_file, surface, overrides)
