@@ -19,7 +19,7 @@ material.E = 2e4 # Pa
 
 [surface]
 shape = "bar"
-n_vertices = 120
+n_vertices = 60
 size = [0.4, 0.1, 0.1] # m
 
 [[supports]]
@@ -28,7 +28,7 @@ region = { box = { low = [0, 0, 0], high = [0, 1, 1] }, relative = true }
 [time]
 mode = "dynamic"
 step = 0.002 # s
-end = 0.4 # s
+end = 0.12 # s
 
 [reference]
 degree = 1
@@ -37,9 +37,9 @@ degree = 1
 frames_every = 7
 checkpoint_every = 0.001 # s
 """
-FLOOR = "obstacles=[{ plane = { point = [0, -0.1, 0], normal = [0, 1, 0] }, friction = 0.3 }]"
+FLOOR = "obstacles=[{ plane = { point = [0, -0.01, 0], normal = [0, 1, 0] }, friction = 0.3 }]"
 COLLAPSE = "collapse={ pivots = [{ point = [0, 0, 0] }], coefficient = 0.5 }"
-LET_GO = "supports.0.end=0.15"
+LET_GO = "supports.0.end=0.04"
 LINEAR = ("material.law=small_strain", "material.E=1e6")
 SPRINGS = {
     "linear": (*LINEAR, "time.integrator=midpoint"),
@@ -94,7 +94,7 @@ def kill_until_it_ends(words, folder):
     while True:
         before = file.stat().st_mtime_ns if file.exists() else 0
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-            while process.poll() is None and n_killed < 3:
+            while process.poll() is None and n_killed < 2:
                 if file.exists() and file.stat().st_mtime_ns != before:
                     time.sleep(0.02)
                     process.send_signal(signal.SIGKILL)
@@ -173,21 +173,23 @@ def test_a_budget_ends_what_does_not_come_to_the_end_of_a_step(tmp_path):
 
 
 def test_a_damaged_or_foreign_checkpoint_is_not_gone_on_from(tmp_path):
-    overrides = SPRINGS["linear"]
-    endless = (*overrides, "time.end=1e3", "output.curves=false")
-    stop = command(tmp_path, "massspring", endless, "out", "--budget", "0.5")
-    subprocess.run(stop, check=False)
-    file = tmp_path / "out" / "checkpoint.bin"
-    whole = file.read_bytes()
-    wall = record_of(file.parent)["wall"]
-    for damaged in (whole[:-9], whole[:100] + bytes([whole[100] ^ 1]) + whole[101:], b""):
-        file.write_bytes(damaged)
-        subprocess.run(stop, check=False)
-        assert record_of(file.parent)["wall"] < 1.5 * wall, "begun anew"
-    other = command(tmp_path, "massspring", (*endless, "material.nu=0.3"), "out", "--budget", "0.5")
-    subprocess.run(other, check=False)
-    assert record_of(file.parent)["wall"] < 1.5 * wall, "of another scene"
-    frame = next((file.parent / "frames").glob("*.vtu"))
-    frame.write_bytes(frame.read_bytes()[:-1])
-    subprocess.run(other, check=False)
-    assert record_of(file.parent)["wall"] < 1.5 * wall, "a frame is damaged"
+    overrides, other = SPRINGS["linear"], (*SPRINGS["linear"], "material.nu=0.3")
+    out = tmp_path / "out"
+
+    def left_checkpoint():
+        stop = command(tmp_path, "massspring", (*overrides, "time.end=1e3"), "endless", "--budget", "0.3")
+        subprocess.run(stop, check=False, stderr=subprocess.DEVNULL)
+        return (tmp_path / "endless" / "checkpoint.bin").read_bytes()
+
+    saved = left_checkpoint()
+    subprocess.run(command(tmp_path, "massspring", other, "whole"), check=True)
+    out.mkdir()
+    for foreign in (saved, saved[:-9], b""):
+        (out / "checkpoint.bin").write_bytes(foreign)
+        subprocess.run(command(tmp_path, "massspring", other, "out", "--force"), check=True)
+        assert frames_of(out) == frames_of(tmp_path / "whole")
+        (out / "run.json").unlink()
+        (out / "checkpoint.bin").write_bytes(foreign)
+        subprocess.run(command(tmp_path, "massspring", other, "out"), check=True)
+        assert frames_of(out) == frames_of(tmp_path / "whole")
+        assert not (out / "checkpoint.bin").exists()
