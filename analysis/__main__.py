@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import os
 import shlex
 import signal
@@ -20,7 +21,7 @@ from .outputs import forget
 from .paths import OUT, SCENES
 from .report import text_of
 from .results import results_of
-from .runs import NOT_OK, SOLVED, RunError
+from .runs import NOT_OK, SOLVED, RunError, StoppedEarlyError
 from .studies import command as study
 
 DEFAULT = "torus_inflates.toml"  #: the scene of a run that names none
@@ -35,7 +36,8 @@ _RUN_EXAMPLES = """examples:
 exit status:
   0  the scene's own spring model has been compared
   1  an error, or nothing to compare
-  2  a report is written, but that model or the reference did not reach the end; also for a wrong option
+  2  a report is written, but that model or the reference did not reach the end; also for a wrong option, and without a report
+     where --budget was spent before the reference had an end
 """
 
 _REMESH_EXAMPLES = """examples:
@@ -116,6 +118,11 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     run.add_argument(
         "--time-limit", type=float, default=TIME_LIMIT, metavar="SECONDS",
         help="what a further solve of the finite elements may take, which tells their own error; default: %(default)g",
+    )  # fmt: skip
+
+    run.add_argument(
+        "--budget", type=_seconds, metavar="SECONDS",
+        help="wall-clock time that all solves may take together; the same command goes on with what was stopped",
     )  # fmt: skip
 
     new = add(
@@ -213,6 +220,13 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}', expected more than 0 s")
+    return seconds
+
+
 def _part(text: str) -> tuple[int, int]:
     share, _, of = text.partition("/")
     if not (share.isdigit() and of.isdigit() and 1 <= int(share) <= int(of)):
@@ -233,8 +247,9 @@ def _run_in(folder: Path, arguments: argparse.Namespace) -> int:
     if arguments.remesh:
         surface = remesh.remeshed_of(surface or surface_file(arguments.scene), folder)
     experiment = run_solvers(
-        arguments.scene, folder, surface, overrides, arguments.quiet, arguments.time_limit
-    )
+        arguments.scene, folder, surface, overrides, arguments.quiet, arguments.time_limit,
+        budget=arguments.budget,
+    )  # fmt: skip
     comparison = results_of(experiment, arguments.quiet)
     print(f"{text_of(comparison)}\n\nreport: {folder / 'report.html'}")
     if folder.resolve().is_relative_to(OUT):
@@ -260,7 +275,7 @@ def main() -> int:
     except RunError as error:
         if not error.is_told:
             print(f"error: {error}", file=sys.stderr)
-        return 1
+        return NOT_OK if isinstance(error, StoppedEarlyError) else 1
     except MemoryError:
         print("error: takes more memory than there is, expected a coarser body", file=sys.stderr)
         return 1

@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -25,7 +26,9 @@ from .runs import (
     NOT_OK,
     REFUSED,
     SOLVED,
+    STOPPED_EARLY,
     RunError,
+    StoppedEarlyError,
     built,
     outcome_of,
     read_toml,
@@ -36,6 +39,7 @@ from .wording import significant
 
 #: s, that a further solve of the reference for its error may take, as foreseen
 TIME_LIMIT = 60.0
+_LEAST = 0.001  # s, that a run gets of a budget that is spent
 
 
 def _scaling(checked: str) -> tuple[str, ...]:
@@ -105,6 +109,13 @@ def check_playback(scene: Path, overrides: list[str]) -> None:
         warp_of(settings["warp"], settings.get("points"), settings.get("expression", ""))
 
 
+def _expect_end(folder: Path) -> None:
+    """Raises StoppedEarlyError where a run's budget was spent."""
+    record = record_of(folder)
+    if record.get("status") == STOPPED_EARLY:
+        raise StoppedEarlyError(f"{folder}: {outcome_of(record)}")
+
+
 def run_solvers(
     scene_file: Path,
     folder: Path,
@@ -113,13 +124,16 @@ def run_solvers(
     is_quiet: bool,
     time_limit: float = TIME_LIMIT,
     is_refined_once: bool = False,
+    budget: float | None = None,
 ) -> Experiment:
     """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
-    The reference is refined as references.refine does, which gives the last two options their meaning. Where the scene has a part
-    that the reference does not model, the springs run alone. Raises RunError when a spring model refuses the scene, and when
-    the reference fails or carries no part of the load.
+    The reference is refined as references.refine does, which gives time_limit and is_refined_once their meaning. Where the
+    scene has a part that the reference does not model, the springs run alone. budget: s of wall-clock time for all runs; what
+    is not solved by then is not compared, and goes on in another call. Raises RunError when a spring model refuses the scene,
+    and when the reference fails or carries no part of the load, StoppedEarlyError where that is for its budget.
     """
+    end = None if budget is None else time.monotonic() + budget
     command = _command(scene_file, surface, overrides)
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
@@ -129,7 +143,8 @@ def run_solvers(
         return ended.status, ended.errors
 
     def command_of(program: str, out: Path, *more: str, options: tuple[str, ...] = ()) -> list[str]:
-        return solver(built(PROGRAMS, program), scene_file, out, (*overrides, *more), options)
+        left = () if end is None else ("--budget", f"{max(_LEAST, end - time.monotonic()):.3f}")
+        return solver(built(PROGRAMS, program), scene_file, out, (*overrides, *more), (*options, *left))
 
     checked = _run(command_of("massspring", folder, options=("--check",)), is_quiet=True)
     if checked.status != SOLVED:
@@ -141,6 +156,8 @@ def run_solvers(
             trial = folder / "load_scale_trial"
             say(f"a trial for a strain of {wanted:g}", is_quiet)
             status, errors = run("massspring", trial, *load_scale.TRIAL, options=load_scale.OPTIONS)
+            if status == NOT_OK:
+                _expect_end(trial)
             if status != SOLVED:
                 raise RunError(
                     errors
@@ -161,6 +178,7 @@ def run_solvers(
         record = record_of(folder / "fem_reference")
         # A static one that came some way is compared there.
         if status == NOT_OK and not record.get("load_factor_reached"):
+            _expect_end(folder / "fem_reference")
             raise RunError(
                 f"fem_reference did not converge: {outcome_of(record)}, see {folder / 'fem_reference'}"
             )

@@ -16,7 +16,7 @@ from .comparison import compare
 from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
 from .run_store import say
-from .runs import LATE, NOT_OK, SOLVED, outcome_of, record_of
+from .runs import LATE, NOT_OK, SOLVED, STOPPED_EARLY, outcome_of, record_of
 from .verdict import needs_finer_reference
 from .wording import duration
 
@@ -59,7 +59,8 @@ def refine(
             experiment = replace(experiment, unrefined=outcome_of(record))
             break
         experiment = replace(experiment, n_refinements=n, next_reference_seconds=None)
-    later = experiment.n_refinements + 1
+    # One that was stopped early is to go on another time.
+    later = experiment.n_refinements + 1 + (record.get("status") == STOPPED_EARLY)
     while (folder := experiment.refined_folder(later)).exists():
         shutil.rmtree(folder)  # of other values, or without a result
         later += 1

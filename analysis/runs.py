@@ -22,6 +22,7 @@ from .outputs import is_as_written
 Array = np.ndarray
 _KEPT = 1_000_000  # points, of the frames of a run that are kept in memory: some 100 MB
 SOLVED, REFUSED, NOT_OK, NOT_MODELLED = range(4)  # exit statuses of both programs: meshing/exit_status.h
+STOPPED_EARLY = "stopped_early"  #: status of one that reached its budget: meshing/record.h
 LATE = 124  #: of one that was stopped for its time, as timeout(1) has it
 
 
@@ -34,6 +35,10 @@ class RunError(Exception):
     def __init__(self, message: str, is_told: bool = False) -> None:
         super().__init__(message)
         self.is_told = is_told
+
+
+class StoppedEarlyError(RunError):
+    """Not enough is there to go on with, as a budget of time was spent."""
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,14 @@ struct Arguments : SessionOptions {
 };
 
 /// What several processes do not solve together; empty: nothing.
-std::string undivided_part(const Scene& scene, bool has_frequencies) {
+std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
   const std::string allowed = " under mpirun, expected linear statics";
   if (scene.time.mode != TimeMode::Static) return "time.mode = \"dynamic\"" + allowed;
   if (law_of(scene) != MaterialLaw::SmallStrain) return "material.law = neo_hookean" + allowed;
   if (scene.reference.inertia_relief) return "reference.inertia_relief" + allowed + " without it";
-  if (has_frequencies) return "--frequencies" + allowed;
+  if (arguments.n_frequencies > 0) return "--frequencies" + allowed;
+  if (arguments.budget) return "--budget" + allowed + " without it";
   return "";
 }
 
@@ -84,10 +85,10 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
     record["mass_damping"] = simulation.damping();
     record["step"] = simulation.step();
     record["n_steps"] = simulation.n_steps();
-    if (integrator->n_newton_iterations() > 0)
-      record["newton_iterations"] = integrator->n_newton_iterations();
-    if (integrator->n_halved() > 0) record["n_steps_halved"] = integrator->n_halved();
-    if (!is_explicit) record["factorisations"] = integrator->n_factorisations();
+    if (integrator->counts().newton_iterations > 0)
+      record["newton_iterations"] = integrator->counts().newton_iterations;
+    if (integrator->counts().halved > 0) record["n_steps_halved"] = integrator->counts().halved;
+    if (!is_explicit) record["factorisations"] = integrator->counts().factorisations;
     record["time_reached"] = integrator->t();
     record["energy_gain"] = integrator->ledger().gain();
   } else {
@@ -116,7 +117,7 @@ ExitStatus run(const Arguments& arguments) {
   check_scene(scene, arguments.scene);
   check_scheme(scene, arguments.scene);
   Session session("fem_reference", arguments, scene, is_first);
-  if (const std::string part = undivided_part(scene, arguments.n_frequencies > 0); !part.empty())
+  if (const std::string part = undivided_part(scene, arguments); !part.empty())
     throw std::runtime_error(arguments.scene + ": " + part);
   if (const std::string part = unmodelled_part(scene); !part.empty()) return session.refuse(part);
   const std::string options =

@@ -14,6 +14,7 @@
 #include "meshing/base/geometry.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/initial_overlap.h"
 
 namespace testbed::massspring {
 namespace {
@@ -114,10 +115,23 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   act_on_model();
   check_apart(contacts_, model_, forces_.constraints);
   state_ = initial_state(model_);
+  push_out_of_obstacles();
   state_.v = initial_velocity(scene, model_.network.X, model_.mass);
   filter(forces_.constraints, state_.v);
   begin_stepping();
   count_steps();
+}
+
+/// To equilibrium beside obstacles that it may overlap.
+void Simulation::push_out_of_obstacles() {
+  const auto apart = without_overlap(scene_, contacts_.bodies, model_.network.X, model_.network.F);
+  if (!apart) return;
+  Simulation statics(*apart, network_);
+  while (!statics.has_ended()) statics.advance();
+  if (statics.status() != Status::Ok)
+    throw std::runtime_error("obstacles.initially = \"resolve\" finds no equilibrium beside obstacles: " +
+                             statics.report().reason);
+  state_.x = statics.state().x;
 }
 
 void Simulation::make_model() {
@@ -214,6 +228,25 @@ void Simulation::set_state(const State& state) {
   report_.status = Status::Ok;
   begin_stepping();
   count_steps();
+}
+
+std::string Simulation::saved() const {
+  if (is_static()) return "";
+  Archive to;
+  State state = state_;
+  SimulationReport counts = report_;
+  to(state, counts);
+  stepper_->archive_kept(to);
+  return to.bytes();
+}
+
+void Simulation::restore(const std::string& saved) {
+  Archive from(saved);
+  State state;
+  from(state);
+  set_state(state);
+  from(report_);
+  stepper_->archive_kept(from);
 }
 
 void Simulation::change(const Scene& scene) {

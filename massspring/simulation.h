@@ -23,6 +23,11 @@ struct SimulationReport {
   std::string full_geometry;        ///< why, although strain is small; else empty
 };
 
+/// How steps so far went.
+inline void archive(meshing::Archive& a, SimulationReport& r) {
+  a(r.status, r.n_at_rest, r.n_halved, r.newton_iterations, r.linear_iterations);
+}
+
 class Simulation {
  public:
   /// The body at rest, on a network with links and tetrahedra where the scene's calibration needs them.
@@ -44,6 +49,11 @@ class Simulation {
   /// Goes on from a state of a simulation of the same scene and network, and forgets what is kept besides.
   /// @throws std::runtime_error for another number of nodes
   void set_state(const State& state);
+  /// A motion's state, counts and what is kept from step to step, as bytes; of statics none.
+  std::string saved() const;
+  /// Goes on bit for bit from what a simulation of the same scene and network has saved.
+  /// @throws std::runtime_error where it is cut
+  void restore(const std::string& saved);
   /// Goes on from the state at hand under a scene with other values: those of material.E and nu, gravity, the
   /// loads' pressure, collapse, obstacles, time.integrator and time.step. Its balance of energy begins anew, but
   /// for a change of collapse.
@@ -66,6 +76,7 @@ class Simulation {
   const QuasiStaticSolver* equilibrium() const { return equilibrium_.get(); }  ///< of statics
 
  private:
+  void push_out_of_obstacles();
   void make_model();
   void find_collapsing();
   void act_on_model();

@@ -212,7 +212,7 @@ bool GeneralisedAlpha::factorise(const Sparse& tangent) {
   Sparse A = ((1 - alpha_m) + (1 - alpha_f) * gamma * h_ * system_.damping) * system_.M +
              (1 - alpha_f) * beta * h_ * h_ * tangent;
   if (system_.stiffness_damping > 0) A += (1 - alpha_f) * gamma * h_ * system_.stiffness_damping * system_.K;
-  ++n_factorisations_;
+  ++counts_.factorisations;
   const Sparse lower = restricted(A, free_);
   if (factor_)
     factor_->update(lower);
@@ -305,11 +305,11 @@ bool GeneralisedAlpha::factorise_at(const VectorXd& u) {
 bool GeneralisedAlpha::step() {
   constexpr int kMaxHalvings = 6;
   const MotionState before = state();
-  const int n_halved = n_halved_;
+  const int n_halved = counts_.halved;
   const bool is_found = advance_or_halves(kMaxHalvings);
   if (!is_found) set_state(before);
   n_steps_ += is_found;
-  n_halved_ = n_halved + (n_halved_ > n_halved);
+  counts_.halved = n_halved + (counts_.halved > n_halved);
   return is_found;
 }
 
@@ -321,7 +321,7 @@ bool GeneralisedAlpha::advance_or_halves(int n_halvings) {
   if (!system_.linearise || n_halvings == 0) return false;
   remember(memories, system_.surface);
   ledger_ = ledger;
-  ++n_halved_;
+  ++counts_.halved;
   const double whole = h_, begun = begun_;
   set_length(whole / 2);
   bool is_found = advance_or_halves(n_halvings - 1);
@@ -460,7 +460,7 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
   const meshing::NewtonReport newton =
       meshing::minimise(objective, {is_stiff ? kMaxIterationsOfContact : kMaxIterations, energy_scale_,
                                     is_stiff ? kLastStep * diagonal_of(system_.X) : 0});
-  n_newton_iterations_ += newton.iterations;
+  counts_.newton_iterations += newton.iterations;
   const bool is_ok = newton.status == meshing::Status::Ok;
   if (!is_ok || is_stiff) trial.f = force_of(trial.u);  // which was last asked for elsewhere
   return is_ok || (newton.status == meshing::Status::NotConverged && error <= kRounding);

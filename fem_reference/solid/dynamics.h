@@ -72,6 +72,20 @@ struct MotionState {
   meshing::EnergyLedger ledger;
 };
 
+inline void archive(meshing::Archive& a, MotionState& state) {
+  a(state.n_steps, state.u, state.v, state.a, state.force, state.surface, state.ledger);
+}
+
+/// What the steps of a motion took.
+struct StepCounts {
+  int newton_iterations = 0, factorisations = 0;
+  int halved = 0;  ///< steps that shorter ones took the place of, as Newton's method did not end
+};
+
+inline void archive(meshing::Archive& a, StepCounts& counts) {
+  a(counts.newton_iterations, counts.factorisations, counts.halved);
+}
+
 /// A body in motion by steps of h, from rest.
 class Integrator {
  public:
@@ -107,10 +121,8 @@ class Integrator {
   const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
   double kinetic_energy() const { return v_.dot(system_.M * v_) / 2; }  ///< J
   double elastic_energy() const { return respond(u_, false).energy; }   ///< J
-  int n_newton_iterations() const { return n_newton_iterations_; }      ///< of all steps
-  int n_factorisations() const { return n_factorisations_; }
-  /// Steps that shorter ones took the place of, as Newton's method did not end.
-  int n_halved() const { return n_halved_; }
+  const StepCounts& counts() const { return counts_; }
+  void set_counts(const StepCounts& counts) { counts_ = counts; }
 
  protected:
   Integrator(Dynamics system, double h) : system_(std::move(system)), step_(h), h_(h) {}
@@ -140,7 +152,8 @@ class Integrator {
   const double step_;              // s
   double h_, begun_ = 0;           // of the part of a step at hand, and of those before it in the step (s)
   Eigen::VectorXd u_, v_, a_, f_;  // f_: f(u_), where a scheme keeps it
-  int n_steps_ = 0, n_newton_iterations_ = 0, n_factorisations_ = 0, n_halved_ = 0;
+  int n_steps_ = 0;
+  StepCounts counts_;
   meshing::EnergyLedger ledger_;
 };
 

@@ -10,6 +10,7 @@
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/scene/surface_problem.h"
+#include "meshing/surface_energies/initial_overlap.h"
 
 namespace testbed::fem {
 
@@ -30,6 +31,22 @@ Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const Tet
     length_.setOnes(X.cols());
   }
   set_in_motion();
+  push_out_of_obstacles(surface, mesh);
+}
+
+/// To equilibrium beside obstacles that it may overlap.
+void Simulation::push_out_of_obstacles(const SurfaceMesh& surface, const TetMesh& mesh) {
+  if (scene_.obstacles.empty()) return;
+  std::vector<meshing::RigidBody> obstacles;
+  for (const Obstacle& obstacle : scene_.obstacles) obstacles.emplace_back(obstacle, frame_);
+  const auto apart = without_overlap(scene_, obstacles, solid_.X(), solid_.faces(), frame_);
+  if (!apart) return;
+  Simulation statics(*apart, surface, mesh, timer_);
+  while (!statics.has_ended()) statics.advance();
+  if (statics.status() != Status::Ok)
+    throw std::runtime_error("obstacles.initially = \"resolve\" finds no equilibrium beside obstacles: " +
+                             statics.reason());
+  integrator_->restart(statics.solid().displacement().reshaped(), integrator_->v());
 }
 
 void Simulation::set_length(Eigen::VectorXd length) {
@@ -125,6 +142,24 @@ void Simulation::set_in_motion() {
 State Simulation::state() const {
   if (integrator_) return {n_done_, integrator_->state(), {}, length_, {}};
   return {n_done_, {}, solid_.state(), {}, equilibrium_};
+}
+
+std::string Simulation::saved() const {
+  if (!integrator_) return "";
+  Archive to;
+  State state = this->state();
+  StepCounts counts = integrator_->counts();
+  to(state.n_done, state.motion, state.length, counts);
+  return to.bytes();
+}
+
+void Simulation::restore(const std::string& saved) {
+  Archive from(saved);
+  State state;
+  StepCounts counts;
+  from(state.n_done, state.motion, state.length, counts);
+  set_state(state);
+  integrator_->set_counts(counts);
 }
 
 void Simulation::set_state(const State& state) {

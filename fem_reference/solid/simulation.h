@@ -41,6 +41,11 @@ class Simulation {
   State state() const;
   /// Goes on from a state of a simulation of the same scene and mesh.
   void set_state(const State& state);
+  /// A motion's state and counts as bytes; of statics none.
+  std::string saved() const;
+  /// Goes on from what a simulation of the same scene and mesh has saved.
+  /// @throws std::runtime_error where it is cut
+  void restore(const std::string& saved);
   int n_done() const { return n_done_; }  ///< that converged
   int n_steps() const { return n_steps_; }
   /// In [0, 1]: linear equilibria are in proportion to the first.
@@ -60,6 +65,7 @@ class Simulation {
  private:
   std::vector<std::pair<std::string, double>> strains(const Eigen::Matrix3Xd& u, double max_strain) const;
   void set_in_motion();
+  void push_out_of_obstacles(const SurfaceMesh& surface, const TetMesh& mesh);
   void set_length(Eigen::VectorXd length);
   void collapse();
   std::map<int, int> constrained_at(double t) const;

@@ -27,6 +27,14 @@ struct StepHistory {
   meshing::SurfaceMemories surface;
 };
 
+inline void archive(meshing::Archive& a, Touch& touch) {
+  a(touch.node, touch.body, touch.is_stuck, touch.friction);
+}
+inline void archive(meshing::Archive& a, StepHistory& history) {
+  a(history.t, history.h, history.x, history.v, history.part);
+  a(history.active_set, history.clearance, history.surface);
+}
+
 /// What load steps leave to later ones.
 struct LoadHistory {
   meshing::LoadPath path;                    ///< of displacements (m)
@@ -47,5 +55,11 @@ struct State {
   meshing::EnergyLedger ledger;        ///< of motion
   std::optional<LoadHistory> loading;  ///< absent: at rest
 };
+
+/// Of motion: without what load steps leave.
+inline void archive(meshing::Archive& a, State& state) {
+  a(state.t, state.x, state.u, state.v, state.rest_length, state.patch_scale, state.target_volume);
+  a(state.n_done, state.history, state.ledger);
+}
 
 }  // namespace testbed::massspring

@@ -15,6 +15,7 @@ class StagedScheme : public Scheme {
   StagedScheme(EquationOfMotion& motion, const IntegratorOptions& options)
       : motion_(motion), stage_(motion, options.tolerance == 0, options.residual) {}
   std::string solver_choice() const override { return stage_.solver_choice(); }
+  void archive_kept(Archive& a) override { a(stage_); }
 
  protected:
   EquationOfMotion& motion_;

@@ -26,6 +26,8 @@ class ImplicitStage {
                    Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v);
 
   std::string solver_choice() const;
+  /// What is kept from step to step.
+  friend void archive(meshing::Archive& a, ImplicitStage& stage) { a(stage.solver_, stage.kept_); }
 
  private:
   Eigen::Matrix3Xd unbalanced(const State& start, const State& trial, double a, const Eigen::Matrix3Xd& w,

@@ -28,6 +28,8 @@ class TimeStepper {
   SurfaceEnergies surface_at(const State& state) const;
 
   std::string solver_choice() const { return scheme_->solver_choice(); }
+  /// What is kept besides the state: with both, steps go on bit for bit.
+  void archive_kept(meshing::Archive& a) { scheme_->archive_kept(a); }
 
  private:
   StepReport step_whole(State& state, double h);

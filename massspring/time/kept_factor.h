@@ -24,6 +24,12 @@ class KeptFactor {
   bool solve(const Eigen::Matrix3Xd& r, const ImplicitMatrix::Factors& factors,
              const std::function<void(Curvature curvature)>& set, ImplicitMatrix& A, Eigen::Matrix3Xd& dx);
 
+  /// What is kept over steps.
+  friend void archive(meshing::Archive& a, KeptFactor& kept) {
+    ImplicitMatrix::Factors& factors = kept.factors_;
+    a(kept.credit_, kept.is_sound_, factors.mass, factors.stiffness, factors.damping, kept.single_);
+  }
+
   bool is_in_use() const { return is_sound_ && credit_ > 0; }
 
  private:

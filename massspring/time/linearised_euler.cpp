@@ -43,6 +43,7 @@ class LinearisedEuler : public Scheme {
   }
 
   std::string solver_choice() const override { return solver_.choice(); }
+  void archive_kept(Archive& a) override { a(solver_, dv_); }
 
  private:
   const EquationOfMotion& motion_;

@@ -28,6 +28,8 @@ class Scheme {
   virtual StepReport advance(const State& state, double h, Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& v) = 0;
   /// Why its linear systems are solved as they are; empty where there are none.
   virtual std::string solver_choice() const { return {}; }
+  /// What it keeps from step to step besides the state, which changes a step within its tolerance.
+  virtual void archive_kept(meshing::Archive&) {}
 };
 
 using MakeScheme = std::unique_ptr<Scheme>(EquationOfMotion& motion, const IntegratorOptions& options);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "meshing/algebra/single_precision.h"
+#include "meshing/base/archive.h"
 
 namespace testbed::meshing {
 
@@ -31,6 +32,15 @@ struct BodyRows {
   std::vector<int> row_start, column;
   std::vector<float> block;
 };
+
+template <int D>
+void archive(Archive& a, BlockRows<D>& rows) {
+  a(rows.row_start, rows.column, rows.diagonal, rows.block, rows.inverse);
+}
+template <int D>
+void archive(Archive& a, BodyRows<D>& rows) {
+  a(rows.row_start, rows.column, rows.block);
+}
 
 /// y = A x.
 template <int D>

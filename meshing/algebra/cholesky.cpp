@@ -150,6 +150,20 @@ void BlockCholesky::update(const BlockMatrix& A) {
     factor_.emplace(lower_);
 }
 
+void archive(Archive& a, BlockCholesky& cholesky) {
+  Eigen::SparseMatrix<double>& lower = cholesky.lower_;
+  const Eigen::Index n_entries = lower.nonZeros();
+  std::vector<int> outer(lower.outerIndexPtr(), lower.outerIndexPtr() + lower.outerSize() + 1),
+      inner(lower.innerIndexPtr(), lower.innerIndexPtr() + n_entries);
+  std::vector<double> values(lower.valuePtr(), lower.valuePtr() + n_entries);
+  a(cholesky.n_blocks_, outer, inner, values);
+  if (!a.is_reading()) return;
+  const auto n = static_cast<Eigen::Index>(outer.size()) - 1;
+  lower = Eigen::Map<const Eigen::SparseMatrix<double>>(n, n, static_cast<Eigen::Index>(values.size()),
+                                                        outer.data(), inner.data(), values.data());
+  cholesky.factor_.emplace(lower);
+}
+
 void BlockCholesky::solve(const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x) const {
   x = factor_->solve(b.reshaped()).reshaped(3, b.cols());
 }

@@ -7,6 +7,7 @@
 
 #include "meshing/algebra/block_matrix.h"
 #include "meshing/algebra/single_precision_factor.h"
+#include "meshing/base/archive.h"
 
 namespace testbed::meshing {
 
@@ -40,7 +41,10 @@ class SparseCholesky {
 /// The same of a block matrix.
 class BlockCholesky {
  public:
+  BlockCholesky() = default;  ///< to be read from an archive
   explicit BlockCholesky(const BlockMatrix& A);
+  /// As the matrix that is factorised, which gives the same factor.
+  friend void archive(Archive& a, BlockCholesky& cholesky);
 
   void update(const BlockMatrix& A);
   bool is_ok() const { return factor_->is_ok(); }
@@ -52,7 +56,7 @@ class BlockCholesky {
   SinglePrecisionFactor single_precision() const { return factor_->single_precision(); }
 
  private:
-  std::size_t n_blocks_;
+  std::size_t n_blocks_ = 0;
   Eigen::SparseMatrix<double> lower_;
   std::optional<SparseCholesky> factor_;
 };

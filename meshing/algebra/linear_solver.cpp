@@ -262,4 +262,23 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
   return report;
 }
 
+void archive(Archive& a, LinearSolver& solver) {
+  using Factor = LinearSolver::Factor;
+  using RigidGroups = LinearSolver::RigidGroups;
+  a(solver.is_hard_, solver.is_floppy_, solver.waste_, solver.patience_, solver.is_single_enough_);
+  bool is_factor = std::holds_alternative<Factor>(solver.preconditioner_),
+       is_multigrid = std::holds_alternative<RigidGroups>(solver.preconditioner_);
+  a(solver.choice_, is_factor, is_multigrid);
+  if (is_factor) {
+    Factor& factor =
+        a.is_reading() ? solver.preconditioner_.emplace<Factor>() : std::get<Factor>(solver.preconditioner_);
+    a(factor.cholesky, factor.single, factor.service.first_rate, factor.service.excess);
+  }
+  if (is_multigrid) {
+    RigidGroups& groups = a.is_reading() ? solver.preconditioner_.emplace<RigidGroups>()
+                                         : std::get<RigidGroups>(solver.preconditioner_);
+    a(groups.multigrid, groups.service.first_rate, groups.service.excess);
+  }
+}
+
 }  // namespace testbed::meshing

@@ -31,6 +31,9 @@ class LinearSolver {
   /// @param x  the first guess, then the solution
   SolveReport solve(const LinearSystem& A, const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance);
 
+  /// All that it keeps from system to system.
+  friend void archive(Archive& a, LinearSolver& solver);
+
   /// The preconditioner in use and why.
   const std::string& choice() const { return choice_; }
 

@@ -21,6 +21,12 @@ class Multigrid {
   Multigrid(const BlockMatrix& A, const Eigen::Matrix3Xd& X,
             const std::function<void(Eigen::Matrix3Xd&)>& constrain);
 
+  Multigrid() = default;  ///< to be read from an archive
+  friend void archive(Archive& a, Multigrid& multigrid) {
+    archive_level(a, multigrid.nodes_);
+    a(multigrid.bodies_, multigrid.coarsest_inverse_);
+  }
+
   /// z = a symmetric positive definite approximation of A^-1 r; r . z.
   double apply(const PaddedField& r, PaddedField& z);
 
@@ -36,6 +42,14 @@ class Multigrid {
   struct Bodies : Level<6> {
     BodyField x, b;
   };
+  template <int D>
+  static void archive_level(Archive& a, Level<D>& level) {
+    a(level.A, level.P, level.rest);
+  }
+  friend void archive(Archive& a, Bodies& bodies) {
+    archive_level<6>(a, bodies);
+    a(bodies.x, bodies.b);
+  }
   void cycle(size_t l);
 
   Level<3> nodes_;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "meshing/algebra/single_precision.h"
+#include "meshing/base/archive.h"
 
 namespace testbed::meshing {
 
@@ -28,5 +29,12 @@ struct SinglePrecisionFactor {
   /// A^-1 r, 3 x n, whatever the size of r.
   Eigen::Matrix3Xd solve(const Eigen::Matrix3Xd& r) const;
 };
+
+inline void archive(Archive& a, SinglePrecisionFactor::Supernode& s) {
+  a(s.first, s.n_columns, s.n_rows, s.height, s.rows, s.entries);
+}
+inline void archive(Archive& a, SinglePrecisionFactor& factor) {
+  a(factor.supernodes, factor.row, factor.entry, factor.inverse, factor.unknown);
+}
 
 }  // namespace testbed::meshing

@@ -84,6 +84,12 @@ constexpr std::array<Named<SpringLaw>, 2> names_of(SpringLaw) {
   return {{{SpringLaw::Hooke, "hooke"}, {SpringLaw::Definite, "definite"}}};
 }
 
+/// Of an obstacle that overlaps the body as a motion begins.
+enum class Overlap { Refuse, Resolve };
+constexpr std::array<Named<Overlap>, 2> names_of(Overlap) {
+  return {{{Overlap::Refuse, "refuse"}, {Overlap::Resolve, "resolve"}}};
+}
+
 enum class MassMatrix { Consistent, Lumped };
 constexpr std::array<Named<MassMatrix>, 2> names_of(MassMatrix) {
   return {{{MassMatrix::Consistent, "consistent"}, {MassMatrix::Lumped, "lumped"}}};

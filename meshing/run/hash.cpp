@@ -95,6 +95,7 @@ std::string input_hash(const Scene& scene, const SurfaceMesh& surface,
   toml::table table = toml::parse(to_toml(scene));
   for (const char* key : {"name", "comparison", "playback"}) table.erase(key);
   for (const std::string& key : ignored) table.erase(key);
+  table["output"].as_table()->erase("checkpoint_every");
   std::ostringstream bytes;
   bytes << table;
   bytes.write(reinterpret_cast<const char*>(surface.X.data()), surface.X.size() * sizeof(double));

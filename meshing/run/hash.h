@@ -22,7 +22,7 @@ std::string program_hash();
 /// Hash of all that a program's result depends on: the scene less the parts it ignores, the surface, the
 /// files of obstacles, the program itself and its meshers.
 /// @param ignored  top-level keys of the scene that the program does not read, e.g. {"network"}; name,
-/// comparison and playback never count
+/// comparison, playback and output.checkpoint_every never count
 std::string input_hash(const Scene& scene, const SurfaceMesh& surface,
                        const std::vector<std::string>& ignored);
 

@@ -34,52 +34,66 @@ nlohmann::ordered_json stamp_of(const std::string& bytes) {
   return {{"bytes", bytes.size()}, {"crc32", crc32_of(bytes)}};
 }
 
+bool is_as_written(const fs::path& file, const nlohmann::ordered_json& stamp) {
+  std::error_code error;
+  return fs::is_regular_file(file, error) && stamp_of(read_file(file)) == stamp;
+}
+
 /// Whether every file that the record lists is there as it was written.
 bool is_whole(const fs::path& folder, const nlohmann::ordered_json& record) {
   const auto outputs = record.find("outputs");
   if (outputs == record.end() || !outputs->is_object()) return false;
   return std::all_of(outputs->items().begin(), outputs->items().end(), [&](const auto& output) {
-    std::error_code error;
-    const fs::path file = folder / output.key();
-    return fs::is_regular_file(file, error) && stamp_of(read_file(file)) == output.value();
+    return is_as_written(folder / output.key(), output.value());
   });
 }
 
 }  // namespace
 
-void remove_run(const fs::path& folder) {
+bool are_frames_whole(const fs::path& folder, const Recorded& recorded) {
+  return std::all_of(recorded.frames.begin(), recorded.frames.end(), [&](const auto& frame) {
+    return is_as_written(folder / frame.second,
+                         recorded.outputs.value(frame.second, nlohmann::ordered_json()));
+  });
+}
+
+void remove_run(const fs::path& folder, const Recorded* kept) {
   for (const char* name : {"run.json", "frames.pvd", "curves.csv"}) fs::remove(folder / name);
+  if (!kept) fs::remove(folder / kCheckpointFile);
   std::vector<fs::path> frames;
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder / "frames", none))
-    if (is_frame(entry.path().filename().string())) frames.push_back(entry.path());
+    if (const std::string name = entry.path().filename().string();
+        is_frame(name) && !(kept && kept->outputs.contains("frames/" + name)))
+      frames.push_back(entry.path());
   for (const fs::path& frame : frames) fs::remove(frame);
 }
 
-Recorder::Recorder(fs::path folder, std::vector<CellBlock> cells, int n_surface)
+Recorder::Recorder(fs::path folder, std::vector<CellBlock> cells, int n_surface, const Recorded* before)
     : folder_(std::move(folder)), cells_(std::move(cells)), n_surface_(n_surface) {
   fs::create_directories(folder_ / "frames");
-  remove_run(folder_);
+  remove_run(folder_, before);
+  if (before) recorded_ = *before;
 }
 
 void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
                          const std::vector<Field>& fields) {
   char name[32];
-  std::snprintf(name, sizeof name, "frames/frame_%06zu.vtu", frames_.size());
+  std::snprintf(name, sizeof name, "frames/frame_%06zu.vtu", recorded_.frames.size());
   std::vector<Field> all{{"displacement", u}, {"rest_position", X}};
   all.insert(all.end(), fields.begin(), fields.end());
-  outputs_[name] = stamp_of(
+  recorded_.outputs[name] = stamp_of(
       write_vtu(folder_ / name, X + u, cells_, all, {{"TimeValue", time}, {"n_surface", n_surface_}}));
-  frames_.emplace_back(time, name);
+  recorded_.frames.emplace_back(time, name);
 
   std::ostringstream pvd;
   pvd.precision(17);
   pvd << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n";
-  for (const auto& [t, file] : frames_)
+  for (const auto& [t, file] : recorded_.frames)
     pvd << "    <DataSet timestep=\"" << t << "\" group=\"\" part=\"0\" file=\"" << file << "\"/>\n";
   pvd << "  </Collection>\n</VTKFile>\n";
   write_file(folder_ / "frames.pvd", pvd.str());
-  outputs_["frames.pvd"] = stamp_of(pvd.str());
+  recorded_.outputs["frames.pvd"] = stamp_of(pvd.str());
 }
 
 void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
@@ -94,9 +108,9 @@ void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
         (columns.empty() ? "" : ",") + std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
     columns.push_back(name);
   }
-  assert(columns_.empty() || columns_ == columns);
-  columns_ = std::move(columns);
-  rows_ += line + "\n";
+  assert(recorded_.columns.empty() || recorded_.columns == columns);
+  recorded_.columns = std::move(columns);
+  recorded_.rows += line + "\n";
 }
 
 namespace {
@@ -112,16 +126,17 @@ double peak_memory() {
 }  // namespace
 
 void Recorder::finish(nlohmann::ordered_json record) {
-  if (!columns_.empty()) {
+  if (!recorded_.columns.empty()) {
     std::string header;
-    for (const std::string& column : columns_) header += (header.empty() ? "" : ",") + column;
-    const std::string table = header + "\n" + rows_;
+    for (const std::string& column : recorded_.columns) header += (header.empty() ? "" : ",") + column;
+    const std::string table = header + "\n" + recorded_.rows;
     write_file(folder_ / "curves.csv", table);
-    outputs_["curves.csv"] = stamp_of(table);
+    recorded_.outputs["curves.csv"] = stamp_of(table);
   }
   record["peak_memory"] = peak_memory();
-  record["outputs"] = outputs_;
+  record["outputs"] = recorded_.outputs;
   write_file(folder_ / "run.json", record.dump(2) + "\n");
+  if (record["status"] != kStoppedEarly) fs::remove(folder_ / kCheckpointFile);
 }
 
 nlohmann::ordered_json environment_record(const std::string& program, int n_threads) {
@@ -165,6 +180,7 @@ std::optional<nlohmann::ordered_json> stored_record(const fs::path& folder, cons
   if (!fs::is_regular_file(folder / "run.json")) return {};
   auto record = nlohmann::ordered_json::parse(read_file(folder / "run.json"), nullptr, false);
   if (!record.is_object() || !record.contains("status") || !record["status"].is_string() ||
+      record["status"] == kStoppedEarly ||
       record.value("input_hash", nlohmann::ordered_json()) != input_hash || !is_whole(folder, record))
     return {};
   return record;

@@ -37,15 +37,34 @@ std::string write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd&
                       const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
                       const std::map<std::string, double>& field_data);
 
-/// Removes the files of an older run from a folder, and no others. run.json goes first: what is left of an interrupted
-/// removal is no result.
-void remove_run(const std::filesystem::path& folder);
+/// What a run has left so far.
+struct Recorded {
+  std::vector<std::pair<double, std::string>> frames;  ///< their times and names
+  std::vector<std::string> columns;
+  std::string rows;                                                   ///< of curves.csv
+  nlohmann::ordered_json outputs = nlohmann::ordered_json::object();  ///< name -> bytes and CRC-32
+};
+
+constexpr const char* kCheckpointFile = "checkpoint.bin";
+
+/// How a run ends that reaches its budget: it is never up to date.
+constexpr const char* kStoppedEarly = "stopped_early";
+
+/// Whether the frames are in the folder as they were written.
+bool are_frames_whole(const std::filesystem::path& folder, const Recorded& recorded);
+
+/// Removes the files of an older run from a folder, and no others, but for what a run goes on from: these frames, and a
+/// checkpoint. run.json goes first: what is left of an interrupted removal is no result.
+void remove_run(const std::filesystem::path& folder, const Recorded* kept = nullptr);
 
 /// Writes frames and curves of one run into a folder, and run.json when it is finished.
 class Recorder {
  public:
-  /// Removes an older run. `cells` are those of every frame, surface triangles first.
-  Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface);
+  /// Removes an older run, but for what this one goes on from. `cells` are those of every frame, surface triangles first.
+  Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface,
+           const Recorded* before = nullptr);
+
+  const Recorded& recorded() const { return recorded_; }
 
   /// Adds a frame: time (s), rest points X and displacement u (3 x n, m), further fields as given.
   /// @throws std::runtime_error when a value is not finite; the frame is not written.
@@ -57,17 +76,14 @@ class Recorder {
   void add_row(const std::vector<std::pair<std::string, double>>& row);
 
   /// Writes curves.csv if it has rows and, last of all, run.json, with the largest memory of the run (byte) and the list
-  /// of all files.
+  /// of all files. A checkpoint is left to a run that was stopped early alone.
   void finish(nlohmann::ordered_json record);
 
  private:
   std::filesystem::path folder_;
   std::vector<CellBlock> cells_;
   int n_surface_;
-  std::vector<std::pair<double, std::string>> frames_;
-  std::vector<std::string> columns_;
-  std::string rows_;
-  nlohmann::ordered_json outputs_ = nlohmann::ordered_json::object();  ///< name -> bytes and CRC-32
+  Recorded recorded_;
 };
 
 /// What is the same in every run.json: program, versions, compiler and flags, machine, date.
@@ -79,8 +95,8 @@ nlohmann::ordered_json to_json(const TetQuality& quality);
 /// The mesher that filled the surface and what others before it said.
 nlohmann::ordered_json to_json(const TetReport& report);
 
-/// The record of the finished run in `folder`, however it ended, if it has this input hash and every file that it lists
-/// is there as it was written.
+/// The record of the finished run in `folder`, however it ended but early, if it has this input hash and every file that
+/// it lists is there as it was written.
 std::optional<nlohmann::ordered_json> stored_record(const std::filesystem::path& folder,
                                                     const std::string& input_hash);
 

@@ -1,6 +1,7 @@
 #include "meshing/run/session.h"
 
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <ctime>
@@ -18,6 +19,7 @@ namespace testbed::meshing {
 namespace {
 
 constexpr const char* kLeastJacobian = "min_J_nodes";  ///< of snapshots; a record has the least of them
+const std::string kSeconds = "seconds.";               ///< of a stage, among the sums of a checkpoint
 
 /// Of this process and of those that it has waited for (s).
 double cpu_time() {
@@ -45,6 +47,11 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
   app.add_option("--frequencies", options.n_frequencies,
                  "also find so many of the lowest natural frequencies (Hz) and write them into run.json")
       ->check(CLI::Range(1, 1000));
+  app.add_option(
+         "--budget", options.budget,
+         "s of wall-clock time after which the run stops with what it has, to go on from there another "
+         "time")
+      ->check(CLI::PositiveNumber);
   app.add_flag("--quiet", options.is_quiet, "no progress on stderr");
   app.add_flag("--force", options.is_forced, "run even when nothing has changed");
   app.add_flag("--checked", options.is_checked, "the scene has been checked: do not warn of it again");
@@ -77,10 +84,64 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       is_checked_(options.is_checked),
       finds_frequencies_(options.n_frequencies > 0),
       is_first_(is_first),
-      cpu_begin_(cpu_time()) {
+      cpu_begin_(cpu_time()),
+      budget_(options.budget, [this] { end_overdue(); }) {
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
-  if (is_first)
-    lock_.emplace(out_, [](const std::string& text) { std::cerr << text << ": waiting for its end\n"; });
+  if (!is_first) return;
+  lock_.emplace(out_, [](const std::string& text) { std::cerr << text << ": waiting for its end\n"; });
+  const std::lock_guard guard(writing_);
+  has_folder_ = true;
+}
+
+void Session::end_overdue() {
+  const std::lock_guard guard(writing_);
+  if (!may_end_) return;
+  std::string where = stage_.empty() ? "waiting for the folder" : "in the stage " + stage_;
+  if (const auto n = known_.find("n_steps_done"); n != known_.end())
+    where += ", " + std::to_string(n->get<int>()) + " steps done";
+  known_["status"] = kStoppedEarly;
+  known_["reason"] = "its budget of time was spent " + where;
+  int status = kNotOk;
+  try {
+    if (recorder_)
+      recorder_->finish(known_);
+    else if (has_folder_)
+      write_file(out_ / "run.json", known_.dump(2) + "\n");
+    tell(known_);
+  } catch (const std::exception& error) {
+    std::cerr << "error: " << error.what() << '\n';
+    status = kError;
+  }
+  _exit(status);  // the thread that solves may never end
+}
+
+void Session::stop_early(int n, int n_steps) {
+  stopped_early_ = "its budget of time was spent after " + std::to_string(n) + " of " +
+                   std::to_string(n_steps) + " steps; the same command goes on";
+}
+
+bool Session::needs_checkpoint() const {
+  const double every = scene.output.checkpoint_every;
+  return recorder_ && every > 0 && std::chrono::duration<double>(Clock::now() - saved_).count() >= every;
+}
+
+/// Of the record so far, those of a run that it goes on from included.
+std::map<std::string, double> Session::sums() const {
+  std::map<std::string, double> sums;
+  for (const auto& [stage, seconds] : timer.seconds()) sums[kSeconds + stage] = seconds;
+  sums["wall"] = std::chrono::duration<double>(Clock::now() - begin_).count();
+  sums["cpu"] = cpu_time() - cpu_begin_;
+  for (const char* name : {"wall", "cpu"})
+    if (before_) sums[name] += before_->sums.at(name);
+  if (const auto least = record.find(kLeastJacobian); least != record.end()) sums[kLeastJacobian] = *least;
+  return sums;
+}
+
+void Session::save(std::string simulation) {
+  saved_ = Clock::now();
+  if (!recorder_ || simulation.empty()) return;  // statics begin anew
+  const std::lock_guard guard(writing_);
+  write_checkpoint(out_, hash_, {std::move(simulation), recorder_->recorded(), sums()});
 }
 
 void Session::write_scene() const {
@@ -109,6 +170,8 @@ ExitStatus Session::tell(const nlohmann::ordered_json& result) const {
 ExitStatus Session::refuse(const std::string& reason) {
   const nlohmann::ordered_json refusal{{"status", "not_solved"}, {"reason", reason}};
   if (is_first_) {
+    const std::lock_guard guard(writing_);
+    may_end_ = false;
     remove_run(out_);
     write_scene();
     write_file(out_ / "run.json", refusal.dump(2) + "\n");
@@ -130,15 +193,25 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
       std::cerr << "warning: " << warning << '\n';
   hash_ = hash_of(input_hash(scene, surface, ignored) + ' ' + options);
   if (!is_first_) return {};
+  const std::lock_guard guard(writing_);
   const auto stored = is_forced_ ? std::nullopt : stored_record(out_, hash_);
-  if (!stored) remove_run(out_);
+  if (!stored) {
+    if (!is_forced_) before_ = stored_checkpoint(out_, hash_);
+    remove_run(out_, before_ ? &before_->recorded : nullptr);
+  }
   write_scene();
   write_surface_file();
+  known_ = {{"program", program_}, {"input_hash", hash_}};
+  may_end_ = !stored;
   if (!stored) return {};
   return tell(*stored);
 }
 
 void Session::start(const std::string& name) {
+  {
+    const std::lock_guard guard(writing_);
+    stage_ = name;
+  }
   timer.start(name);
   progress.stage(program_ + ": " + name);
 }
@@ -173,7 +246,8 @@ void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::ve
   X_ = X;
   solved_ = solved;
   cells.insert(cells.begin(), CellBlock{5, solved.F});
-  if (is_first_) recorder_.emplace(out_, std::move(cells), n_surface);
+  const std::lock_guard guard(writing_);
+  if (is_first_) recorder_.emplace(out_, std::move(cells), n_surface, before_ ? &before_->recorded : nullptr);
   nlohmann::ordered_json head = environment_record(program_, n_threads);
   head["name"] = scene.name;
   head["law"] = name_of(law_of(scene));
@@ -183,6 +257,12 @@ void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::ve
   head["n_surface"] = n_surface;
   head["n_nodes"] = X.cols();
   record.update(head);
+  known_ = record;
+  if (!before_) return;
+  for (const auto& [name, sum] : before_->sums)
+    if (name.rfind(kSeconds, 0) == 0) timer.add(name.substr(kSeconds.size()), sum);
+  if (const auto least = before_->sums.find(kLeastJacobian); least != before_->sums.end())
+    record[kLeastJacobian] = least->second;
 }
 
 bool Session::needs_frame(int n, bool is_last) const {
@@ -195,6 +275,8 @@ bool Session::needs_snapshot(int n, bool is_last) const {
 }
 
 void Session::add(const Snapshot& snapshot, int n, bool is_last) {
+  const std::lock_guard guard(writing_);
+  known_["n_steps_done"] = n;
   if (scene.output.curves) {
     const Eigen::Matrix3Xd x = solved_.X + snapshot.u.leftCols(solved_.X.cols());
     std::vector<std::pair<std::string, double>> row{
@@ -219,9 +301,15 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
 }
 
 ExitStatus Session::finish() {
+  const std::lock_guard guard(writing_);
+  may_end_ = false;
   for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
-  record["wall"] = std::chrono::duration<double>(Clock::now() - begin_).count();
-  record["cpu"] = cpu_time() - cpu_begin_;
+  const auto sums = this->sums();
+  for (const char* name : {"wall", "cpu"}) record[name] = sums.at(name);
+  if (!stopped_early_.empty()) {
+    record["status"] = kStoppedEarly;
+    record["reason"] = stopped_early_;
+  }
   if (const double least = record.value(kLeastJacobian, 1.); least <= 0 && is_first_ && !is_quiet_)
     std::cerr << "warning: tetrahedra were turned inside out: det F down to " << least << " at their nodes\n";
   if (recorder_) recorder_->finish(record);

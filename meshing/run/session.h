@@ -4,12 +4,15 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <functional>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "meshing/base/folder_lock.h"
 #include "meshing/base/stage_timer.h"
+#include "meshing/run/budget.h"
+#include "meshing/run/checkpoint.h"
 #include "meshing/run/exit_status.h"
 #include "meshing/run/progress.h"
 #include "meshing/run/record.h"
@@ -22,6 +25,7 @@ struct SessionOptions {
   std::string scene, out;
   std::vector<std::string> overrides;
   int n_frequencies = 0;
+  std::optional<double> budget;  ///< s of wall-clock time
   bool is_quiet = false, is_forced = false, is_checked = false;
 };
 
@@ -32,7 +36,8 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
 
 class Session {
  public:
-  /// Locks the output folder, and waits for another process that holds it. The stage "start-up" is the CPU time so far:
+  /// Locks the output folder, and waits for another process that holds it. From here on its budget runs: a run that goes
+  /// on for too long beyond it is ended with the status "stopped_early", wherever it is, and keeps what it has. The stage "start-up" is the CPU time so far:
   /// what loading libraries costs, which the clock of the first stage has not seen.
   /// @param is_first  of the processes that solve it together: it alone writes and speaks
   Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first = true);
@@ -71,6 +76,17 @@ class Session {
   /// Whether a row of curves.csv or a frame is: without, a step costs no snapshot.
   bool needs_snapshot(int n, bool is_last) const;
 
+  /// What the run goes on from, as its simulation was saved; null: it begins anew.
+  const std::string* saved_simulation() const { return before_ ? &before_->simulation : nullptr; }
+  /// Whether a motion is to be saved now.
+  bool needs_checkpoint() const;
+  /// Before what it adds after the step at hand.
+  void save(std::string simulation);
+
+  bool is_spent() const { return budget_.is_spent(); }
+  /// After n of so many steps, with a result that says so.
+  void stop_early(int n, int n_steps);
+
   /// Adds a row of curves.csv and a frame, each where it is due after n steps.
   void add(const Snapshot& snapshot, int n, bool is_last);
 
@@ -85,11 +101,13 @@ class Session {
   std::vector<Field> fields;  ///< that every frame shows besides its snapshot's
 
  private:
+  using Clock = std::chrono::steady_clock;
+
   ExitStatus tell(const nlohmann::ordered_json& result) const;
   void write_scene() const;
   void write_surface_file() const;
-
-  using Clock = std::chrono::steady_clock;
+  void end_overdue();
+  std::map<std::string, double> sums() const;
 
   std::string program_, file_, hash_;
   std::filesystem::path out_;
@@ -99,27 +117,45 @@ class Session {
   SurfaceProblem problem_;          ///< on the surface as it was read: what two programs must have in common
   std::optional<FolderLock> lock_;  ///< of the first process, as the next
   std::optional<Recorder> recorder_;
-  Clock::time_point begin_ = Clock::now();
+  Clock::time_point begin_ = Clock::now(), saved_ = begin_;
   double cpu_begin_;  ///< s
+  std::optional<Checkpoint> before_;
+  std::string stopped_early_;  ///< why; empty: it was not
+
+  std::mutex writing_;  ///< is held while something is written, and guards what follows
+  bool has_folder_ = false, may_end_ = true;
+  std::string stage_;
+  nlohmann::ordered_json known_;  ///< of the record, for an end wherever it is
+
+  Budget budget_;  ///< last: its thread sees all of the above
 };
 
-/// Takes all steps of a simulation, each of which leaves a snapshot where it counts as done.
+/// Takes all steps of a simulation, each of which leaves a snapshot where it counts as done. A motion goes on from its
+/// checkpoint.
 template <class Simulation>
 void take_steps(Simulation& simulation, Session& session) {
+  bool is_over = false;
   const auto add = [&] {
     session.timer.start("output");
     const int n = simulation.n_done();
-    const bool is_last = simulation.has_ended();
-    if (session.needs_snapshot(n, is_last)) session.add(simulation.snapshot(), n, is_last);
+    const bool is_spent = !simulation.has_ended() && session.is_spent();
+    is_over = simulation.has_ended() || is_spent;
+    if (is_spent || (!is_over && session.needs_checkpoint())) session.save(simulation.saved());
+    if (session.needs_snapshot(n, is_over)) session.add(simulation.snapshot(), n, is_over);
+    if (is_spent) session.stop_early(n, simulation.n_steps());
     session.progress.update(simulation.progress());
   };
   session.start("solve");
+  if (const std::string* saved = session.saved_simulation()) simulation.restore(*saved);
   add();
-  while (!simulation.has_ended()) {
+  while (!is_over) {
     session.timer.start("solve");
     const int n = simulation.n_done();
     simulation.advance();
-    if (simulation.n_done() > n) add();
+    if (simulation.n_done() > n)
+      add();
+    else
+      is_over = simulation.has_ended();
   }
   session.timer.stop();
 }

@@ -96,12 +96,13 @@ std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
 void check_supports(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
                     const std::string& file) {
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (problem.constrained.empty() || !is_static || scene.reference.inertia_relief || !scene.obstacles.empty())
-    return;
+  if (!is_static || scene.reference.inertia_relief || !scene.obstacles.empty()) return;
+  const std::vector<std::vector<int>> parts = parts_of(surface);
+  // One part may be free: its rigid motions are known. Seams tie parts.
+  if (problem.constrained.empty() && (parts.size() == 1 || !scene.seams.empty())) return;
   std::vector<bool> is_constrained(surface.X.cols(), false);
   for (const auto& [vertices, support] : problem.constrained)
     for (const int v : vertices) is_constrained[v] = true;
-  const std::vector<std::vector<int>> parts = parts_of(surface);
   std::vector<int> loose;
   for (size_t p = 0; p < parts.size(); ++p)
     if (std::none_of(parts[p].begin(), parts[p].end(), [&](int v) { return is_constrained[v]; }))

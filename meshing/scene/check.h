@@ -14,7 +14,8 @@ namespace testbed::meshing {
 /// @throws std::runtime_error naming file, line of a key that is given, keys, values found and what is expected.
 void check_scene(const Scene& scene, const std::string& file);
 
-/// That no part of the surface lacks a support that others have, in statics without obstacles to hold it.
+/// That no part of the surface lacks a support that others have, and that there is one where there are several parts, in
+/// statics without obstacles to hold them.
 /// @param problem  what the scene prescribes on the surface
 /// @param file  of the scene, for the message
 /// @throws std::runtime_error naming file, line and the box of the part.

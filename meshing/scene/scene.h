@@ -151,6 +151,8 @@ struct Obstacle {
   double friction = 0;                                            ///< Coulomb's coefficient
   /// Of its barrier (m); absent: from the body's size.
   std::optional<double> range = {};
+  /// Where it overlaps the body as a motion begins: the body is pushed out by statics.
+  Overlap initially = Overlap::Refuse;
 };
 
 /// The surface against itself.
@@ -218,6 +220,7 @@ struct ComparisonOptions {
 struct OutputOptions {
   int frames_every = 1;  ///< load or time steps between frames; 0: none but the last
   bool curves = true;
+  double checkpoint_every = 60;  ///< s of wall-clock time between checkpoints of a motion; 0: none
 };
 
 /// The film of the deflation played backwards is an inflation [paper 4].

@@ -233,6 +233,9 @@ void describe(V& v, Obstacle& o) {
   v("friction", o.friction, kNotNegative, "Coulomb's coefficient");
   v("range", o.range, kPositive,
     "below which a barrier presses the surface away (m); absent: a thousandth of the body's diagonal");
+  v.choice("initially", o.initially,
+           "where it overlaps the body as a motion begins: refuse, or resolve, which pushes the body out by "
+           "statics");
 }
 
 template <class V>
@@ -319,6 +322,8 @@ template <class V>
 void describe(V& v, OutputOptions& o) {
   v("frames_every", o.frames_every, kNotNegative, "steps between frames; 0: only the last");
   v("curves", o.curves, "write curves.csv");
+  v("checkpoint_every", o.checkpoint_every, kNotNegative,
+    "s of wall-clock time between checkpoints, from which a killed motion goes on; 0: none");
 }
 
 template <class V>
@@ -359,6 +364,11 @@ void describe(V& v, Scene& s) {
   v.table("output", s.output);
   v.check("initial", s.initial.empty() || s.time.mode == TimeMode::Dynamic,
           "none with time.mode = static: equilibria have no velocity");
+  v.check("obstacles",
+          s.time.mode == TimeMode::Dynamic ||
+              std::none_of(s.obstacles.begin(), s.obstacles.end(),
+                           [](const Obstacle& o) { return o.initially == Overlap::Resolve; }),
+          "none with initially = resolve in statics, which begin with loads");
   v.check("paper", !s.is_paper || s.time.mode == TimeMode::Dynamic, "false with time.mode = static");
 }
 

@@ -53,6 +53,13 @@ class EnergyLedger {
 
   EnergyFlows flows;
 
+  friend void archive(Archive& a, EnergyLedger& ledger) {
+    EnergyFlows& flows = ledger.flows;
+    a(flows.loads, flows.supports, flows.obstacles, flows.targets, flows.rest, flows.damping, flows.friction);
+    a(ledger.has_begun_, ledger.is_open_, ledger.stored_, ledger.start_, ledger.surface_start_);
+    a(ledger.rounding_, ledger.least_, ledger.largest_, ledger.gain_);
+  }
+
  private:
   double surface_energy() const;
   double balance(double kinetic, double elastic) const;

@@ -61,6 +61,7 @@ std::function<Gap(const Vector3d&)> gap_to_mesh(const ClosedMesh& mesh) {
 RigidBody::RigidBody(const Obstacle& obstacle, const Eigen::Matrix3d& frame)
     : friction(obstacle.friction),
       range(obstacle.range),
+      may_overlap(obstacle.initially == Overlap::Resolve),
       motion_(obstacle.motion),
       is_flat_(std::holds_alternative<HalfSpace>(obstacle.shape)),
       gap_(std::visit(
@@ -126,6 +127,7 @@ void check_apart(const std::vector<RigidBody>& obstacles, const Eigen::Matrix3Xd
     fault = text.str();
   };
   for (size_t k = 0; k < obstacles.size(); ++k) {
+    if (obstacles[k].may_overlap) continue;
     for (Eigen::Index i = 0; i < X.cols(); ++i)
       if (!is_constrained[i]) look(k, X.col(i), "node ", i);
     // An obstacle may lie between nodes, or be the surface itself: just below a face that touches is the body.

@@ -32,6 +32,8 @@ class RigidBody {
 
   double friction;              ///< Coulomb's coefficient
   std::optional<double> range;  ///< of its barrier (m)
+  double friction;              ///< Coulomb's coefficient
+  bool may_overlap;             ///< a body as its motion begins
 
  private:
   Path motion_;
@@ -39,7 +41,8 @@ class RigidBody {
   std::function<Gap(const Eigen::Vector3d&)> gap_;  ///< of a point in the body's frame
 };
 
-/// That a body begins outside of obstacles; it may touch them. What nothing but a support moves may lie inside.
+/// That a body begins outside of obstacles that it may not overlap; it may touch them. What nothing but a support moves
+/// may lie inside.
 /// @param X  nodes (3 x n, m)
 /// @param faces  3 or 6 nodes each, outward
 /// @param is_constrained  per node, whether supports hold it

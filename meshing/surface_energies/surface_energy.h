@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "meshing/algebra/block_matrix.h"
+#include "meshing/base/archive.h"
 #include "meshing/surface_energies/enclosed_volume.h"
 
 namespace testbed::meshing {
@@ -114,6 +115,12 @@ struct Contact {
   Eigen::Vector3d force{0, 0, 0};  ///< on the surface, friction included (N)
   double area = 0;                 ///< of the surface at rest that is in touch, as it faces the obstacle (m2)
 };
+inline void archive(Archive& a, SidedPair& pair) {
+  a(pair.node, pair.is_edges, pair.side);
+}
+inline void archive(Archive& a, SurfaceMemory& memory) {
+  a(memory.listed, memory.pairs, memory.rest_length);
+}
 
 /// An energy of the positions x (3 x n, m), in the order in which a step by Newton's method calls it.
 class SurfaceEnergy {

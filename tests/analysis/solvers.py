@@ -23,7 +23,8 @@ if "--check" in sys.argv:
     print('{{"models": ["affine"], "law": "small_strain"}}')
     sys.exit(nu == "0.1")
 with open(home + "/log.txt", "a") as log:
-    log.write(name + " " + str(sorted(settings.items())) + "\\n")
+    budget = sys.argv[sys.argv.index("--budget") + 1 :][:1] if "--budget" in sys.argv else []
+    log.write(" ".join([name, str(sorted(settings.items())), *budget]) + "\\n")
 time.sleep({seconds})
 if nu == "0.6":
     sys.exit("error: scene.toml: material.nu = 0.6, expected less than 0.5")
@@ -43,6 +44,8 @@ ENDS = {
     "massspring_diverge": {"status": "diverged"},
     "massspring_stuck": {"status": "not_converged", "reason": "step 2 of 5"},
     "fem_reference_far": {"status": "not_converged"},
+    "fem_reference_late": {"status": "stopped_early", "reason": "after 2 of 5 steps"},
+    "massspring_late": {"status": "stopped_early", "reason": "after 2 of 5 steps"},
     "fem_reference_touched": {
         "status": "not_solved",
         "reason": "seams: the reference ties nothing",

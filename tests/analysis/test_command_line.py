@@ -147,3 +147,26 @@ def test_a_pipe_that_is_closed_ends_it_without_a_word(ball, tmp_path):
     )  # fmt: skip
     os.close(end)
     assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_a_run_whose_reference_was_stopped_early_returns_2_without_a_report(ball, tmp_path):
+    programs = make_solvers(tmp_path / "home", ball)
+    (tmp_path / "home" / "fem_reference_late" / "scene.toml").write_text("[network]\n[comparison]\n")
+    (tmp_path / "scene.toml").write_text("")
+    words = [
+        "run",
+        tmp_path / "scene.toml",
+        "--out",
+        tmp_path / "out",
+        "--set",
+        "material.nu=late",
+        "--budget",
+        "5",
+    ]
+    command = [sys.executable, "-c", _MAIN, programs, *words, "--quiet"]
+    done = subprocess.run(
+        command, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ") and "stopped_early, after 2 of 5 steps" in done.stderr
+    assert not (tmp_path / "out" / "report.html").exists()

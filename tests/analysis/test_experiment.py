@@ -26,7 +26,7 @@ from analysis.experiment_folder import Experiment
 from analysis.paths import SCENES
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
-from analysis.runs import RunError, load_run
+from analysis.runs import RunError, StoppedEarlyError, load_run
 from analysis.verdict import conclusion, finding
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
@@ -178,10 +178,16 @@ def solve(ball, tmp_path, monkeypatch):
         (folder / "scene.toml").write_text(filled_in)
     (tmp_path / "scene.toml").write_text("")
 
-    def run(nu, time_limit=60):
+    def run(nu, time_limit=60, budget=None):
         overrides = [f"material.nu={nu}"]
         return run_solvers(
-            tmp_path / "scene.toml", tmp_path / "out", None, overrides, is_quiet=True, time_limit=time_limit
+            tmp_path / "scene.toml",
+            tmp_path / "out",
+            None,
+            overrides,
+            is_quiet=True,
+            time_limit=time_limit,
+            budget=budget,
         )
 
     return run
@@ -190,6 +196,18 @@ def solve(ball, tmp_path, monkeypatch):
 def test_reference_that_did_not_converge_is_an_error_with_its_status(solve):
     with pytest.raises(RunError, match=r"did not converge: not_converged, see .*fem_reference"):
         solve("far")
+
+
+def test_runs_share_a_budget(solve, tmp_path):
+    solve("0.3", budget=100)
+    budgets = [float(line.split()[-1]) for line in calls(tmp_path / "home" / "bin")]
+    assert len(budgets) > 1
+    assert 90 < budgets[-1] < budgets[0] <= 100, "what is left of it"
+
+
+def test_reference_that_was_stopped_early_is_told_apart(solve):
+    with pytest.raises(StoppedEarlyError, match=r"fem_reference: stopped_early, after 2 of 5 steps"):
+        solve("late")
 
 
 def test_reference_that_carried_a_part_of_the_load_is_compared_there(solve, tmp_path):

@@ -115,6 +115,31 @@ TEST_P(StateOf, AMotionWithContactIsAllThatDecidesHowItGoesOn) {
   expect_same(found, after(kAfter, forgetful).state(), "forgotten");
 }
 
+TEST_P(StateOf, WithWhatIsKeptGoesOnBitForBit) {
+  const TwoBars bars(GetParam());
+  Simulation whole(bars.scene, bars.network), again(bars.scene, bars.network);
+  const std::string saved = after(kBefore, whole).saved();
+  const State expected = after(kAfter, whole).state();
+  again.restore(saved);
+  EXPECT_EQ(again.n_done(), kBefore);
+  expect_same(after(kAfter, again).state(), expected, GetParam());
+  EXPECT_EQ(again.saved(), whole.saved()) << "ledger, counts and all that is kept";
+  EXPECT_EQ(again.report().newton_iterations, whole.report().newton_iterations);
+  EXPECT_THROW(again.restore(saved.substr(0, saved.size() - 1)), std::runtime_error);
+}
+
+// Without contact, whose matrices no factor serves.
+TEST(Saved, HoldsTheFactorThatNewtonsMethodKeeps) {
+  TwoBars bars("midpoint");
+  bars.scene.self_contact = {};
+  bars.scene.volume.reset();
+  Simulation whole(bars.scene, bars.network), again(bars.scene, bars.network);
+  const std::string saved = after(kBefore, whole).saved();
+  ASSERT_EQ(whole.report().solver.rfind("Cholesky factor, kept", 0), 0u) << whole.report().solver;
+  again.restore(saved);
+  expect_same(after(kAfter, again).state(), after(kAfter, whole).state(), "kept factor");
+}
+
 TEST_P(StateOf, ALinearMotionGoesOnBitForBit) {
   TwoBars bars(GetParam());
   bars.scene.material.law = MaterialLaw::SmallStrain;

@@ -292,7 +292,7 @@ TEST(GeneralisedAlpha, EndsAStepAtTheToleranceThatIsAskedFor) {
     s.tolerance = tolerance;
     GeneralisedAlpha motion(s, 0.02, kNewmark);
     for (int n = 0; n < 20; ++n) EXPECT_TRUE(motion.step());
-    n_iterations = motion.n_newton_iterations();
+    n_iterations = motion.counts().newton_iterations;
     return motion.u();
   };
   constexpr double kLoose = 1e-4;

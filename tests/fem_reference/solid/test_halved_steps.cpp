@@ -69,8 +69,8 @@ TEST(HalvedSteps, AreThoseOfHalfTheLengthAndCountOnce) {
       EXPECT_LT((halved.u() - shorter.u()).norm(), kSolved) << n_parts << ' ' << n;
       EXPECT_LT((halved.v() - shorter.v()).norm(), kSolved) << n_parts << ' ' << n;
     }
-    EXPECT_EQ(halved.n_halved(), 5);
-    EXPECT_EQ(shorter.n_halved(), 0);
+    EXPECT_EQ(halved.counts().halved, 5);
+    EXPECT_EQ(shorter.counts().halved, 0);
   }
 }
 

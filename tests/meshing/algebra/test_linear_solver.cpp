@@ -5,6 +5,7 @@
 #include <Eigen/QR>
 #include <limits>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "meshing/algebra/linear_solver.h"
@@ -313,6 +314,36 @@ TEST(LinearSolver, FactorisesWhereMultigridStandsStillAndSaysSo) {
   EXPECT_EQ(solver.choice().rfind("Cholesky factor: multigrid took more than", 0), 0u) << solver.choice();
   BlockCholesky(A).solve(b, exact);
   EXPECT_LT((x - exact).norm(), kAgreement * exact.norm());
+}
+
+// Whatever preconditioner it keeps: the block Jacobi of easy systems, a factor of few nodes, multigrid of many.
+TEST(LinearSolver, GoesOnFromAnArchiveBitForBit) {
+  for (const auto& [n, stiffness, choice] :
+       {std::tuple(600, 0.1, "block Jacobi"), std::tuple(400, 1e5, "Cholesky factor"),
+        std::tuple(600, 1e5, "multigrid")}) {
+    Matrix3Xd line = Matrix3Xd::Zero(3, n);
+    line.row(0) = Eigen::RowVectorXd::LinSpaced(n, 0, n - 1);
+    const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+    const BlockMatrix first = chain(n, stiffness), second = chain(n, 1.2 * stiffness);
+    LinearSolver whole;
+    Matrix3Xd x = Matrix3Xd::Zero(3, n), found = x, fresh = x;
+    whole.solve(system_of(first, none, line), b, x, 1e-6);
+    Archive to;
+    to(whole);
+    LinearSolver again, forgetful;
+    Archive from(to.bytes());
+    from(again);
+    EXPECT_EQ(again.choice(), whole.choice());
+    EXPECT_EQ(whole.choice().rfind(choice, 0), 0u) << whole.choice();
+    x.setZero();
+    const SolveReport expected = whole.solve(system_of(second, none, line), b, x, 1e-6),
+                      report = again.solve(system_of(second, none, line), b, found, 1e-6);
+    EXPECT_EQ(found, x) << choice;
+    EXPECT_EQ(report.iterations, expected.iterations);
+    if (stiffness < 1) continue;
+    forgetful.solve(system_of(second, none, line), b, fresh, 1e-6);
+    EXPECT_NE(fresh, x) << "what was kept decides";
+  }
 }
 
 }  // namespace

@@ -115,7 +115,8 @@ TEST(Discretise, RefusesARegionThatHoldsNothingWithItsPlaceAndTheBodysBox) {
 TEST(CheckSupports, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
   const SurfaceMesh surface = two_balls();
   Scene scene = ball();
-  EXPECT_EQ(refusal_on(scene, surface), "") << "free bodies";
+  expect_parts(refusal_on(scene, surface), {"2 of the surface's 2 parts meet no support"});
+  EXPECT_EQ(refusal_on(scene, make_shape("ball", 100)), "") << "one free body";
   scene.supports.emplace_back().region.shape = HalfSpace{{0, 0, 0}, {1, 0, 0}};
   expect_parts(refusal_on(scene, surface),
                {"1 of the surface's 2 parts meet no support", "from  4 -1 -1 to 6 1 1"});
