@@ -32,7 +32,6 @@ class RigidBody {
 
   double friction;              ///< Coulomb's coefficient
   std::optional<double> range;  ///< of its barrier (m)
-  double friction;              ///< Coulomb's coefficient
   bool may_overlap;             ///< a body as its motion begins
 
  private:
