@@ -137,13 +137,13 @@ def test_a_budget_stops_a_motion_that_goes_on_another_time(tmp_path, program):
         "reference.integrator=central_differences",
         "output.curves=false",
     )
-    words = command(tmp_path, program, overrides, "out", "--budget", "1")
+    words = command(tmp_path, program, overrides, "out", "--budget", "4")
     reached = []
     for _ in range(2):
         begin = time.monotonic()
         done = subprocess.run(words, capture_output=True, text=True, check=False)
         assert done.returncode == NOT_OK, done.stderr
-        assert time.monotonic() - begin < 4
+        assert time.monotonic() - begin < 20
         assert done.stderr.startswith("stopped_early: ")
         record = record_of(tmp_path / "out")
         assert record["status"] == "stopped_early"
@@ -152,7 +152,7 @@ def test_a_budget_stops_a_motion_that_goes_on_another_time(tmp_path, program):
         run_times = record["outputs"].keys()
         assert "frames.pvd" in run_times
     assert 0 < reached[0] < reached[1], "the second goes on where the first stopped"
-    assert record["wall"] > 2, "both count"
+    assert record["wall"] > 8, "both count"
 
 
 def test_a_budget_ends_what_does_not_come_to_the_end_of_a_step(tmp_path):
@@ -168,7 +168,7 @@ def test_a_budget_ends_what_does_not_come_to_the_end_of_a_step(tmp_path):
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == NOT_OK, done.stderr
-    assert time.monotonic() - begin < 10
+    assert time.monotonic() - begin < 60
     assert "its budget of time was spent in the stage " in record_of(tmp_path / "out")["reason"]
 
 
@@ -177,9 +177,13 @@ def test_a_damaged_or_foreign_checkpoint_is_not_gone_on_from(tmp_path):
     out = tmp_path / "out"
 
     def left_checkpoint():
-        stop = command(tmp_path, "massspring", (*overrides, "time.end=1e3"), "endless", "--budget", "0.3")
-        subprocess.run(stop, check=False, stderr=subprocess.DEVNULL)
-        return (tmp_path / "endless" / "checkpoint.bin").read_bytes()
+        words = command(tmp_path, "massspring", (*overrides, "time.end=1e3"), "endless")
+        file = tmp_path / "endless" / "checkpoint.bin"
+        with subprocess.Popen(words) as process:
+            while not file.exists():
+                time.sleep(0.001)
+            process.kill()
+        return file.read_bytes()
 
     saved = left_checkpoint()
     subprocess.run(command(tmp_path, "massspring", other, "whole"), check=True)
