@@ -99,6 +99,7 @@ class Archive {
   void visit(std::optional<Value>& value) {
     bool is_there = value.has_value();
     visit(is_there);
+    if (is_reading_) value.reset();
     if (is_reading_ && is_there) value.emplace();
     if (is_there) visit(*value);
   }
