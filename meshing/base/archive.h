@@ -114,6 +114,7 @@ class Archive {
   void visit(std::shared_ptr<const Value>& value) {
     bool is_there = value != nullptr;
     visit(is_there);
+    if (is_reading_) value.reset();
     if (!is_there) return;
     auto copied = is_reading_ ? std::make_shared<Value>() : std::make_shared<Value>(*value);
     visit(*copied);

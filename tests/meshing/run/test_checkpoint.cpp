@@ -121,7 +121,7 @@ TEST(Archive, GivesBackWhatWasWrittenAndRefusesWhatIsCut) {
   list2.clear();
   decltype(some) some2, none2 = some;
   Eigen::MatrixXf empty2 = values, values2;
-  decltype(null) shared2, null2;
+  decltype(null) shared2, null2 = shared;
   from(list2, some2, none2, empty2, values2, shared2, null2);
   EXPECT_EQ(list2, list);
   EXPECT_EQ(some2, some);
