@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from ..drawing.film import draw_film, draw_strip
 from ..drawing.style import style_of, svg_of
@@ -41,6 +42,7 @@ from .result import Figures, Result, Section
 STRIPS = ("ball_deflates", "torus_implodes", "handle_folds", "head_crushes", "ball_inflates")
 _N_VERTICES = 300  # of the surfaces, as near as shapes allow
 _N_COPIES, _JITTER = 10, 1e-3  # of the surface for chance; what vertices move by, of the mean edge
+_N_COLOURS = 256  # of a picture, which halves its file
 _N_FRAMES = 8  # of a motion, at which shapes are compared
 _LIMIT, _QUICK_LIMIT = 1500.0, 120.0  # s of a run
 _COUPLED = "node_averaged"
@@ -284,7 +286,9 @@ def compare(
             film = folder / f"{scene.stem}_methods.gif"
             draw_film(film, strip.runs)
             figures[f"{scene.stem}_methods"] = (film, f"{scene.stem} by each method.")
-            draw_strip(folder / f"{scene.stem}_methods.png", strip.runs)
+            picture = folder / f"{scene.stem}_methods.png"
+            draw_strip(picture, strip.runs)
+            Image.open(picture).convert("RGB").quantize(_N_COLOURS).save(picture, optimize=True)
             figures[f"{scene.stem}_curves"] = (curves(strip), "Dashed: what judges.")
         sentences = []
         if n_copies and strip.referee:
