@@ -533,6 +533,7 @@ std::vector<std::string> others_than(const std::string& value) {
                             kSamplings,
                             all_names<Connectivity>(),
                             all_names<SpringLaw>(),
+                            all_names<Overlap>(),
                             all_names<MaterialLaw>(),
                             all_names<MassMatrix>(),
                             all_names<PcpReading>(),
@@ -580,6 +581,7 @@ TEST(InputHash, ChangesWithEveryValueOfEveryKeyThatTheProgramReads) {
   for (const char* name : {"one.obj", "two.obj"}) write_surface(test_folder() / name, surface);
   const std::string every_obstacle = kFull + R"([[obstacles]]
 sphere = { center = [0, 0, 0], radius = 0.5 }
+range = 0.01
 [[obstacles]]
 box = { low = [0, 0, 0], high = [4, 4, 4] }
 [[obstacles]]
