@@ -87,7 +87,7 @@ class Preview {
         show();
         continue;
       }
-      const std::lock_guard<std::mutex> lock(mutex_);
+      const std::scoped_lock lock(mutex_);
       commands_.push_back(line);
       is_told_.notify_one();
     }
@@ -97,7 +97,7 @@ class Preview {
   Eigen::Index n_surface() const { return simulation_->model().network.n_surface; }
 
   void show() {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const std::scoped_lock lock(mutex_);
     picture_.head["busy"] = is_busy_ ? seconds_since(busy_since_) : 0;
     picture_.head["message"] = message_;
     std::cout << picture_.head.dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
@@ -126,7 +126,7 @@ class Preview {
                     {"is_running", is_running_},
                     {"has_ended", simulation_->has_ended()},
                     {"scene", to_toml(scene_)}};
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const std::scoped_lock lock(mutex_);
     picture_ = std::move(picture);
     is_wanted_ = false;
   }
@@ -169,14 +169,14 @@ class Preview {
 
   void step() {
     {
-      const std::lock_guard<std::mutex> lock(mutex_);
+      const std::scoped_lock lock(mutex_);
       is_busy_ = true;
       busy_since_ = Clock::now();
     }
     simulation_->advance();
     bool is_wanted;
     {
-      const std::lock_guard<std::mutex> lock(mutex_);
+      const std::scoped_lock lock(mutex_);
       is_busy_ = false;
       is_wanted = is_wanted_;
     }
@@ -216,7 +216,7 @@ class Preview {
     } catch (const std::exception& error) {
       message = error.what();
     }
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const std::scoped_lock lock(mutex_);
     message_ = message;
   }
 

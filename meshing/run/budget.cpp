@@ -23,7 +23,7 @@ Budget::Budget(std::optional<double> seconds, std::function<void()> overdue) {
 
 Budget::~Budget() {
   {
-    const std::lock_guard lock(mutex_);
+    const std::scoped_lock lock(mutex_);
     has_ended_ = true;
   }
   condition_.notify_all();

@@ -89,12 +89,12 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
   if (!is_first) return;
   lock_.emplace(out_, [](const std::string& text) { std::cerr << text << ": waiting for its end\n"; });
-  const std::lock_guard guard(writing_);
+  const std::scoped_lock guard(writing_);
   has_folder_ = true;
 }
 
 void Session::end_overdue() {
-  const std::lock_guard guard(writing_);
+  const std::scoped_lock guard(writing_);
   if (!may_end_) return;
   std::string where = stage_.empty() ? "waiting for the folder" : "in the stage " + stage_;
   if (const auto n = known_.find("n_steps_done"); n != known_.end())
@@ -140,7 +140,7 @@ std::map<std::string, double> Session::sums() const {
 void Session::save(std::string simulation) {
   saved_ = Clock::now();
   if (!recorder_ || simulation.empty()) return;  // statics begin anew
-  const std::lock_guard guard(writing_);
+  const std::scoped_lock guard(writing_);
   write_checkpoint(out_, hash_, {std::move(simulation), recorder_->recorded(), sums()});
 }
 
@@ -170,7 +170,7 @@ ExitStatus Session::tell(const nlohmann::ordered_json& result) const {
 ExitStatus Session::refuse(const std::string& reason) {
   const nlohmann::ordered_json refusal{{"status", "not_solved"}, {"reason", reason}};
   if (is_first_) {
-    const std::lock_guard guard(writing_);
+    const std::scoped_lock guard(writing_);
     may_end_ = false;
     remove_run(out_);
     write_scene();
@@ -193,7 +193,7 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
       std::cerr << "warning: " << warning << '\n';
   hash_ = hash_of(input_hash(scene, surface, ignored) + ' ' + options);
   if (!is_first_) return {};
-  const std::lock_guard guard(writing_);
+  const std::scoped_lock guard(writing_);
   const auto stored = is_forced_ ? std::nullopt : stored_record(out_, hash_);
   if (!stored) {
     if (!is_forced_) before_ = stored_checkpoint(out_, hash_);
@@ -209,7 +209,7 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
 
 void Session::start(const std::string& name) {
   {
-    const std::lock_guard guard(writing_);
+    const std::scoped_lock guard(writing_);
     stage_ = name;
   }
   timer.start(name);
@@ -246,7 +246,7 @@ void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::ve
   X_ = X;
   solved_ = solved;
   cells.insert(cells.begin(), CellBlock{5, solved.F});
-  const std::lock_guard guard(writing_);
+  const std::scoped_lock guard(writing_);
   if (is_first_) recorder_.emplace(out_, std::move(cells), n_surface, before_ ? &before_->recorded : nullptr);
   nlohmann::ordered_json head = environment_record(program_, n_threads);
   head["name"] = scene.name;
@@ -275,7 +275,7 @@ bool Session::needs_snapshot(int n, bool is_last) const {
 }
 
 void Session::add(const Snapshot& snapshot, int n, bool is_last) {
-  const std::lock_guard guard(writing_);
+  const std::scoped_lock guard(writing_);
   known_["n_steps_done"] = n;
   if (scene.output.curves) {
     const Eigen::Matrix3Xd x = solved_.X + snapshot.u.leftCols(solved_.X.cols());
@@ -301,7 +301,7 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
 }
 
 ExitStatus Session::finish() {
-  const std::lock_guard guard(writing_);
+  const std::scoped_lock guard(writing_);
   may_end_ = false;
   for (const auto& [stage, seconds] : timer.seconds()) record["seconds"][stage] = seconds;
   const auto sums = this->sums();
