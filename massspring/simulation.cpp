@@ -124,6 +124,10 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
 
 /// To equilibrium beside obstacles that it may overlap.
 void Simulation::push_out_of_obstacles() {
+  if (scene_.supports.empty()) {
+    state_.x.colwise() += way_beside(contacts_.bodies, model_.network.X, model_.network.F);
+    return;
+  }
   const auto apart = without_overlap(scene_, contacts_.bodies, model_.network.X, model_.network.F);
   if (!apart) return;
   Simulation statics(*apart, network_);

@@ -39,6 +39,12 @@ void Simulation::push_out_of_obstacles(const SurfaceMesh& surface, const TetMesh
   if (scene_.obstacles.empty()) return;
   std::vector<meshing::RigidBody> obstacles;
   for (const Obstacle& obstacle : scene_.obstacles) obstacles.emplace_back(obstacle, frame_);
+  if (scene_.supports.empty()) {
+    const Eigen::Vector3d way = way_beside(obstacles, solid_.X(), solid_.faces());
+    if (!way.isZero(0))
+      integrator_->restart(way.replicate(solid_.X().cols(), 1), Eigen::VectorXd(integrator_->v()));
+    return;
+  }
   const auto apart = without_overlap(scene_, obstacles, solid_.X(), solid_.faces(), frame_);
   if (!apart) return;
   Simulation statics(*apart, surface, mesh, timer_);

@@ -99,4 +99,24 @@ std::optional<Scene> without_overlap(const Scene& scene, const std::vector<Rigid
   return statics;
 }
 
+Vector3d way_beside(const std::vector<RigidBody>& obstacles, const Matrix3Xd& X,
+                    const Eigen::MatrixXi& faces) {
+  const double size = (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
+  const Matrix3Xd points = points_of(X, faces);
+  Vector3d way = Vector3d::Zero();
+  for (size_t k = 0; k < obstacles.size(); ++k) {
+    const Matrix3Xd moved = points.colwise() + way;
+    if (obstacles[k].may_overlap && depth_in(obstacles[k], moved, Vector3d::Zero()) > kTouching * size)
+      way -= way_out(obstacles[k], k, moved, size);
+  }
+  for (size_t k = 0; k < obstacles.size() && !way.isZero(0); ++k)
+    if (const double depth = depth_in(obstacles[k], points, -way); depth > 10 * kTouching * size) {
+      std::ostringstream fault;
+      fault << "obstacles[" << k << "]: the body, moved out of what it overlaps, lies " << depth
+            << " m inside, expected room beside all obstacles or a support";
+      throw std::runtime_error(fault.str());
+    }
+  return way;
+}
+
 }  // namespace testbed::meshing

@@ -18,4 +18,9 @@ std::optional<Scene> without_overlap(const Scene& scene, const std::vector<Rigid
                                      const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& faces,
                                      const Eigen::Matrix3d& frame = Eigen::Matrix3d::Identity());
 
+/// By which a body without supports moves as a whole to lie beside them (m), along the axes of X.
+/// @throws std::runtime_error as without_overlap, and where it does not lie beside all of them then
+Eigen::Vector3d way_beside(const std::vector<RigidBody>& obstacles, const Eigen::Matrix3Xd& X,
+                           const Eigen::MatrixXi& faces);
+
 }  // namespace testbed::meshing

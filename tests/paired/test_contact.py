@@ -84,3 +84,80 @@ def test_ball_bounces_alike_in_both_programs_and_keeps_its_momentum_along_the_fl
         p = np.array([momentum(run, k) for k in range(len(run.times))])
         assert p[0, 1] < -1 < 0.2 < p[-1, 1], folder
         assert np.abs(p[:, 0] / p[0, 0] - 1).max() < 1e-9, folder
+
+
+OVERLAP = """
+gravity = [0, -9.81, 0] # m/s2
+material.E = 1e5 # Pa
+
+[surface]
+shape = "{shape}"
+n_vertices = 60
+size = [1, 1, 1] # m
+
+[[obstacles]]
+plane = {{ point = [0, {low}, 0], normal = [0, 1, 0] }}
+initially = "{initially}"
+
+[time]
+mode = "dynamic"
+step = 0.01 # s
+end = 0.02 # s
+integrator = "minimising_euler"
+
+[reference]
+degree = 1
+integrator = "minimising_euler"
+"""
+CLAMP = """
+[[supports]]
+region = { box = { low = [0, 1, 0], high = [1, 1, 1] }, relative = true }
+"""
+
+
+def begun(program, folder, scene):
+    (folder / "scene.toml").write_text(scene)
+    command = [PROGRAMS / program, folder / "scene.toml", "--quiet", "--out", folder / "out"]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("program", ["massspring", "fem_reference"])
+def test_free_body_that_overlaps_a_floor_is_lifted_onto_it(program, tmp_path):
+    scene = OVERLAP.format(shape="ball", low=-0.45, initially="resolve")
+    done = begun(program, tmp_path, scene)
+    assert done.returncode == 0, done.stderr
+    run = load_run(tmp_path / "out")
+    first = run.frame(0)
+    np.testing.assert_allclose(
+        first.u, np.tile([0, -0.45 - first.X[:, 1].min(), 0], (len(first.X), 1)), atol=1e-6
+    )
+    assert run.curves["elastic_energy"][0] < 1e-6
+    refused = begun(program, tmp_path, scene.replace('"resolve"', '"refuse"'))
+    assert refused.returncode == 1 and "obstacles[0]: " in refused.stderr
+
+
+@pytest.mark.parametrize("program", ["massspring", "fem_reference"])
+def test_clamped_body_that_overlaps_a_floor_begins_pressed(program, tmp_path):
+    scene = OVERLAP.format(shape="bar", low=0.03, initially="resolve") + CLAMP
+    done = begun(program, tmp_path, scene)
+    assert done.returncode == 0, done.stderr
+    run = load_run(tmp_path / "out")
+    first = run.frame(0)
+    moved = first.X + first.u
+    assert 0.03 < moved[:, 1].min() < 0.031
+    top = first.X[:, 1] > 1 - 1e-9
+    assert np.abs(first.u[top]).max() < 1e-12
+    # A cube between plates at its ends: E/2 (0.03)^2 per volume, and more as its top cannot widen.
+    assert 45 < run.curves["elastic_energy"][0] < 60
+    assert abs(run.curves["lost_to_scheme"][0]) < 1e-6
+
+
+@pytest.mark.parametrize("program", ["massspring", "fem_reference"])
+def test_obstacle_around_the_body_is_refused_at_once(program, tmp_path):
+    scene = OVERLAP.format(shape="ball", low=0.45, initially="resolve")
+    around = scene.replace(
+        "plane = { point = [0, 0.45, 0], normal = [0, 1, 0] }", "sphere = { center = [0, 0, 0], radius = 3 }"
+    )
+    done = begun(program, tmp_path, around)
+    assert done.returncode == 1
+    assert "obstacles[0] begins around the body" in done.stderr
