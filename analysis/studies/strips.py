@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from ..compare import triangle_normals
 from ..drawing.film import draw_film, draw_strip
 from ..drawing.style import style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
@@ -131,7 +132,7 @@ def jittered(X: Array, F: Array, name: str) -> Array:
         * np.abs(random_of(name).standard_normal(len(X)))
     )
     normals = np.zeros_like(X)
-    np.add.at(normals, F.ravel(), np.repeat(np.cross(edges[:, 1], edges[:, 2]), 3, axis=0))
+    np.add.at(normals, F.ravel(), np.repeat(triangle_normals(X, F), 3, axis=0))
     moved: Array = X - (by / np.linalg.norm(normals, axis=1))[:, None] * normals
     return moved
 
