@@ -33,6 +33,7 @@ class Archive {
 
  private:
   void copy(void* value, std::size_t n) {
+    if (n == 0) return;  // an empty list may have no address, which memcpy does not allow
     if (!is_reading_) {
       bytes_.append(static_cast<const char*>(value), n);
       return;
