@@ -10,6 +10,7 @@
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -48,6 +49,31 @@ bool is_whole(const fs::path& folder, const nlohmann::ordered_json& record) {
   });
 }
 
+constexpr std::string_view kListEnd = "  </Collection>\n</VTKFile>\n";
+
+std::string list_row(const std::pair<double, std::string>& frame) {
+  std::ostringstream row;
+  row.precision(17);
+  row << "    <DataSet timestep=\"" << frame.first << "\" group=\"\" part=\"0\" file=\"" << frame.second
+      << "\"/>\n";
+  return row.str();
+}
+
+/// Of frames.pvd.
+std::string list_of(const std::vector<std::pair<double, std::string>>& frames) {
+  std::string list =
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n";
+  for (const auto& frame : frames) list += list_row(frame);
+  return list.append(kListEnd);
+}
+
+/// Of curves.csv.
+std::string table_of(const Recorded& recorded) {
+  std::string header;
+  for (const std::string& column : recorded.columns) header += (header.empty() ? "" : ",") + column;
+  return header + "\n" + recorded.rows;
+}
+
 }  // namespace
 
 bool are_frames_whole(const fs::path& folder, const Recorded& recorded) {
@@ -76,24 +102,36 @@ Recorder::Recorder(fs::path folder, std::vector<CellBlock> cells, int n_surface,
   if (before) recorded_ = *before;
 }
 
+const Recorded& Recorder::recorded() {
+  end_frame();
+  return recorded_;
+}
+
 void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
                          const std::vector<Field>& fields) {
+  end_frame();
   char name[32];
   std::snprintf(name, sizeof name, "frames/frame_%06zu.vtu", recorded_.frames.size());
+  frame_ = {time, name};
   std::vector<Field> all{{"displacement", u}, {"rest_position", X}};
   all.insert(all.end(), fields.begin(), fields.end());
-  recorded_.outputs[name] = stamp_of(
-      write_vtu(folder_ / name, X + u, cells_, all, {{"TimeValue", time}, {"n_surface", n_surface_}}));
-  recorded_.frames.emplace_back(time, name);
+  is_written_ = std::async(std::launch::async, [this, x = Eigen::Matrix3Xd(X + u), all = std::move(all)] {
+    return stamp_of(write_vtu(folder_ / frame_.second, x, cells_, all,
+                              {{"TimeValue", frame_.first}, {"n_surface", n_surface_}}));
+  });
+}
 
-  std::ostringstream pvd;
-  pvd.precision(17);
-  pvd << "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n";
-  for (const auto& [t, file] : recorded_.frames)
-    pvd << "    <DataSet timestep=\"" << t << "\" group=\"\" part=\"0\" file=\"" << file << "\"/>\n";
-  pvd << "  </Collection>\n</VTKFile>\n";
-  write_file(folder_ / "frames.pvd", pvd.str());
-  recorded_.outputs["frames.pvd"] = stamp_of(pvd.str());
+/// Waits for the frame that is being written, and adds it to the list.
+void Recorder::end_frame() {
+  if (!is_written_.valid()) return;
+  recorded_.outputs[frame_.second] = is_written_.get();
+  if (!list_.is_open()) {
+    list_.open(folder_ / "frames.pvd", std::ios::binary);
+    list_ << list_of(recorded_.frames);
+  }
+  recorded_.frames.push_back(frame_);
+  list_.seekp(-static_cast<std::streamoff>(kListEnd.size()), std::ios::end);
+  list_ << list_row(frame_) << kListEnd << std::flush;
 }
 
 void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
@@ -110,7 +148,12 @@ void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
   }
   assert(recorded_.columns.empty() || recorded_.columns == columns);
   recorded_.columns = std::move(columns);
+  if (!curves_.is_open()) {
+    curves_.open(folder_ / "curves.csv", std::ios::binary);
+    curves_ << table_of(recorded_);
+  }
   recorded_.rows += line + "\n";
+  curves_ << line << "\n" << std::flush;
 }
 
 namespace {
@@ -126,13 +169,13 @@ double peak_memory() {
 }  // namespace
 
 void Recorder::finish(nlohmann::ordered_json record) {
-  if (!recorded_.columns.empty()) {
-    std::string header;
-    for (const std::string& column : recorded_.columns) header += (header.empty() ? "" : ",") + column;
-    const std::string table = header + "\n" + recorded_.rows;
-    write_file(folder_ / "curves.csv", table);
-    recorded_.outputs["curves.csv"] = stamp_of(table);
-  }
+  end_frame();
+  const auto write = [&](const char* name, const std::string& text) {
+    write_file(folder_ / name, text);
+    recorded_.outputs[name] = stamp_of(text);
+  };
+  if (!recorded_.frames.empty()) write("frames.pvd", list_of(recorded_.frames));
+  if (!recorded_.columns.empty()) write("curves.csv", table_of(recorded_));
   record["peak_memory"] = peak_memory();
   record["outputs"] = recorded_.outputs;
   write_file(folder_ / "run.json", record.dump(2) + "\n");

@@ -1,16 +1,18 @@
 // What a run leaves on disk, the same for both solvers: frames, curves and a record of how it was made.
 //
-//   frames.pvd                  the frames and their times
+//   frames.pvd                  the frames and their times, as they are written
 //   frames/frame_000000.vtu ... deformed points; field data TimeValue (s) and n_surface;
 //                               point data displacement (m), velocity (m/s), node_id;
 //                               cells: the surface triangles first, then springs or tetrahedra
-//   curves.csv                  one row per step, named columns, SI units
+//   curves.csv                  one row per step, as it is taken; named columns, SI units
 //   run.json                    written last: a folder without it is not a result; its `outputs` name each of these
 //                               files with its bytes and its CRC-32
 #pragma once
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <fstream>
+#include <future>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -64,10 +66,12 @@ class Recorder {
   Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface,
            const Recorded* before = nullptr);
 
-  const Recorded& recorded() const { return recorded_; }
+  /// @throws std::runtime_error as add_frame
+  const Recorded& recorded();
 
-  /// Adds a frame: time (s), rest points X and displacement u (3 x n, m), further fields as given.
-  /// @throws std::runtime_error when a value is not finite; the frame is not written.
+  /// Adds a frame: time (s), rest points X and displacement u (3 x n, m), further fields as given. A thread of its own
+  /// compresses and writes it, while the next steps are taken.
+  /// @throws std::runtime_error when a value of the frame before is not finite or it cannot be written; it is not added.
   void add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
                  const std::vector<Field>& fields = {});
 
@@ -80,10 +84,16 @@ class Recorder {
   void finish(nlohmann::ordered_json record);
 
  private:
+  void end_frame();
+
   std::filesystem::path folder_;
   std::vector<CellBlock> cells_;
   int n_surface_;
   Recorded recorded_;
+  std::ofstream list_, curves_;           ///< frames.pvd and curves.csv, for those who watch
+  std::pair<double, std::string> frame_;  ///< time and name of the one that is being written
+  std::future<nlohmann::ordered_json>
+      is_written_;  ///< gives its stamp; last: its thread sees all of the above
 };
 
 /// What is the same in every run.json: program, versions, compiler and flags, machine, date.

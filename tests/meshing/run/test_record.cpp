@@ -43,6 +43,7 @@ class RecorderTest : public testing::Test {
 TEST_F(RecorderTest, FramesHoldEveryBitOfPositionsAndFields) {
   Recorder recorder(folder, cells, 3);
   recorder.add_frame(0.25, X, u);
+  ASSERT_EQ(recorder.recorded().frames.size(), 1) << "and is written";
   vtkNew<vtkXMLUnstructuredGridReader> reader;
   reader->SetFileName((folder / "frames/frame_000000.vtu").c_str());
   reader->Update();
@@ -67,6 +68,7 @@ TEST_F(RecorderTest, TheListOfFramesHoldsEveryBitOfTheirTimes) {
   const std::vector<double> times{0, 1.0 / 3, 1234567.0 / 1024};
   Recorder recorder(folder, cells, 3);
   for (double time : times) recorder.add_frame(time, X, u);
+  EXPECT_EQ(recorder.recorded().frames.size(), times.size());
   const std::string pvd = read_file(folder / "frames.pvd"), before = "timestep=\"";
   size_t at = 0;
   for (double time : times) {
@@ -92,16 +94,35 @@ TEST_F(RecorderTest, PeakMemoryIsInBytes) {
 
 TEST_F(RecorderTest, NothingThatIsNotFiniteIsWritten) {
   Recorder recorder(folder, cells, 3);
+  const auto expect_refusal = [&](double time, const std::vector<Field>& fields) {
+    recorder.add_frame(time, X, u, fields);
+    EXPECT_THROW(recorder.recorded(), std::runtime_error);
+    EXPECT_TRUE(recorder.recorded().frames.empty());
+  };
   u(1, 2) = NAN;
-  EXPECT_THROW(recorder.add_frame(0, X, u), std::runtime_error);
+  expect_refusal(0, {});
   u(1, 2) = 0;
-  EXPECT_THROW(recorder.add_frame(NAN, X, u), std::runtime_error);
-  EXPECT_THROW(recorder.add_frame(0, X, u, {{"velocity", INFINITY * u}}), std::runtime_error);
+  expect_refusal(NAN, {});
+  expect_refusal(0, {{"velocity", INFINITY * u}});
   EXPECT_TRUE(fs::is_empty(folder / "frames"));
   EXPECT_FALSE(fs::exists(folder / "frames.pvd"));
   EXPECT_THROW(recorder.add_row({{"time", 0}, {"volume", INFINITY}}), std::runtime_error);
   recorder.finish({{"status", "diverged"}});
   EXPECT_FALSE(fs::exists(folder / "curves.csv")) << "no row was accepted";
+}
+
+TEST_F(RecorderTest, WhatIsThereOnTheWayIsWholeAndGrowsToWhatIsThereAtTheEnd) {
+  Recorder recorder(folder, cells, 3);
+  for (int i = 0; i < 3; ++i) {
+    recorder.add_frame(i, X, u);
+    recorder.add_row({{"time", i}, {"volume", 1}});
+  }
+  EXPECT_EQ(recorder.recorded().frames.size(), 3);
+  const std::string list = read_file(folder / "frames.pvd"), table = read_file(folder / "curves.csv");
+  EXPECT_EQ(table, "time,volume\n0,1\n1,1\n2,1\n");
+  recorder.finish({});
+  EXPECT_EQ(read_file(folder / "frames.pvd"), list);
+  EXPECT_EQ(read_file(folder / "curves.csv"), table);
 }
 
 TEST_F(RecorderTest, RemovesAnOlderRunAndNothingElse) {
@@ -124,7 +145,9 @@ TEST_F(RecorderTest, AFrameThatCannotBeWrittenThrowsAndPrintsNothing) {
   Recorder recorder(folder, cells, 3);
   fs::remove(folder / "frames");
   testing::internal::CaptureStderr();
-  EXPECT_THROW(recorder.add_frame(0, X, u), std::runtime_error);
+  recorder.add_frame(0, X, u);
+  EXPECT_THROW(recorder.finish({}), std::runtime_error);
+  EXPECT_FALSE(fs::exists(folder / "run.json"));
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
@@ -219,6 +242,7 @@ TEST_F(RecorderTest, ItsFramesAreReadAsTheSurfaceTheyShow) {
   const Eigen::Vector4i tet(ball.F(0, 0), ball.F(1, 0), ball.F(2, 0), 42);
   Recorder recorder(folder, {{5, ball.F}, {10, tet}}, 42);
   recorder.add_frame(0, X, Eigen::Matrix3Xd::Zero(3, 43));
+  ASSERT_EQ(recorder.recorded().frames.size(), 1) << "and is written";
   const SurfaceMesh again = read_surface(folder / "frames/frame_000000.vtu");
   EXPECT_NO_THROW(check_closed(again, "frame"));
   EXPECT_EQ(again.X.cols(), 42);
