@@ -90,14 +90,15 @@ bool is_changeable(const std::string& key) {
   for (const char* whole :
        {"material.E", "material.nu", "gravity", "loads.pressure", "time.integrator", "time.step"})
     if (key == whole) return true;
-  return is_of(key, "collapse") || is_of(key, "obstacles");
+  return is_of(key, "collapse") || is_of(key, "obstacles") || is_of(key, "handles");
 }
 
 /// Keys that two scenes do not share or give different values, each once.
 std::set<std::string> changed_keys(const Scene& before, const Scene& after) {
   std::map<std::string, std::vector<std::string>> values[2];
   for (const int k : {0, 1})
-    for (const SceneKey& key : keys_of(k == 0 ? before : after)) values[k][key.path].push_back(key.value);
+    for (const SceneKey& key : keys_of(k == 0 ? before : after))
+      if (!is_of(key.path, "events")) values[k][key.path].push_back(key.value);
   std::set<std::string> changed;
   for (const int k : {0, 1})
     for (const auto& [key, value] : values[k]) {
@@ -107,10 +108,33 @@ std::set<std::string> changed_keys(const Scene& before, const Scene& after) {
   return changed;
 }
 
+/// @throws std::runtime_error where a run that began with one scene cannot go on under the other
+void check_change(const Scene& before, const Scene& after) {
+  if (law_of(after) != law_of(before))
+    throw std::runtime_error("material.law = " + std::string(name_of(law_of(after))) +
+                             " in a run that began with another one");
+  for (const std::string& key : changed_keys(before, after))
+    if (!is_changeable(key)) throw std::runtime_error(key + " changes in a run, expected a new run");
+}
+
+void check_events(const Scene& scene) {
+  const Scene* before = &scene;
+  for (size_t e = 0; e < scene.events.size(); ++e) {
+    try {
+      check_change(*before, *scene.events[e].after);
+    } catch (const std::runtime_error& error) {
+      const auto place = scene.places.find("events." + std::to_string(e) + ".key");
+      throw std::runtime_error((place == scene.places.end() ? "" : place->second + ": ") + error.what());
+    }
+    before = scene.events[e].after.get();
+  }
+}
+
 }  // namespace
 
 Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
-    : scene_(scene), network_(network), problem_(discretise(scene, surface_of(network))) {
+    : first_(scene), scene_(scene), network_(network), problem_(discretise(scene, surface_of(network))) {
+  check_events(scene);
   make_model();
   act_on_model();
   check_apart(contacts_, model_, forces_.constraints);
@@ -166,7 +190,7 @@ void Simulation::find_collapsing() {
 
 /// Of the body at rest, whatever the state.
 void Simulation::act_on_model() {
-  forces_ = forces_of(scene_, problem_, model_);
+  forces_ = forces_of(scene_, problem_, model_, state_.t);
   contacts_ = contacts_of(scene_, surface_of(model_));
   const TimeOptions& time = scene_.time;
   if (time.mode == TimeMode::Static) {
@@ -228,6 +252,8 @@ void Simulation::set_state(const State& state) {
   if (state.x.cols() != model_.network.X.cols())
     throw std::runtime_error("a state of " + std::to_string(state.x.cols()) + " nodes, expected " +
                              std::to_string(model_.network.X.cols()));
+  if (state.n_events != state_.n_events)
+    turn_to(state.n_events == 0 ? first_ : *first_.events.at(state.n_events - 1).after);
   state_ = state;
   report_.status = Status::Ok;
   begin_stepping();
@@ -254,12 +280,25 @@ void Simulation::restore(const std::string& saved) {
 }
 
 void Simulation::change(const Scene& scene) {
-  if (law_of(scene) != law_of(scene_))
-    throw std::runtime_error("material.law = " + std::string(name_of(law_of(scene))) +
-                             " in a run that began with another one");
+  check_change(scene_, scene);
+  const double before = elastic_energy(model_, state_);
+  turn_to(scene);
+  if (!is_static())
+    state_.ledger.change(elastic_energy(model_, state_) - before, stepper_->surface_at(state_), state_.x,
+                         rounding_of_energy(model_, forces_));
+}
+
+void Simulation::obey_events() {
+  constexpr double kRounding = 1e-6;  // of a step, of the sum of those so far
+  const double now = state_.t + kRounding * (is_static() ? 1. / report_.n_steps : step_);
+  const std::vector<Event>& events = first_.events;
+  for (; state_.n_events < static_cast<int>(events.size()) && events[state_.n_events].time <= now;
+       ++state_.n_events)
+    change(*events[state_.n_events].after);
+}
+
+void Simulation::turn_to(const Scene& scene) {
   const std::set<std::string> changed = changed_keys(scene_, scene);
-  for (const std::string& key : changed)
-    if (!is_changeable(key)) throw std::runtime_error(key + " changes in a run, expected a new run");
   bool is_new_model = false, is_new_force = false;
   for (const std::string& key : changed) {
     is_new_model |= key == "material.E" || key == "material.nu" || key == "time.integrator";
@@ -276,7 +315,6 @@ void Simulation::change(const Scene& scene) {
   problem_ = discretise(scene_, surface_of(network_));
   if (is_new_model) make_model();
   act_on_model();
-  state_.ledger = {};
   begin_stepping();
   count_steps();
 }
@@ -324,6 +362,7 @@ StepReport Simulation::take_step() {
 }
 
 Status Simulation::advance() {
+  obey_events();
   const StepReport step = take_step();
   ++state_.n_done;
   report_.newton_iterations += step.newton_iterations;

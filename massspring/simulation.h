@@ -55,8 +55,7 @@ class Simulation {
   /// @throws std::runtime_error where it is cut
   void restore(const std::string& saved);
   /// Goes on from the state at hand under a scene with other values: those of material.E and nu, gravity, the
-  /// loads' pressure, collapse, obstacles, time.integrator and time.step. Its balance of energy begins anew, but
-  /// for a change of collapse.
+  /// loads' pressure, collapse, obstacles, handles, time.integrator and time.step. The scene's own events do the same.
   /// @throws std::runtime_error where other keys differ, or the law that they imply
   void change(const Scene& scene);
   const SimulationReport& report() const { return report_; }
@@ -76,6 +75,8 @@ class Simulation {
   const QuasiStaticSolver* equilibrium() const { return equilibrium_.get(); }  ///< of statics
 
  private:
+  void turn_to(const Scene& scene);
+  void obey_events();
   void push_out_of_obstacles();
   void make_model();
   void find_collapsing();
@@ -89,7 +90,8 @@ class Simulation {
   bool is_check_due() const;
   void release_nodes();
 
-  Scene scene_;
+  const Scene first_;
+  Scene scene_;  ///< as events have left it
   SpringNetwork network_;
   SurfaceProblem problem_;
   MassSpringModel model_;

@@ -10,6 +10,7 @@
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/barrier.h"
+#include "meshing/surface_energies/handles.h"
 #include "meshing/surface_energies/membrane.h"
 #include "meshing/surface_energies/self_barrier.h"
 #include "meshing/surface_energies/surface_points.h"
@@ -156,6 +157,7 @@ std::string unmodelled_part(const Scene& scene) {
     return "supports in directions neither parallel nor at right angles: the reference holds along three "
            "axes";
   if (!scene.seams.empty()) return "seams: the reference ties nothing";
+  if (!scene.events.empty()) return "events: the reference takes no other values on the way";
   if (scene.volume && scene.volume->local > 0)
     return "volume.local: the reference has no force of tetrahedra";
   const bool is_static = scene.time.mode == TimeMode::Static;
@@ -171,6 +173,9 @@ std::string unmodelled_part(const Scene& scene) {
   if (scheme.is_explicit() && !scene.obstacles.empty())
     return "obstacles with reference.integrator = " + scheme.name +
            ": they would need shorter steps than the body";
+  if (scheme.is_explicit() && !scene.handles.empty())
+    return "handles with reference.integrator = " + scheme.name +
+           ": its stable step knows nothing of their stiffness";
   if (scheme.is_explicit() && scene.self_contact.is_on)
     return "self_contact with reference.integrator = " + scheme.name +
            ": it would need shorter steps than the body";
@@ -199,6 +204,8 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
       constrained_by(scene, problem, boundaries, frame, loads);
   loads.surface = bag_of(scene, solid);
   for (auto& energy : obstacles_of(scene, solid, constrained, frame))
+    loads.surface.push_back(std::move(energy));
+  for (auto& energy : meshing::handles_of(problem, solid.X(), frame))
     loads.surface.push_back(std::move(energy));
   for (auto& energy : self_contact_of(scene, solid, surface)) loads.surface.push_back(std::move(energy));
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;

@@ -30,6 +30,8 @@ nlohmann::ordered_json list_choices() {
   scene.volume.emplace();
   scene.skin.emplace();
   scene.obstacles.emplace_back().shape = HalfSpace{{0, 0, 0}, {0, 0, 1}};
+  scene.handles.emplace_back();
+  scene.events.emplace_back();
   for (const SceneKey& key : keys_of(scene)) {
     const size_t dot = key.path.rfind('.');
     keys.push_back({{"section", dot == std::string::npos ? "" : key.path.substr(0, dot)},

@@ -14,6 +14,7 @@
 #include "meshing/base/geometry.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/follower_pressure.h"
+#include "meshing/surface_energies/handles.h"
 
 namespace testbed::massspring {
 Eigen::Matrix3Xd displacement(const MassSpringModel& model, const State& state) {
@@ -79,7 +80,7 @@ std::vector<Constraint> constraints_of(const SurfaceProblem& problem, const Surf
   return constraints;
 }
 
-Forces forces_of(const Scene& scene, const SurfaceProblem& problem, const MassSpringModel& model) {
+Forces forces_of(const Scene& scene, const SurfaceProblem& problem, const MassSpringModel& model, double t) {
   const TetMesh& network = model.network;
   const SurfaceMesh surface = surface_of(model);
   Forces forces;
@@ -96,6 +97,8 @@ Forces forces_of(const Scene& scene, const SurfaceProblem& problem, const MassSp
   forces.surface = followers_of(problem.follower_pressure, surface.F);
   if (scene.volume && scene.volume->coefficient > 0)
     add_volume_penalty(scene.volume->coefficient, model, forces);
+  for (auto& handle : meshing::handles_of(problem, network.X, Eigen::Matrix3d::Identity(), t))
+    forces.surface.push_back(std::move(handle));
   forces.constraints = constraints_of(problem, surface);
   return forces;
 }

@@ -134,8 +134,10 @@ std::vector<Constraint> constraints_of(const SurfaceProblem& problem, const Surf
 
 /// Dead loads act on the undeformed surface; a triangle's load goes to its three nodes in equal parts.
 /// @param problem  the scene's, on the model's surface
+/// @param t        s, at which steps go on
 /// @throws std::runtime_error as constraints_of.
-Forces forces_of(const Scene& scene, const SurfaceProblem& problem, const MassSpringModel& model);
+Forces forces_of(const Scene& scene, const SurfaceProblem& problem, const MassSpringModel& model,
+                 double t = 0);
 
 /// Adds the global volume force with pressure coefficient P (Pa).
 void add_volume_penalty(double P, const MassSpringModel& model, Forces& forces);

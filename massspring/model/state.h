@@ -51,6 +51,7 @@ struct State {
   Eigen::VectorXd patch_scale;  ///< length of the rest shape of each patch of coupled springs; empty: ones
   double target_volume = 0;     ///< of the global volume force (m3)
   int n_done = 0;               ///< load or time steps
+  int n_events = 0;             ///< of the scene, that have been obeyed
   StepHistory history;
   meshing::EnergyLedger ledger;        ///< of motion
   std::optional<LoadHistory> loading;  ///< absent: at rest
@@ -59,7 +60,7 @@ struct State {
 /// Of motion: without what load steps leave.
 inline void archive(meshing::Archive& a, State& state) {
   a(state.t, state.x, state.u, state.v, state.rest_length, state.patch_scale, state.target_volume);
-  a(state.n_done, state.history, state.ledger);
+  a(state.n_done, state.n_events, state.history, state.ledger);
 }
 
 }  // namespace testbed::massspring

@@ -50,7 +50,8 @@ bool is_driven(const Scene& scene) {
                       std::any_of(scene.volume->target.begin(), scene.volume->target.end(),
                                   [](const auto& point) { return point(1) != 1; });
   return has_load(scene) || is_prescribed(scene) || starts || collapses || swells || !scene.seams.empty() ||
-         !scene.obstacles.empty() || scene.self_contact.is_on || (scene.skin && scene.skin->relaxation > 0);
+         !scene.obstacles.empty() || !scene.handles.empty() || !scene.events.empty() ||
+         scene.self_contact.is_on || (scene.skin && scene.skin->relaxation > 0);
 }
 
 /// Whether supports without end hold every vertex of the surface in all directions.
@@ -96,7 +97,8 @@ std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
 void check_supports(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
                     const std::string& file) {
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (!is_static || scene.reference.inertia_relief || !scene.obstacles.empty()) return;
+  if (!is_static || scene.reference.inertia_relief || !scene.obstacles.empty() || !scene.handles.empty())
+    return;
   const std::vector<std::vector<int>> parts = parts_of(surface);
   // One part may be free: its rigid motions are known. Seams tie parts.
   if (problem.constrained.empty() && (parts.size() == 1 || !scene.seams.empty())) return;
@@ -202,6 +204,7 @@ void check_scene(const Scene& scene, const std::string& file) {
            ", expected proportional loads alone, not ", part);
   }
 
+  for (const Event& event : scene.events) check_scene(*event.after, file);
   const bool has_contacts = !scene.obstacles.empty() || scene.self_contact.is_on;
   const TimeOptions& time = scene.time;
   if (time.mode == TimeMode::Static) {
@@ -213,6 +216,8 @@ void check_scene(const Scene& scene, const std::string& file) {
     expect(!scene.self_contact.is_on, "self_contact",
            "self_contact.on = true, expected false with time.mode = static");
   } else {
+    expect(time.sleep_below == 0 || scene.handles.empty(), "time.sleep_below",
+           "time.sleep_below = ", time.sleep_below, ", expected 0 with handles, which may wake the body");
     expect(time.tolerance == 0 || !has_contacts, "time.tolerance", "time.tolerance = ", time.tolerance,
            ", expected 0 with obstacles or self_contact");
     try {

@@ -394,6 +394,7 @@ std::string large_strain_part(const Scene& scene) {
   if (scene.self_contact.is_on) return "self_contact.on: a surface that touches itself has moved far";
   if (scene.skin) return "skin: it wrinkles, which turns it far";
   if (!scene.seams.empty()) return "seams: they turn with the parts that they tie";
+  if (!scene.handles.empty()) return "handles: they pull the surface far";
   if (scene.volume) return "volume: it acts on the surface where that is, not where it was at rest";
   for (const Load& load : scene.loads)
     if (load.is_follower)
@@ -448,6 +449,25 @@ std::string default_name(const fs::path& file) {
   return "scene";
 }
 
+/// The scenes that events leave, one by one.
+/// @param overrides  of the file, before them
+void make_scenes_after(const fs::path& file, std::vector<std::string> overrides, Scene& scene) {
+  overrides.emplace_back("events=[]");
+  for (size_t e = 0; e < scene.events.size(); ++e) {
+    Event& event = scene.events[e];
+    const std::string prefix = event.key + "=", place = "events." + std::to_string(e) + ".key";
+    overrides.erase(std::remove_if(overrides.begin(), overrides.end(),
+                                   [&](const std::string& text) { return text.rfind(prefix, 0) == 0; }),
+                    overrides.end());
+    overrides.push_back(prefix + event.value);
+    try {
+      event.after = std::make_shared<const Scene>(read_scene(file, overrides));
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(scene.places[place] + ": " + error.what());
+    }
+  }
+}
+
 }  // namespace
 
 Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides) {
@@ -459,6 +479,7 @@ Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides
   describe(reader, scene);
   reader.refuse_unknown_keys();
   scene.material.law = law_of(scene);
+  make_scenes_after(file, overrides, scene);
   return scene;
 }
 

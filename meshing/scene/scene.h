@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
@@ -155,6 +156,17 @@ struct Obstacle {
   Overlap initially = Overlap::Refuse;
 };
 
+/// A spring between a part of the surface and a point that moves, as a hand pulls it. On one vertex it has no limit
+/// under refinement: a solid gives way to a force at a point without bound.
+struct Handle {
+  std::optional<int> vertex;  ///< of the surface as its file has it, merged
+  Region region;              ///< or all vertices in it, each with an equal share of the stiffness
+  double stiffness = 0;       ///< N/m
+  Path motion;                ///< of its end from the vertices at rest; none: it stays there
+  double start = 0;           ///< s (static scenes: load factor)
+  std::optional<double> end;  ///< s (static scenes: load factor); it lets go
+};
+
 /// The surface against itself.
 struct SelfContact {
   bool is_on = false;
@@ -233,6 +245,16 @@ struct PlaybackOptions {
   std::string expression;   ///< or the same in t
 };
 
+struct Scene;
+
+/// A value that changes on the way, as a user changes it in a preview. The springs obey it before the first step that
+/// begins at its time or later.
+struct Event {
+  double time = 0;                          ///< s (static scenes: load factor)
+  std::string key, value;                   ///< as --set has them
+  std::shared_ptr<const Scene> after = {};  ///< the scene from then on, without events
+};
+
 struct Scene {
   std::string name;
   bool is_paper = false;  ///< springs as the PCP paper has them, whatever other keys say
@@ -249,6 +271,8 @@ struct Scene {
   std::optional<Skin> skin;
   std::vector<Obstacle> obstacles;
   SelfContact self_contact;
+  std::vector<Handle> handles;
+  std::vector<Event> events;  ///< ascending times
   TimeOptions time;
   NetworkOptions network;
   ReferenceOptions reference;

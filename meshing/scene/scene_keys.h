@@ -246,6 +246,25 @@ void describe(V& v, SelfContact& c) {
 }
 
 template <class V>
+void describe(V& v, Handle& h) {
+  v("vertex", h.vertex, kNotNegative, "of the surface, counted from 0; else those in region");
+  v.at_most_one({"vertex", "region"});
+  if (!h.vertex) v.inline_table("region", h.region, "which vertices share the stiffness evenly");
+  v.required("stiffness", h.stiffness, kPositive, "of the spring that pulls (N/m)");
+  v("motion", h.motion, kAny, "of the spring's other end from there [[s or load factor, m, m, m], ...]");
+  v.check("motion", is_ascending(h.motion), "ascending times");
+  v("start", h.start, kNotNegative, "s; static scenes: load factor");
+  v("end", h.end, kPositive, "s, static scenes: load factor; it lets go");
+}
+
+template <class V>
+void describe(V& v, Event& e) {
+  v.required("time", e.time, kNotNegative, "s, static scenes: load factor");
+  v.required("key", e.key, kAny, "that has another value from the next step on, springs only");
+  v.required("value", e.value, kAny, "in TOML, as --set has it");
+}
+
+template <class V>
 void describe(V& v, TimeOptions& t) {
   v.choice("mode", t.mode, "static (loads grow in load_steps) or dynamic");
   v("load_steps", t.load_steps, kAtLeastOne, "steps to full load of a static scene");
@@ -356,6 +375,12 @@ void describe(V& v, Scene& s) {
   v.table("skin", s.skin);
   v.list("obstacles", s.obstacles);
   v.table("self_contact", s.self_contact);
+  v.list("handles", s.handles);
+  v.list("events", s.events);
+  v.check("events",
+          std::is_sorted(s.events.begin(), s.events.end(),
+                         [](const Event& a, const Event& b) { return a.time < b.time; }),
+          "ascending times");
   v.table("time", s.time);
   v.table("network", s.network);
   v.table("reference", s.reference);

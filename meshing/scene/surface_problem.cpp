@@ -14,14 +14,19 @@
 namespace testbed::meshing {
 namespace {
 
+/// In front of a message; empty for a key that was not given.
+std::string place_of(const Scene& scene, const std::string& key) {
+  const auto place = scene.places.find(key);
+  return place == scene.places.end() ? "" : place->second + ": ";
+}
+
 /// @param region  of the scene, which no such `piece` of the surface lies in
 [[noreturn]] void refuse_empty(const Scene& scene, const std::string& region, const std::string& piece,
                                const SurfaceMesh& surface) {
   std::ostringstream what;
-  const auto place = scene.places.find(region);
-  if (place != scene.places.end()) what << place->second << ": ";
-  what << region << ": no " << piece << " of the surface lies there; the body reaches from "
-       << surface.X.rowwise().minCoeff().transpose() << " to " << surface.X.rowwise().maxCoeff().transpose();
+  what << place_of(scene, region) << region << ": no " << piece
+       << " of the surface lies there; the body reaches from " << surface.X.rowwise().minCoeff().transpose()
+       << " to " << surface.X.rowwise().maxCoeff().transpose();
   throw std::runtime_error(what.str());
 }
 
@@ -47,6 +52,19 @@ void add_stitches(const Scene& scene, size_t k, const SurfaceMesh& surface,
   }
 }
 
+std::vector<int> handled_vertices(const Scene& scene, size_t k, const SurfaceMesh& surface) {
+  const Handle& handle = scene.handles[k];
+  const std::string name = "handles." + std::to_string(k);
+  if (handle.vertex && *handle.vertex >= surface.X.cols())
+    throw std::runtime_error(place_of(scene, name + ".vertex") + name +
+                             ".vertex = " + std::to_string(*handle.vertex) + ", expected below " +
+                             std::to_string(surface.X.cols()) + ", the vertices of the surface");
+  std::vector<int> vertices =
+      handle.vertex ? std::vector<int>{*handle.vertex} : vertices_in(handle.region, surface);
+  if (vertices.empty()) refuse_empty(scene, name + ".region", "node", surface);
+  return vertices;
+}
+
 }  // namespace
 
 SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface) {
@@ -58,6 +76,8 @@ SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface) {
     problem.constrained.push_back({std::move(vertices), support});
   }
   for (size_t k = 0; k < scene.seams.size(); ++k) add_stitches(scene, k, surface, problem.stitches);
+  for (size_t k = 0; k < scene.handles.size(); ++k)
+    problem.held.push_back({handled_vertices(scene, k, surface), scene.handles[k]});
   const Eigen::Index n = surface.F.cols();
   problem.traction = Eigen::Matrix3Xd::Zero(3, n);
   problem.follower_pressure = Eigen::VectorXd::Zero(n);
@@ -154,6 +174,12 @@ std::string bytes_of(const SurfaceProblem& problem) {
     if (support.end) add(&*support.end, 1);
     add(support.displacement.data(), 3);
     for (const Eigen::Vector4d& point : support.motion) add(point.data(), 4);
+  }
+  for (const auto& [vertices, handle] : problem.held) {
+    add(vertices.data(), vertices.size());
+    for (const double* value : {&handle.stiffness, &handle.start}) add(value, 1);
+    if (handle.end) add(&*handle.end, 1);
+    for (const Eigen::Vector4d& point : handle.motion) add(point.data(), 4);
   }
   add(problem.traction.data(), problem.traction.size());
   for (const auto& [triangles, terms] : problem.stressed) {

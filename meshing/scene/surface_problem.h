@@ -21,6 +21,12 @@ struct SurfaceProblem {
     double stiffness;
   };
   std::vector<Stitch> stitches;
+  /// A handle and the vertices that it pulls, ascending.
+  struct Held {
+    std::vector<int> vertices;
+    Handle handle;
+  };
+  std::vector<Held> held;
   Eigen::Matrix3Xd traction;  ///< dead, of pressure also, on each triangle at rest (Pa), 3 x m
   /// Further traction of triangles at rest: the sum of the stress's terms times the outward normal.
   struct Stressed {
@@ -32,8 +38,8 @@ struct SurfaceProblem {
       follower_pressure;  ///< on each deformed triangle (Pa), m; triangles of one value are closed
 };
 
-/// The scene's supports, seams and loads on its surface.
-/// @throws std::runtime_error when a support, seam or load meets no vertex or triangle, a seam ties a vertex to
+/// The scene's supports, seams, handles and loads on its surface.
+/// @throws std::runtime_error when a support, seam, handle or load meets no vertex or triangle, a seam ties a vertex to
 /// itself, or a follower pressure acts on a part of a component of the surface.
 SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface);
 

@@ -45,6 +45,14 @@ void EnergyLedger::begin(double kinetic, double elastic, const SurfaceEnergies& 
   largest_ = kinetic + elastic;
 }
 
+void EnergyLedger::change(double elastic, const SurfaceEnergies& surface, const Eigen::Matrix3Xd& x,
+                          double rounding) {
+  const double before = surface_energy();
+  stored_ = stored_at(surface, x);
+  flows.events += elastic + surface_energy() - before;
+  rounding_ = rounding;
+}
+
 void EnergyLedger::begin_step(const SurfaceEnergies& surface, const Eigen::Matrix3Xd& x) {
   if (stored_.size() != surface.size()) {  // others act from here on
     const double before = surface_energy();
@@ -94,6 +102,7 @@ std::vector<std::pair<std::string, double>> EnergyLedger::columns(const SurfaceE
                   {"work_of_obstacles", flows.obstacles},
                   {"work_of_targets", flows.targets},
                   {"work_of_rest", flows.rest},
+                  {"work_of_events", flows.events},
                   {"lost_to_damping", flows.damping},
                   {"lost_to_friction", flows.friction},
                   {"lost_to_scheme", -balance(kinetic, elastic) - flows.damping - flows.friction}});

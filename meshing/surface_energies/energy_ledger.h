@@ -15,10 +15,12 @@ struct EnergyFlows {
   double supports = 0;   ///< work of supports that move
   double obstacles = 0;  ///< work of obstacles that move
   double targets = 0;    ///< change of surface energies as steps begin, at fixed positions: volume targets
-  double rest = 0;       ///< change of the elastic energy at fixed positions: collapse, relaxation, moduli
+  double rest = 0;       ///< change of the elastic energy at fixed positions: collapse, relaxation
+  double events =
+      0;  ///< change of elastic and surface energies at fixed positions, as values change on the way
   double damping = 0, friction = 0;
 
-  double put_in() const { return loads + supports + obstacles + targets + rest; }
+  double put_in() const { return loads + supports + obstacles + targets + rest + events; }
 };
 
 /// A body's balance of energy from a beginning on:
@@ -34,6 +36,11 @@ class EnergyLedger {
   void begin(double kinetic, double elastic, const SurfaceEnergies& surface, const Eigen::Matrix3Xd& x,
              double rounding);
   bool has_begun() const { return has_begun_; }
+
+  /// Other values hold from here on, at the same positions x.
+  /// @param elastic   what they add to the elastic energy (J)
+  /// @param rounding  as begin
+  void change(double elastic, const SurfaceEnergies& surface, const Eigen::Matrix3Xd& x, double rounding);
 
   /// After the surface's energies have begun a step at x: their change is put in, but for that of contact, whose
   /// obstacles do work along their way.
@@ -55,7 +62,8 @@ class EnergyLedger {
 
   friend void archive(Archive& a, EnergyLedger& ledger) {
     EnergyFlows& flows = ledger.flows;
-    a(flows.loads, flows.supports, flows.obstacles, flows.targets, flows.rest, flows.damping, flows.friction);
+    a(flows.loads, flows.supports, flows.obstacles, flows.targets, flows.rest, flows.events, flows.damping,
+      flows.friction);
     a(ledger.has_begun_, ledger.is_open_, ledger.stored_, ledger.start_, ledger.surface_start_);
     a(ledger.rounding_, ledger.least_, ledger.largest_, ledger.gain_);
   }

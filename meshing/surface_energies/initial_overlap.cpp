@@ -85,6 +85,8 @@ std::optional<Scene> without_overlap(const Scene& scene, const std::vector<Rigid
   statics.gravity.reset();
   statics.loads.clear();
   statics.initial.clear();
+  statics.handles.clear();
+  statics.events.clear();
   statics.collapse.reset();
   statics.load_scale = {};
   for (Support& support : statics.supports) {
