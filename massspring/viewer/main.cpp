@@ -64,7 +64,9 @@ struct Picture {
 
 class Preview {
  public:
-  explicit Preview(Values values) : values_(std::move(values)), scene_(values_.scene()) {
+  explicit Preview(Values values) : values_(std::move(values)) {
+    values_.overrides.emplace_back("events=[]");  // the hand at the window makes them
+    begin_ = scene_ = values_.scene();
     const SpringNetwork network = network_of(scene_);
     simulation_ = std::make_unique<Simulation>(scene_, network);
     at_rest_ = simulation_->state();
@@ -201,6 +203,7 @@ class Preview {
         if (!simulation_->has_ended()) step();
       } else if (word == "reset") {
         simulation_->set_state(at_rest_);
+        begin_ = scene_;
         resume();
       } else if (word == "speed") {
         speed_ = std::stod(rest);
@@ -208,7 +211,7 @@ class Preview {
       } else if (word == "set") {
         set(rest);
       } else if (word == "save") {
-        write_file(rest, to_toml(scene_));
+        write_file(rest, to_toml(begin_));
         message = "saved " + rest;
       } else {
         message = "unknown command '" + word + "'";
@@ -233,11 +236,14 @@ class Preview {
     }
     values_ = std::move(values);
     scene_ = scene;
+    const std::size_t equals = value.find('=');
+    begin_.events.push_back({simulation_->state().t, value.substr(0, equals), value.substr(equals + 1)});
     resume();
   }
 
   Values values_;
-  Scene scene_;
+  Scene scene_;  ///< as it is now
+  Scene begin_;  ///< as it was at rest, with all changes since as events
   std::unique_ptr<Simulation> simulation_;
   State at_rest_;
   bool is_running_ = false;

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyvista as pv
+from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from analysis.compare import volume
 from analysis.drawing.pictures import LOOK, aim, skin_of, tiles
@@ -35,9 +36,10 @@ _KEPT = 2000  # points of a curve
 _RATED = 2.0  # s, over which rates are counted
 _LATE = 0.5  # s: a step that takes longer is told of
 _ROOM = (0.5, 0.5)  # of the panel, left to the body at rest
+_PULL = 0.02  # stiffness of the spring that pulls a vertex, over E times the body's diagonal
 _KEYS = (
-    "space: run   Right: a step   r: reset   i: integrator   m: model   o: floor   c: colour   f, d: faster, slower   "
-    "s: save the scene   p: picture   q: close"
+    "space: run   Right: a step   r: reset   g: grab or let go   i: integrator   m: model   o: floor   c: colour   "
+    "f, d: faster, slower   s: save the session   p: picture   q: close"
 )
 
 
@@ -170,7 +172,7 @@ class Preview:
         self.note = ""
         keys = {
             "space": self.toggle, "Right": lambda: self.say("step"), "r": lambda: self.say("reset"),
-            "i": self.next_integrator, "m": self.next_model, "o": self.toggle_floor, "c": self.next_colour,
+            "g": self.grab, "i": self.next_integrator, "m": self.next_model, "o": self.toggle_floor, "c": self.next_colour,
             "f": lambda: self.set_speed(2), "d": lambda: self.set_speed(0.5),
             "s": lambda: self.say(f"save {Path('preview.toml').resolve()}"), "p": self.save_picture,
         }  # fmt: skip
@@ -209,6 +211,7 @@ class Preview:
         self.volume_at_rest = volume(engine.X, engine.F)
         self.shown: Moment | None = None
         self._add_pivots()
+        self.handle: Any = None
         self._draw_floor()
 
     def _add_sliders(self) -> None:
@@ -246,6 +249,36 @@ class Preview:
                 ),
                 center=pivot["point"], radius=radius, color="#D55E00", test_callback=False, interaction_event="end",
             )  # fmt: skip
+
+    def grab(self) -> None:
+        """The vertex under the mouse by a spring whose other end is dragged; or lets go of it."""
+        plotter = self.window.plotter
+        if self.handle is not None:
+            self.handle.Off()
+            self.handle = None
+            self.set("handles", "[]")
+            return
+        picker = vtkCellPicker()
+        body = plotter.renderers[0]
+        if not picker.Pick(*plotter.iren.get_event_position(), 0, body):
+            self.note = "no surface under the mouse"
+            return
+        engine = self.engine
+        x = engine.X + engine.latest.u
+        vertex = int(np.argmin(np.linalg.norm(x - picker.GetPickPosition(), axis=1)))
+        size = float(np.linalg.norm(np.ptp(engine.X, axis=0)))
+        stiffness = _PULL * float(self.scene["material"]["E"]) * size
+
+        def drag(at: Any) -> None:
+            way = ", ".join(str(float(c)) for c in np.asarray(at) - engine.X[vertex])
+            self.set("handles", f"[{{vertex = {vertex}, stiffness = {stiffness}, motion = [[0.0, {way}]]}}]")
+
+        drag(x[vertex])
+        plotter.subplot(0, 0)
+        self.handle = plotter.add_sphere_widget(
+            drag, center=x[vertex], radius=0.02 * size, color="#009E73", test_callback=False, interaction_event="always",
+        )  # fmt: skip
+        self.note = f"vertex {vertex} is pulled by {stiffness:.3g} N/m"
 
     def _draw_floor(self) -> None:
         plotter = self.window.plotter

@@ -275,6 +275,10 @@ const std::vector<Change>& changes() {
        }},
       {"obstacle", [](Scene& scene) { std::get<HalfSpace>(scene.obstacles[0].shape).point.y() -= 0.01; }},
       {"no obstacle", [](Scene& scene) { scene.obstacles.clear(); }},
+      {"handle",
+       [](Scene& scene) {
+         scene.handles.push_back({{}, {}, 50, {{0, 0, 0, 0}, {0.1, 0.1, 0, 0}}, 0, {}});
+       }},
       {"explicit", [](Scene& scene) { scene.time.integrator = "symplectic_euler"; }},
       {"implicit", [](Scene& scene) { scene.time.integrator = "bdf2"; }},
       {"step", [](Scene& scene) { scene.time.step = kStep / 2; }}};
@@ -371,6 +375,99 @@ TEST(Change, OfGravityInStaticsEndsWhereARunUnderItEnds) {
     Simulation began(scene, bars.network);
     EXPECT_LT(apart(after(3, changed).state(), after(6, began).state()), 1e-8);
   }
+}
+
+/// A scene with two events, kBefore steps and twice as many from the beginning.
+TwoBars bars_with_events(const std::string& integrator) {
+  TwoBars bars = loaded_bars(integrator);
+  Scene first = bars.scene, second;
+  first.material.E *= 2;
+  second = first;
+  second.gravity = Vector3d(3, 1, 2);
+  second.obstacles.clear();
+  bars.scene.events = {{kBefore * kStep, "", "", std::make_shared<const Scene>(first)},
+                       {2 * kBefore * kStep, "", "", std::make_shared<const Scene>(second)}};
+  return bars;
+}
+
+TEST(Events, AreChangesBeforeTheFirstStepThatBeginsThen) {
+  for (const char* integrator : {"rk4", "bdf2", "minimising_euler"}) {
+    const TwoBars bars = bars_with_events(integrator);
+    TwoBars plain = loaded_bars(integrator);
+    Simulation told(bars.scene, bars.network), changed(plain.scene, plain.network);
+    after(kBefore, changed).change(*bars.scene.events[0].after);
+    after(kBefore, changed).change(*bars.scene.events[1].after);
+    const State expected = after(2, changed).state();
+    expect_same(after(2 * kBefore + 2, told).state(), expected, integrator);
+    EXPECT_EQ(told.state().n_events, 2);
+  }
+}
+
+TEST(Events, AreKnownToAStateAndToWhatIsSaved) {
+  for (const char* integrator : {"rk4", "minimising_euler"}) {
+    const TwoBars bars = bars_with_events(integrator);
+    Simulation whole(bars.scene, bars.network);
+    const std::string saved = after(kBefore + 2, whole).saved();
+    const State expected = after(kBefore, whole).state();
+    Simulation again(bars.scene, bars.network);
+    again.restore(saved);
+    expect_same(after(kBefore, again).state(), expected, integrator);
+    again.restore(saved);  // back over the second event
+    expect_same(after(kBefore, again).state(), expected, integrator);
+  }
+}
+
+TEST(Events, DoWorkThatTheBalanceOfEnergyHas) {
+  TwoBars bars("midpoint");
+  bars.scene.skin.reset();
+  Scene softer = bars.scene;
+  softer.material.E /= 4;
+  bars.scene.events = {{kBefore * kStep, "", "", std::make_shared<const Scene>(softer)}};
+  Simulation simulation(bars.scene, bars.network);
+  const double elastic = after(kBefore, simulation).snapshot().elastic_energy;
+  ASSERT_GT(elastic, 0);
+  const auto work = [&] { return after(1, simulation).state().ledger.flows.events; };
+  EXPECT_NEAR(work(), -0.75 * elastic, 1e-9 * elastic);
+  EXPECT_NEAR(work(), -0.75 * elastic, 1e-9 * elastic) << "once";
+}
+
+TEST(Events, InStaticsComeAtTheirLoadFactor) {
+  const TwoBars bars("midpoint");
+  Scene scene = moved_statically(bars, MaterialLaw::NeoHookean), other = scene;
+  other.gravity = Vector3d(0, 20, 5);
+  scene.events = {{0.5, "", "", std::make_shared<const Scene>(other)}};
+  Simulation told(scene, bars.network), changed(moved_statically(bars, MaterialLaw::NeoHookean), bars.network);
+  after(3, changed).change(other);
+  expect_same(after(6, told).state(), after(3, changed).state(), "statics");
+}
+
+TEST(Events, ThatARunCannotObeyAreRefusedBeforeIt) {
+  TwoBars bars("rk4");
+  Scene other = bars.scene;
+  other.material.rho = 1;
+  bars.scene.events = {{0, "", "", std::make_shared<const Scene>(other)}};
+  bars.scene.places["events.0.key"] = "a.toml:3";
+  try {
+    const Simulation simulation(bars.scene, bars.network);
+    ADD_FAILURE();
+  } catch (const std::runtime_error& error) {
+    EXPECT_STREQ(error.what(), "a.toml:3: material.rho changes in a run, expected a new run");
+  }
+}
+
+TEST(Handles, CarryAFreeBodyInStaticsWithoutStrain) {
+  TwoBars bars("midpoint");
+  Scene scene = moved_statically(bars, MaterialLaw::NeoHookean);
+  scene.supports.clear();
+  scene.gravity.reset();
+  scene.volume.reset();
+  scene.collapse.reset();
+  scene.handles = {{{}, {}, 100, {{0, 0, 0, 0}, {1, 0.3, -0.2, 0.1}}, 0, {}}};
+  Simulation simulation(scene, bars.network);
+  while (!simulation.has_ended()) simulation.advance();
+  EXPECT_EQ(simulation.status(), Status::Ok);
+  const Matrix3Xd u = displacement(simulation.model(), simulation.state());
+  EXPECT_LT((u.colwise() - Vector3d(0.3, -0.2, 0.1)).norm(), 1e-8);
 }
 
 TEST(Change, OfWhatARunIsBuiltOnIsRefusedAndChangesNothing) {

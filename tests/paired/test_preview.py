@@ -83,13 +83,37 @@ def test_what_cannot_be_is_told_and_changes_nothing(engine, command, message):
     np.testing.assert_array_equal(after.u, before.u)
 
 
-def test_a_saved_scene_holds_the_values_of_now(engine, tmp_path):
+def test_a_saved_session_is_one_that_a_batch_run_repeats(engine, tmp_path):
+    steps = iter(range(1, 6))
+
+    def step():
+        engine.say("step")
+        number = next(steps)
+        return told(engine, lambda head: head["n_steps"] == number)
+
+    step()
     engine.say("set gravity=[0, -3, 0]")
-    engine.say(f"save {tmp_path / 'now.toml'}")
+    engine.say("set handles=[{vertex = 7, stiffness = 50.0, motion = [[0.0, 0.1, 0.2, 0.0]]}]")
+    step()
+    engine.say("set material.E=2e5")
+    step()
+    engine.say("set handles=[]")
+    step()
+    last = step()
+    engine.say(f"save {tmp_path / 'session.toml'}")
     told(engine, lambda head: "saved" in head["message"])
-    again = Engine(tmp_path / "now.toml", [])
-    assert tomllib.loads(again.latest.head["scene"])["gravity"] == [0, -3, 0]
-    again.end()
+    run = tmp_path / "run"
+    command = [PROGRAMS / "massspring", tmp_path / "session.toml", "--quiet", "--no-diagnostics", "--out", run]
+    subprocess.run(command, check=True)
+    np.testing.assert_array_equal(last.u, load_run(run).last.u.astype(np.float32))  # every bit that is told
+    assert load_run(run).curves["work_of_events"][-1] != 0
+    saved = tomllib.loads((tmp_path / "session.toml").read_text())
+    assert [event["key"] for event in saved["events"]] == ["gravity", "handles", "material.E", "handles"]
+    engine.say("reset")
+    engine.say(f"save {tmp_path / 'again.toml'}")
+    told(engine, lambda head: "again" in head["message"])
+    again = tomllib.loads((tmp_path / "again.toml").read_text())
+    assert "events" not in again and again["material"]["E"] == 2e5, "a session begins with the values of now"
 
 
 def test_rates_count_the_last_seconds_and_begin_anew():
@@ -142,6 +166,18 @@ slider = preview.sliders["material.E"]
 slider.GetRepresentation().SetValue(5.0)
 slider.InvokeEvent("EndInteractionEvent")
 told(lambda head: preview.scene["material"]["E"] == 1e5)
+renderer = window.plotter.renderers[0]
+renderer.SetWorldPoint(*preview.skin.mesh.center, 1)
+renderer.WorldToDisplay()
+window.plotter.iren.interactor.SetEventPosition(*(int(x) for x in renderer.GetDisplayPoint()[:2]))
+press("g")
+told(lambda head: len(preview.scene.get("handles", [])) == 1)
+before = preview.scene["handles"][0]["motion"][0]
+preview.handle.SetCenter(np.array(preview.handle.GetCenter()) + [0.1, 0, 0])
+preview.handle.InvokeEvent("InteractionEvent")
+told(lambda head: abs(preview.scene["handles"][0]["motion"][0][1] - before[1] - 0.1) < 1e-6)
+press("g")
+told(lambda head: not preview.scene.get("handles"))
 press("i")
 told(lambda head: preview.scene["time"]["integrator"] == "bdf2")
 press("o")

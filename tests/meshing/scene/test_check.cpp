@@ -193,6 +193,8 @@ TEST(CheckMotion, AcceptsWhateverMayMoveABody) {
     s.volume->target = {{0, 1}, {1, 0.5}};
   });
   expect_driven_by("seam", [](Scene& s) { s.seams.emplace_back(); });
+  expect_driven_by("handle", [](Scene& s) { s.handles.emplace_back(); });
+  expect_driven_by("event", [](Scene& s) { s.events.emplace_back(); });
   expect_driven_by("obstacle", [](Scene& s) { s.obstacles.emplace_back(); });
   expect_driven_by("self-contact", [](Scene& s) { s.self_contact.is_on = true; });
   expect_driven_by("relaxation", [](Scene& s) { s.skin.emplace().relaxation = 0.1; });

@@ -229,6 +229,7 @@ TEST(Scene, LawIsThatOfSmallStrainUnlessAPartGoesBeyondIt) {
            "[[obstacles]]\nsphere = { center = [0, 9, 0], radius = 1 }\n" + moving,
            "[self_contact]\non = true\n" + moving, std::string("[skin]\nbending = 1\n"),
            std::string("[volume]\n"), std::string("[[seams]]\nstiffness = 1\n"),
+           std::string("[[handles]]\nstiffness = 1\n"),
            std::string("[[loads]]\npressure = 1\nfollower = true\n"),
            "[collapse]\ncoefficient = 0.1\n" + moving, "[[initial]]\nspin = [1, 0, 0]\n" + moving}) {
     EXPECT_EQ(law(ball + part), MaterialLaw::NeoHookean) << part;
@@ -238,6 +239,58 @@ TEST(Scene, LawIsThatOfSmallStrainUnlessAPartGoesBeyondIt) {
     EXPECT_EQ(error_of(ball + "[material]\nlaw = \"neo_hookean\"\n" + part), "") << part;
   }
   EXPECT_EQ(law(ball + "[material]\nlaw = \"neo_hookean\"\n"), MaterialLaw::NeoHookean);
+}
+
+TEST(Scene, HandlesHoldAVertexOrARegionOfTheSurface) {
+  const std::string ball = "[surface]\nshape = \"ball\"\nn_vertices = 42\n[[handles]]\nstiffness = 4\n";
+  const auto held = [](const std::string& text) {
+    const Scene scene = read_scene(write_scene(text));
+    return discretise(scene, load_surface(scene.surface)).held.at(0).vertices;
+  };
+  EXPECT_EQ(held(ball + "vertex = 17\n"), std::vector<int>{17});
+  EXPECT_EQ(held(ball).size(), 42);
+  EXPECT_EQ(held(ball + "region = { plane = { point = [0, 0, 0], normal = [0, 1, 0] } }\n"),
+            vertices_in({HalfSpace{{0, 0, 0}, {0, 1, 0}}}, make_shape("ball", 42)));
+  for (const auto& [text, message] :
+       {std::pair<std::string, std::string>{"vertex = 42\n", "scene.toml:6: handles.0.vertex = 42, expected below 42"},
+        {"region = { sphere = { center = [9, 9, 9], radius = 1 } }\n", "scene.toml:6: handles.0.region: no node"}}) {
+    try {
+      held(ball + text);
+      ADD_FAILURE() << text;
+    } catch (const std::runtime_error& error) {
+      EXPECT_NE(std::string(error.what()).find(message), std::string::npos) << error.what();
+    }
+  }
+  EXPECT_EQ(error_of(ball + "vertex = 1\nregion = { relative = true }\n").substr(0, 51),
+            "scene.toml:7: handles.0 has both vertex and region,");
+  EXPECT_EQ(error_of(ball + "[time]\nmode = \"dynamic\"\nsleep_below = 1\n").substr(0, 32),
+            "scene.toml:8: time.sleep_below =");
+}
+
+TEST(Scene, EventsLeaveSceneAfterScene) {
+  const std::string text = "[material]\nE = 1\n[surface]\nshape = \"ball\"\n";
+  const auto event = [](const std::string& time, const std::string& key, const std::string& value) {
+    return "[[events]]\ntime = " + time + "\nkey = \"" + key + "\"\nvalue = '" + value + "'\n";
+  };
+  const Scene scene = read_scene(write_scene(text + event("0.5", "material.E", "2") +
+                                             event("1", "gravity", "[0, 3, 0]") + event("1", "material.E", "4")),
+                                 {"material.nu=0.25", "material.E=8"});
+  EXPECT_EQ(scene.material.E, 8);
+  std::vector<double> E;
+  for (const Event& e : scene.events) {
+    E.push_back(e.after->material.E);
+    EXPECT_EQ(e.after->material.nu, 0.25);
+    EXPECT_TRUE(e.after->events.empty());
+  }
+  EXPECT_EQ(E, (std::vector<double>{2, 2, 4}));
+  EXPECT_FALSE(scene.events[0].after->gravity);
+  EXPECT_EQ(scene.events[1].after->gravity->y(), 3);
+  EXPECT_EQ(error_of(text + event("1", "material.E", "2") + event("0.5", "material.E", "3")).substr(0, 21),
+            "scene.toml:5: events ");
+  EXPECT_EQ(error_of(text + event("1", "material.E", "-2")).substr(0, 42),
+            "scene.toml:7: --set material.E=-2: materia");
+  EXPECT_EQ(error_of(text + event("1", "material.F", "2")).substr(0, 42),
+            "scene.toml:7: --set material.F=2: material");
 }
 
 TEST(Scene, ShippedScenesHaveTheLawOfTheirStrain) {
@@ -540,7 +593,7 @@ std::vector<std::string> others_than(const std::string& value) {
                             all_names<UpAxis>(),
                             all_names<LengthUnit>(),
                             kWarps,
-                            {"x", "some text"}})
+                            {"x", "some text", "material.nu", "0.125"}})
     for (const std::string& name : names) others.push_back(toml_text(name));
   return others;
 }
@@ -599,11 +652,15 @@ mesh = { file = "one.obj" }
                                             "load_scale.factor=3.0",
                                             "playback.warp=custom",
                                             "playback.points=[[0, 0], [0.3, 0.2]]",
+                                            "handles=[{ vertex = 3, stiffness = 2.0, motion = [[0, 1, 2, 3]], "
+                                            "start = 0.5, end = 5.0 }]",
+                                            "events=[{ time = 0.5, key = 'material.E', value = '0.25' }]",
                                             "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
   std::vector<std::string> from_file(from_shape.begin() + 1, from_shape.end());
   from_file.push_back("initial=[{ velocity = [1, 0, -2], spin = [0, 3, 0] }]");  // which statics refuse
   from_file.push_back("supports.1.along=[1, 2, 3]");
   from_file.push_back("supports.1.end=2.0");
+  from_file.push_back("handles=[{ region = { sphere = { center = [0, 0, 0], radius = 1.0 } }, stiffness = 2.0 }]");
   from_file.push_back("surface.shape=''");
   from_file.push_back("surface.file=" + (test_folder() / "one.obj").string());
   std::set<std::string> keys, changed;
