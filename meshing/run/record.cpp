@@ -1,7 +1,6 @@
 #include "meshing/run/record.h"
 
 #include <algorithm>
-#include <cassert>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -135,25 +134,39 @@ void Recorder::end_frame() {
 }
 
 void Recorder::add_row(const std::vector<std::pair<std::string, double>>& row) {
-  std::vector<std::string> columns;
-  std::string line;
-  for (const auto& [name, value] : row) {
+  for (const auto& [name, value] : row)
     if (!std::isfinite(value))
       throw std::runtime_error((folder_ / "curves.csv").string() + ": " + name +
                                " is not finite, expected a number");
-    char text[32];
-    line +=
-        (columns.empty() ? "" : ",") + std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
-    columns.push_back(name);
+  std::vector<double> values(recorded_.columns.size(), 0);
+  for (size_t i = 0; i < row.size(); ++i) {
+    const auto& [name, value] = row[i];
+    const size_t at = i < recorded_.columns.size() && recorded_.columns[i] == name ? i : column(name);
+    values.resize(recorded_.columns.size(), 0);
+    values[at] = value;
   }
-  assert(recorded_.columns.empty() || recorded_.columns == columns);
-  recorded_.columns = std::move(columns);
+  std::string line;
+  for (const double value : values) {
+    char text[32];
+    line += (line.empty() ? "" : ",") + std::string(text, std::to_chars(text, text + sizeof text, value).ptr);
+  }
   if (!curves_.is_open()) {
     curves_.open(folder_ / "curves.csv", std::ios::binary);
     curves_ << table_of(recorded_);
   }
   recorded_.rows += line + "\n";
   curves_ << line << "\n" << std::flush;
+}
+
+/// The place of a column; rows before a new one have zero there.
+size_t Recorder::column(const std::string& name) {
+  auto& [frames, columns, rows, outputs] = recorded_;
+  const auto found = std::find(columns.begin(), columns.end(), name);
+  if (found != columns.end()) return found - columns.begin();
+  columns.push_back(name);
+  for (size_t at = 0; (at = rows.find('\n', at)) != std::string::npos; at += 3) rows.insert(at, ",0");
+  if (curves_.is_open()) curves_.close();
+  return columns.size() - 1;
 }
 
 namespace {

@@ -75,7 +75,7 @@ class Recorder {
   void add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xd& u,
                  const std::vector<Field>& fields = {});
 
-  /// Adds a row to curves.csv; every row must have the columns of the first, in its order.
+  /// Adds a row to curves.csv. Of what a row does not name, as an event took it away or will bring it, it has zero.
   /// @throws std::runtime_error when a value is not finite.
   void add_row(const std::vector<std::pair<std::string, double>>& row);
 
@@ -85,6 +85,7 @@ class Recorder {
 
  private:
   void end_frame();
+  size_t column(const std::string& name);
 
   std::filesystem::path folder_;
   std::vector<CellBlock> cells_;

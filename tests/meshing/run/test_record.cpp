@@ -125,6 +125,17 @@ TEST_F(RecorderTest, WhatIsThereOnTheWayIsWholeAndGrowsToWhatIsThereAtTheEnd) {
   EXPECT_EQ(read_file(folder / "curves.csv"), table);
 }
 
+TEST_F(RecorderTest, ColumnsThatComeAndGoAreZeroBetween) {
+  Recorder recorder(folder, cells, 3);
+  recorder.add_row({{"time", 1}, {"volume", 2}});
+  recorder.add_row({{"time", 3}, {"force", 5}, {"volume", 4}, {"area", 0.5}});
+  recorder.add_row({{"time", 6}, {"area", 7}});
+  const std::string expected = "time,volume,force,area\n1,2,0,0\n3,4,5,0.5\n6,0,0,7\n";
+  EXPECT_EQ(read_file(folder / "curves.csv"), expected);
+  recorder.finish({});
+  EXPECT_EQ(read_file(folder / "curves.csv"), expected);
+}
+
 TEST_F(RecorderTest, RemovesAnOlderRunAndNothingElse) {
   const auto record_frames = [&](int n) {
     Recorder recorder(folder, cells, 3);
