@@ -10,7 +10,7 @@
 #include "massspring/statics/frequencies.h"
 #include "massspring/time/implicit_stage.h"
 #include "meshing/base/geometry.h"
-#include "meshing/scene/change.h"
+#include "meshing/scene/changed_keys.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/initial_overlap.h"

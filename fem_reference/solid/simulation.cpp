@@ -9,7 +9,7 @@
 
 #include "fem_reference/solid/collapse.h"
 #include "fem_reference/solid/problem.h"
-#include "meshing/scene/change.h"
+#include "meshing/scene/changed_keys.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface_energies/initial_overlap.h"

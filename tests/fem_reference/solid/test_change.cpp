@@ -6,6 +6,7 @@
 #include <functional>
 #include <stdexcept>
 
+#include "meshing/scene/surface_problem.h"
 #include "tests/fem_reference/solid/bars.h"
 
 namespace testbed::fem {
@@ -110,7 +111,7 @@ MotionState begun_with(const MotionState& state, double t, const State& all, Bar
     if (!is_held[i]) free.push_back(i);
   MotionState found = begun.motion;
   found.a = VectorXd::Zero(state.u.size());  // supports move evenly
-  found.a(free) = Eigen::MatrixXd(M(free, free)).ldlt().solve(VectorXd(balance(free)));
+  found.a(free) = Eigen::MatrixXd(M(free, free)).ldlt().solve(VectorXd(balance(free))).eval();
   found.force = force.reshaped();
   return found;
 }
@@ -144,9 +145,7 @@ TEST(Change, BeforeTheFirstStepIsARunThatBeganSo) {
         << bars.scene.reference.integrator << ' ' << change.name;
     EXPECT_EQ(began.n_steps(), changed.n_steps()) << change.name;
     EXPECT_EQ(began.integrator()->ledger().gain(), changed.integrator()->ledger().gain()) << change.name;
-    const bool is_same = other.reference.integrator == bars.scene.reference.integrator &&
-                         changes_of_integrators()[0].name == change.name;
-    if (!is_same) EXPECT_GT(apart(after(kAfter, unchanged), began), 1e-9) << change.name;
+    EXPECT_GT(apart(after(kAfter, unchanged), began), 1e-9) << change.name << " changes nothing";
   };
   for (const char* integrator : {"generalised_alpha", "minimising_euler"})
     for (const Change& change : changes_of_contact()) {

@@ -12,12 +12,12 @@ using Eigen::Vector3d;
 
 constexpr double kSolved = 1e-8;  // m: what is kept changes a step within its tolerance
 
-class ContactState : public testing::TestWithParam<std::pair<const char*, int>> {};
-INSTANTIATE_TEST_SUITE_P(, ContactState,
+class StateInContact : public testing::TestWithParam<std::pair<const char*, int>> {};
+INSTANTIATE_TEST_SUITE_P(, StateInContact,
                          testing::Values(std::pair("generalised_alpha", 1), std::pair("generalised_alpha", 2),
                                          std::pair("minimising_euler", 1), std::pair("minimising_euler", 2)));
 
-TEST_P(ContactState, IsAllThatDecidesHowAMotionGoesOn) {
+TEST_P(StateInContact, IsAllThatDecidesHowAMotionGoesOn) {
   const auto& [integrator, degree] = GetParam();
   Bars bars(integrator, degree);
   Simulation whole = bars.simulation(), again = bars.simulation(), restored = bars.simulation(),
@@ -45,7 +45,7 @@ TEST_P(ContactState, IsAllThatDecidesHowAMotionGoesOn) {
 }
 
 // Rest lengths of the skin, which have relaxed.
-TEST_P(ContactState, WithoutWhatTheSurfaceRemembersGoesElsewhere) {
+TEST_P(StateInContact, WithoutWhatTheSurfaceRemembersGoesElsewhere) {
   const auto& [integrator, degree] = GetParam();
   Bars bars(integrator, degree);
   Simulation whole = bars.simulation(), again = bars.simulation();
@@ -57,7 +57,7 @@ TEST_P(ContactState, WithoutWhatTheSurfaceRemembersGoesElsewhere) {
 }
 
 // A bar is bent down onto the floor and pushed along it, which friction holds.
-TEST(ContactState, OfStaticsIsAllThatDecidesHowTheyGoOn) {
+TEST(State, OfStaticsInContactIsAllThatDecidesHowTheyGoOn) {
   for (const int degree : {1, 2}) {
     Bars bars("generalised_alpha", degree);
     bars.scene.self_contact = {};
@@ -66,7 +66,7 @@ TEST(ContactState, OfStaticsIsAllThatDecidesHowTheyGoOn) {
     bars.scene.supports[0].motion.clear();
     bars.scene.supports[0].displacement = Vector3d(0.02, -0.02, 0);
     bars.scene.supports[0].region.shape = HalfSpace{Vector3d(0, 0.2, 0), Vector3d(0, -1, 0)};
-    Simulation whole = bars.simulation(), again = bars.simulation(), free = bars.simulation();
+    Simulation whole = bars.simulation(), again = bars.simulation();
     const State middle = after(3, whole).state();
     after(3, whole);
     again.set_state(middle);

@@ -5,14 +5,14 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "meshing/scene/change.h"
+#include "meshing/scene/changed_keys.h"
 
 namespace testbed::meshing {
 namespace {
 
 /// A scene with a value of each kind, under other ones where they are given.
 Scene scene_with(const std::vector<std::string>& overrides) {
-  const std::filesystem::path file = std::filesystem::temp_directory_path() / "test_change.toml";
+  const std::filesystem::path file = std::filesystem::temp_directory_path() / "test_changed_keys.toml";
   std::ofstream(file) << R"(
 gravity = [0, -9.81, 0]
 material = { E = 1e5, law = "neo_hookean" }
@@ -74,7 +74,7 @@ TEST(ChangedKeys, HoldThoseOfATableThatOneSceneLacks) {
 }
 
 TEST(ChangedKeys, OfWhatARunIsBuiltOnAreRefusedByName) {
-  for (const std::string& key :
+  for (const std::string key :
        {"surface.n_vertices=100", "surface.across=2", "network.seed=2", "network.phi=0.2",
         "reference.degree=1", "reference.refine=1", "reference.interior_size=0.1", "reference.mass=lumped",
         "material.rho=1", "material.damping=1", "volume.coefficient=20", "skin.stiffness=20",

@@ -1,4 +1,4 @@
-#include "meshing/scene/change.h"
+#include "meshing/scene/changed_keys.h"
 
 #include <map>
 #include <stdexcept>
