@@ -9,7 +9,7 @@
 namespace testbed::fem {
 
 constexpr double kStep = 2e-3;            // s
-constexpr int kBefore = 25, kAfter = 15;  // steps: bars and floor meet after some ten
+constexpr int kBefore = 31, kAfter = 15;  // steps: the bars meet after some 26
 
 struct Bars : meshing::BarsInContact {
   StageTimer timer;

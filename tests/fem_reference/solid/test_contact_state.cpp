@@ -1,7 +1,10 @@
 // A run in contact with friction goes on from its state as if nothing had stopped it.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "tests/fem_reference/solid/bars.h"
 
@@ -36,9 +39,10 @@ TEST_P(StateInContact, IsAllThatDecidesHowAMotionGoesOn) {
     EXPECT_LT(apart(*other, whole), kSolved);
     EXPECT_EQ(other->snapshot().time, whole.snapshot().time);
     EXPECT_EQ(other->n_steps(), whole.n_steps());
-    for (const char* column : {"lost_to_friction", "work_of_rest", "work_of_supports"})
-      EXPECT_NEAR(column_of(*other, column), column_of(whole, column), 1e-5 * column_of(whole, column))
-          << column;
+    for (const char* column : {"lost_to_friction", "work_of_rest", "work_of_supports"}) {
+      const double expected = column_of(whole, column);
+      EXPECT_NEAR(column_of(*other, column), expected, 1e-6 * std::abs(expected)) << column;
+    }
   }
   EXPECT_EQ(apart(again, forgetful), 0) << "forgotten";
   EXPECT_THROW(again.restore(saved.substr(0, saved.size() - 1)), std::runtime_error);
@@ -56,7 +60,7 @@ TEST_P(StateInContact, WithoutWhatTheSurfaceRemembersGoesElsewhere) {
   EXPECT_GT(apart(after(kAfter, again), after(kAfter, whole)), 100 * kSolved);
 }
 
-// A bar is bent down onto the floor and pushed along it, which friction holds.
+// Bars are pressed down onto the floor and pushed along it.
 TEST(State, OfStaticsInContactIsAllThatDecidesHowTheyGoOn) {
   for (const int degree : {1, 2}) {
     Bars bars("generalised_alpha", degree);
@@ -64,7 +68,8 @@ TEST(State, OfStaticsInContactIsAllThatDecidesHowTheyGoOn) {
     bars.scene.time.mode = TimeMode::Static;
     bars.scene.time.load_steps = 6;
     bars.scene.supports[0].motion.clear();
-    bars.scene.supports[0].displacement = Vector3d(0.02, -0.02, 0);
+    bars.scene.supports[0].displacement = Vector3d(0.02, -0.05, 0);
+    bars.scene.collapse->coefficient = 0.05;
     bars.scene.supports[0].region.shape = HalfSpace{Vector3d(0, 0.2, 0), Vector3d(0, -1, 0)};
     Simulation whole = bars.simulation(), again = bars.simulation();
     const State middle = after(3, whole).state();
