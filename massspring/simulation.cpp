@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <map>
-#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -12,6 +10,7 @@
 #include "massspring/statics/frequencies.h"
 #include "massspring/time/implicit_stage.h"
 #include "meshing/base/geometry.h"
+#include "meshing/scene/changed_keys.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/initial_overlap.h"
@@ -81,47 +80,11 @@ double rounding_of_energy(const MassSpringModel& model, const Forces& forces) {
          kOfPositions * forces.load.norm() * X.norm();
 }
 
-bool is_of(const std::string& key, const std::string& table) {
-  return key.rfind(table + ".", 0) == 0;
-}
-
-/// Whether a run may go on under another value of a key.
-bool is_changeable(const std::string& key) {
-  for (const char* whole :
-       {"material.E", "material.nu", "gravity", "loads.pressure", "time.integrator", "time.step"})
-    if (key == whole) return true;
-  return is_of(key, "collapse") || is_of(key, "obstacles") || is_of(key, "handles");
-}
-
-/// Keys that two scenes do not share or give different values, each once.
-std::set<std::string> changed_keys(const Scene& before, const Scene& after) {
-  std::map<std::string, std::vector<std::string>> values[2];
-  for (const int k : {0, 1})
-    for (const SceneKey& key : keys_of(k == 0 ? before : after))
-      if (!is_of(key.path, "events")) values[k][key.path].push_back(key.value);
-  std::set<std::string> changed;
-  for (const int k : {0, 1})
-    for (const auto& [key, value] : values[k]) {
-      const auto other = values[1 - k].find(key);
-      if (other == values[1 - k].end() || other->second != value) changed.insert(key);
-    }
-  return changed;
-}
-
-/// @throws std::runtime_error where a run that began with one scene cannot go on under the other
-void check_change(const Scene& before, const Scene& after) {
-  if (law_of(after) != law_of(before))
-    throw std::runtime_error("material.law = " + std::string(name_of(law_of(after))) +
-                             " in a run that began with another one");
-  for (const std::string& key : changed_keys(before, after))
-    if (!is_changeable(key)) throw std::runtime_error(key + " changes in a run, expected a new run");
-}
-
 void check_events(const Scene& scene) {
   const Scene* before = &scene;
   for (size_t e = 0; e < scene.events.size(); ++e) {
     try {
-      check_change(*before, *scene.events[e].after);
+      meshing::changed_keys(*before, *scene.events[e].after);
     } catch (const std::runtime_error& error) {
       const auto place = scene.places.find("events." + std::to_string(e) + ".key");
       throw std::runtime_error((place == scene.places.end() ? "" : place->second + ": ") + error.what());
@@ -241,11 +204,7 @@ void Simulation::begin_stepping() {
 /// Of the whole run, those from the state at hand on of the present length.
 void Simulation::count_steps() {
   report_.n_steps = scene_.time.load_steps;
-  if (is_static()) return;
-  constexpr double kRounding = 1e-6;  // of a step, of the sum of those so far
-  TimeOptions rest = scene_.time;
-  rest.end -= state_.t + (state_.n_done > 0 ? kRounding * step_ : 0);
-  report_.n_steps = state_.n_done + (rest.end > 0 ? meshing::n_steps(rest, step_) : 0);
+  if (!is_static()) report_.n_steps = meshing::n_steps_from(scene_.time, step_, state_.t, state_.n_done);
 }
 
 void Simulation::set_state(const State& state) {
@@ -280,7 +239,6 @@ void Simulation::restore(const std::string& saved) {
 }
 
 void Simulation::change(const Scene& scene) {
-  check_change(scene_, scene);
   const double before = elastic_energy(model_, state_);
   turn_to(scene);
   if (!is_static())
@@ -302,7 +260,7 @@ void Simulation::turn_to(const Scene& scene) {
   bool is_new_model = false, is_new_force = false;
   for (const std::string& key : changed) {
     is_new_model |= key == "material.E" || key == "material.nu" || key == "time.integrator";
-    is_new_force |= !is_of(key, "collapse");
+    is_new_force |= !is_of(key, "collapse") && !is_of(key, "reference");
     if (is_of(key, "obstacles")) {  // which are not where they were
       state_.history.active_set.clear();
       state_.history.clearance.clear();

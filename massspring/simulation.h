@@ -56,7 +56,7 @@ class Simulation {
   void restore(const std::string& saved);
   /// Goes on from the state at hand under a scene with other values: those of material.E and nu, gravity, the
   /// loads' pressure, collapse, obstacles, handles, time.integrator and time.step. The scene's own events do the same.
-  /// @throws std::runtime_error where other keys differ, or the law that they imply
+  /// @throws std::runtime_error as meshing::changed_keys
   void change(const Scene& scene);
   const SimulationReport& report() const { return report_; }
   Status status() const { return report_.status; }

@@ -231,8 +231,19 @@ void Integrator::hold(const std::vector<int>& constrained, std::function<VectorX
   go_on(u, v);
 }
 
+void Integrator::take_over(const Integrator& before) {
+  counts_ = before.counts_;
+  begun_ = before.t();
+  if (begun_ > 0)  // obstacles come to where they are, and friction is that of the way there
+    for (const auto& energy : system_.surface)
+      energy->begin_step(begun_ - h_, h_, at(before.u_ - h_ * before.v_));
+  remember(memories_of(before.system_.surface), system_.surface);
+  restart(before.u_, before.v_);
+}
+
 void Integrator::set_state(const MotionState& state) {
   n_steps_ = state.n_steps;
+  begun_ = state.begun;
   u_ = state.u;
   v_ = state.v;
   a_ = state.a;

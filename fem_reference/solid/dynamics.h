@@ -66,6 +66,7 @@ struct Dynamics {
 /// All that decides how a motion goes on.
 struct MotionState {
   int n_steps = 0;          ///< taken
+  double begun = 0;         ///< before the first of them (s)
   Eigen::VectorXd u, v, a;  ///< m, m/s, m/s2
   Eigen::VectorXd force;    ///< f(u) as the last step found it (N); empty where no scheme asks for it
   meshing::SurfaceMemories surface;  ///< of what acts on it
@@ -73,7 +74,7 @@ struct MotionState {
 };
 
 inline void archive(meshing::Archive& a, MotionState& state) {
-  a(state.n_steps, state.u, state.v, state.a, state.force, state.surface, state.ledger);
+  a(state.n_steps, state.begun, state.u, state.v, state.a, state.force, state.surface, state.ledger);
 }
 
 /// What the steps of a motion took.
@@ -109,11 +110,16 @@ class Integrator {
     go_on(u, v);
     begin_ledger();
   }
+  /// Goes on from where a motion of the same body under other values has come to, in steps of its own length, with
+  /// the acceleration that belongs to displacement and velocity here.
+  void take_over(const Integrator& before);
   /// Goes on from here with other unknowns constrained, and their motion as in Dynamics.
   void hold(const std::vector<int>& constrained, std::function<Eigen::VectorXd(double t)> motion);
   /// What is kept from step to step besides, as factors of tangents are, changes a step within its tolerance.
   /// Steps of linear forces and explicit ones have none of it.
-  MotionState state() const { return {n_steps_, u_, v_, a_, f_, memories_of(system_.surface), ledger_}; }
+  MotionState state() const {
+    return {n_steps_, begun_, u_, v_, a_, f_, memories_of(system_.surface), ledger_};
+  }
   /// Goes on from a state with what is constrained now, and forgets what is kept besides.
   void set_state(const MotionState& state);
   double t() const { return n_steps_ * step_ + begun_; }                ///< s
@@ -149,8 +155,8 @@ class Integrator {
   virtual void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) = 0;
 
   Dynamics system_;
-  const double step_;              // s
-  double h_, begun_ = 0;           // of the part of a step at hand, and of those before it in the step (s)
+  const double step_;     // s
+  double h_, begun_ = 0;  // of the part of a step at hand; before the first step, and this part in its (s)
   Eigen::VectorXd u_, v_, a_, f_;  // f_: f(u_), where a scheme keeps it
   int n_steps_ = 0;
   StepCounts counts_;

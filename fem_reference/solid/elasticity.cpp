@@ -26,6 +26,7 @@ ElasticSolid::ElasticSolid(const TetMesh& mesh, int degree)
     : self_(std::make_unique<Implementation>(mesh, degree)) {}
 ElasticSolid::~ElasticSolid() = default;
 ElasticSolid::ElasticSolid(ElasticSolid&&) noexcept = default;
+ElasticSolid& ElasticSolid::operator=(ElasticSolid&&) noexcept = default;
 const TetMesh& ElasticSolid::mesh() const {
   return self_->mesh;
 }

@@ -80,6 +80,7 @@ class ElasticSolid {
   ElasticSolid(const TetMesh& mesh, int degree);
   ~ElasticSolid();
   ElasticSolid(ElasticSolid&&) noexcept;
+  ElasticSolid& operator=(ElasticSolid&&) noexcept;
 
   const Eigen::Matrix3Xd& X() const;  ///< 3 x n_nodes (m)
   const TetMesh& mesh() const;

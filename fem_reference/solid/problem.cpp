@@ -100,19 +100,30 @@ std::vector<ConstrainedComponent> constrained_by(const Scene& scene, const Surfa
   return constrained;
 }
 
+std::vector<meshing::RigidBody> rigid_bodies(const Scene& scene, const Eigen::Matrix3d& frame) {
+  std::vector<meshing::RigidBody> bodies;
+  for (const Obstacle& obstacle : scene.obstacles) bodies.emplace_back(obstacle, frame);
+  return bodies;
+}
+
+/// Per node of n, whether supports hold all of it and never end.
+std::vector<char> held_nodes(const Scene& scene, const std::vector<ConstrainedComponent>& constrained,
+                             Eigen::Index n) {
+  std::vector<std::set<int>> components(n);
+  for (const ConstrainedComponent& h : constrained)
+    if (!scene.supports[h.support].end) components[h.node].insert(h.component);
+  std::vector<char> is_constrained(components.size());
+  for (size_t i = 0; i < components.size(); ++i) is_constrained[i] = components[i].size() == 3;
+  return is_constrained;
+}
+
 /// What scene.obstacles do to the surface of a body, whose coordinates are those of the frame's axes.
 meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& solid,
                                       const std::vector<ConstrainedComponent>& constrained,
                                       const Eigen::Matrix3d& frame) {
   if (scene.obstacles.empty()) return {};
-  std::vector<meshing::RigidBody> bodies;
-  for (const Obstacle& obstacle : scene.obstacles) bodies.emplace_back(obstacle, frame);
-  std::vector<std::set<int>> components(solid.X().cols());
-  for (const ConstrainedComponent& h : constrained)
-    if (!scene.supports[h.support].end) components[h.node].insert(h.component);
-  std::vector<char> is_constrained(components.size());
-  for (size_t i = 0; i < components.size(); ++i) is_constrained[i] = components[i].size() == 3;
-  meshing::check_apart(bodies, solid.X(), solid.faces(), is_constrained);
+  const std::vector<meshing::RigidBody> bodies = rigid_bodies(scene, frame);
+  const std::vector<char> is_constrained = held_nodes(scene, constrained, solid.X().cols());
   const double E = scene.material.E;
   if (scene.time.mode == TimeMode::Static)
     return obstacles_in_statics(bodies, solid.X(), solid.faces(), E, is_constrained);
@@ -214,6 +225,11 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   if (scene.reference.inertia_relief) solid.relieve_inertia();
   solid.set_tolerance(scene.time.residual);
   return solid;
+}
+
+void check_apart(const Scene& scene, const ElasticSolid& solid) {
+  meshing::check_apart(rigid_bodies(scene, frame_of(scene.supports).value()), solid.X(), solid.faces(),
+                       held_nodes(scene, solid.constrained(), solid.X().cols()));
 }
 
 bool is_proportional(const Scene& scene) {

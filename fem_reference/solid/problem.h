@@ -19,6 +19,10 @@ std::string unmodelled_part(const Scene& scene);
 /// @throws std::runtime_error when a region holds no node or triangle.
 ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh);
 
+/// That the solid of a scene begins outside of its obstacles.
+/// @throws std::runtime_error as meshing::check_apart
+void check_apart(const Scene& scene, const ElasticSolid& solid);
+
 /// True when the displacement is proportional to the load factor, so that one solution serves all.
 bool is_proportional(const Scene& scene);
 

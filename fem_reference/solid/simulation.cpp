@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <sstream>
 #include <utility>
 
 #include "fem_reference/solid/collapse.h"
 #include "fem_reference/solid/problem.h"
+#include "meshing/scene/changed_keys.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface_energies/initial_overlap.h"
@@ -16,26 +18,37 @@ namespace testbed::fem {
 
 Simulation::Simulation(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh, StageTimer& timer)
     : scene_(scene),
+      surface_(surface),
+      mesh_(mesh),
       timer_(timer),
       frame_(frame_of(scene.supports).value()),
       solid_(assemble_scene(scene, surface, mesh)),
       is_proportional_(is_proportional(scene)),
       n_steps_(scene.time.load_steps) {
+  check_apart(scene, solid_);
   if (scene.time.mode == TimeMode::Static) return;
-  if (scene.collapse) {
-    shortest_side_ = shortest_side(surface);
-    const auto part_at = collapsing_part(*scene.collapse, surface);
-    const Eigen::Matrix3Xd X = frame_ * solid_.mesh().X;
-    collapsing_.resize(X.cols());
-    for (Eigen::Index i = 0; i < X.cols(); ++i) collapsing_(i) = part_at(X.col(i));
-    length_.setOnes(X.cols());
-  }
-  set_in_motion();
-  push_out_of_obstacles(surface, mesh);
+  find_collapsing();
+  set_in_motion(0);
+  count_steps();
+  push_out_of_obstacles();
+}
+
+void Simulation::find_collapsing() {
+  if (!scene_.collapse) return;
+  shortest_side_ = shortest_side(surface_);
+  const auto part_at = collapsing_part(*scene_.collapse, surface_);
+  const Eigen::Matrix3Xd X = frame_ * solid_.mesh().X;
+  collapsing_.resize(X.cols());
+  for (Eigen::Index i = 0; i < X.cols(); ++i) collapsing_(i) = part_at(X.col(i));
+  if (length_.size() == 0) length_.setOnes(X.cols());
+}
+
+void Simulation::count_steps() {
+  n_steps_ = meshing::n_steps_from(scene_.time, step_, integrator_->t(), n_done_);
 }
 
 /// To equilibrium beside obstacles that it may overlap.
-void Simulation::push_out_of_obstacles(const SurfaceMesh& surface, const TetMesh& mesh) {
+void Simulation::push_out_of_obstacles() {
   if (scene_.obstacles.empty()) return;
   std::vector<meshing::RigidBody> obstacles;
   for (const Obstacle& obstacle : scene_.obstacles) obstacles.emplace_back(obstacle, frame_);
@@ -47,7 +60,7 @@ void Simulation::push_out_of_obstacles(const SurfaceMesh& surface, const TetMesh
   }
   const auto apart = without_overlap(scene_, obstacles, solid_.X(), solid_.faces(), frame_);
   if (!apart) return;
-  Simulation statics(*apart, surface, mesh, timer_);
+  Simulation statics(*apart, surface_, mesh_, timer_);
   while (!statics.has_ended()) statics.advance();
   if (statics.status() != Status::Ok)
     throw std::runtime_error("obstacles.initially = \"resolve\" finds no equilibrium beside obstacles: " +
@@ -98,8 +111,9 @@ void Simulation::release_nodes() {
   integrator_->hold(unknowns, motion_of(constrained));
 }
 
-/// Full loads from t = 0 on.
-void Simulation::set_in_motion() {
+/// Under full loads, as the body begins, but with what supports hold at t. Damping and the stable step are those of
+/// the body as it was at first.
+void Simulation::set_in_motion(double t) {
   timer_.start("assemble");
   Dynamics system;
   system.K = solid_.stiffness();
@@ -108,15 +122,19 @@ void Simulation::set_in_motion() {
   system.stiffness_damping = scene_.material.stiffness_damping;
   system.load = solid_.load();
   system.tolerance = scene_.time.residual;
-  const std::map<int, int> constrained = constrained_at(0);
-  n_constrained_ = constrained.size();
-  for (const auto& [unknown, k] : constrained) system.constrained.push_back(unknown);
+  const auto hold_at = [&](double time) {
+    const std::map<int, int> constrained = constrained_at(time);
+    n_constrained_ = constrained.size();
+    system.constrained.clear();
+    for (const auto& [unknown, k] : constrained) system.constrained.push_back(unknown);
+    system.constrained_motion = motion_of(constrained);
+  };
+  hold_at(0);
   if (scene_.material.damping_ratio > 0) {
     const Modes modes = natural_modes(system.K, system.M, system.constrained, 1);
     system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[0];
   }
   damping_ = system.damping;
-  system.constrained_motion = motion_of(constrained);
   if (law_of(scene_) != MaterialLaw::SmallStrain || !solid_.surface().empty()) {
     system.linearise = [this](const Eigen::VectorXd& u, bool with_tangent) {
       return solid_.linearise(u.reshaped(3, solid_.X().cols()), 1, with_tangent);
@@ -132,7 +150,7 @@ void Simulation::set_in_motion() {
   step_ = time.step;
   if (step_ == 0)
     step_ = scheme().is_explicit() ? kSafety * scheme().longest_step(system) : time.end / kDefaultSteps;
-  n_steps_ = meshing::n_steps(time, step_);
+  hold_at(t);
   timer_.start("solve");
   system.forces = [this](const Eigen::VectorXd& u, Eigen::Matrix3Xd& force) {
     solid_.find_forces(u.reshaped(3, solid_.X().cols()), 1, force);
@@ -174,11 +192,47 @@ void Simulation::set_state(const State& state) {
   n_done_ = state.n_done;
   status_ = Status::Ok;
   equilibrium_ = state.equilibrium;
-  if (!integrator_) return solid_.set_state(*state.statics);
-  if (scene_.collapse) set_length(state.length);
+  if (!integrator_) {
+    is_solved_ = is_proportional_ && n_done_ > 0;
+    scale_ = is_proportional_ ? load_factor() : 1;
+    return solid_.set_state(*state.statics);
+  }
+  if (state.length.size() > 0) set_length(state.length);
   integrator_->set_state(state.motion);
   release_nodes();
   integrator_->set_state(state.motion);
+  count_steps();
+}
+
+void Simulation::change(const Scene& scene) {
+  std::set<std::string> changed = meshing::changed_keys(scene_, scene);
+  changed.erase("time.integrator");  // that of springs
+  check_scheme(scene, scene.name);
+  if (const std::string part = unmodelled_part(scene); !part.empty())
+    throw std::runtime_error("the reference cannot go on with " + part);
+  const bool is_new_solid = std::any_of(changed.begin(), changed.end(), [&](const std::string& key) {
+    return !meshing::is_of(key, "collapse") || !integrator_ || scene.volume;
+  });
+  if (is_new_solid) {
+    ElasticSolid solid = assemble_scene(scene, surface_, mesh_);
+    if (!integrator_) solid.set_state(solid_.state());
+    solid_ = std::move(solid);
+  }
+  scene_ = scene;
+  status_ = Status::Ok;
+  reason_.clear();
+  if (!integrator_) {
+    is_proportional_ = is_proportional(scene_);
+    is_solved_ = false;
+    return;
+  }
+  find_collapsing();
+  if (!is_new_solid) return;
+  const std::unique_ptr<Integrator> before = std::move(integrator_);
+  set_in_motion(before->t());
+  if (length_.size() > 0) set_length(length_);
+  integrator_->take_over(*before);
+  count_steps();
 }
 
 /// As the step at hand begins, and for all of it.
@@ -200,15 +254,17 @@ Status Simulation::advance() {
       return status_ = scheme().is_explicit() ? Status::Diverged : Status::NotConverged;
     }
     release_nodes();
-  } else if (n_done_ == 0 || !is_proportional_) {
+  } else if (!is_solved_) {
     const double factor = is_proportional_ ? 1 : static_cast<double>(n_done_ + 1) / n_steps_;
     const int n_newton = equilibrium_.newton_iterations, n_linear = equilibrium_.linear_iterations;
     equilibrium_ = solid_.solve(factor, &timer_);
     equilibrium_.newton_iterations += n_newton;
     equilibrium_.linear_iterations += n_linear;
     if (!equilibrium_.is_converged) return status_ = Status::NotConverged;
+    is_solved_ = is_proportional_;
   }
   ++n_done_;
+  if (!integrator_) scale_ = is_proportional_ ? load_factor() : 1;
   constexpr int kEvery = 16;  // steps, where a sum over the body costs as much as a step
   const bool is_due = n_done_ % kEvery == 0 || n_done_ == n_steps_;
   const bool is_small = law_of(scene_) == MaterialLaw::SmallStrain;
@@ -229,9 +285,8 @@ void Simulation::check_balance() {
 }
 
 void Simulation::check_strain() {
-  const double scale = is_proportional_ && !integrator_ ? load_factor() : 1,
-               strain = integrator_ ? solid_.max_strain(integrator_->u().reshaped(3, solid_.X().cols()))
-                                    : equilibrium_.max_strain * scale;
+  const double strain = integrator_ ? solid_.max_strain(integrator_->u().reshaped(3, solid_.X().cols()))
+                                    : equilibrium_.max_strain * scale_;
   if (!(strain > meshing::kLargestSmallStrain)) return;
   status_ = Status::StrainTooLarge;
   std::ostringstream reason;
@@ -267,13 +322,12 @@ Snapshot Simulation::snapshot() const {
             contact_at(u),
             integrator_->ledger().columns(integrator_->surface(), kinetic, elastic)};
   }
-  const double scale = is_proportional_ ? load_factor() : 1;  // of the solution at full load
   return {load_factor(),
           load_factor(),
-          frame_ * (scale * solid_.displacement()),
+          frame_ * (scale_ * solid_.displacement()),
           0,
-          scale * scale * equilibrium_.elastic_energy,
-          strains(solid_.displacement(), scale * equilibrium_.max_strain),
+          scale_ * scale_ * equilibrium_.elastic_energy,
+          strains(solid_.displacement(), scale_ * equilibrium_.max_strain),
           {},
           contact_at(solid_.displacement())};
 }

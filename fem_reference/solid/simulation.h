@@ -39,17 +39,23 @@ class Simulation {
   /// Why it ended early; empty where the status says all.
   const std::string& reason() const { return reason_; }
   State state() const;
-  /// Goes on from a state of a simulation of the same scene and mesh.
+  /// Goes on from a state of a simulation of the same scene and mesh, or of one under which it could go on.
   void set_state(const State& state);
   /// A motion's state and counts as bytes; of statics none.
   std::string saved() const;
   /// Goes on from what a simulation of the same scene and mesh has saved.
   /// @throws std::runtime_error where it is cut
   void restore(const std::string& saved);
+  /// Goes on from the state at hand under a scene with other values: those of material.E and nu, gravity, the
+  /// loads' pressure, collapse, obstacles, reference.integrator and spectral_radius, and time.step. The balance of
+  /// energy begins anew, but where collapse alone changes and no volume is kept.
+  /// @throws std::runtime_error as meshing::changed_keys, and for what the reference does not model; nothing has
+  /// changed then
+  void change(const Scene& scene);
   int n_done() const { return n_done_; }  ///< that converged
   int n_steps() const { return n_steps_; }
   /// In [0, 1]: linear equilibria are in proportion to the first.
-  double progress() const { return !integrator_ && is_proportional_ && n_done_ > 0 ? 1 : load_factor(); }
+  double progress() const { return is_solved_ ? 1 : load_factor(); }
   Snapshot snapshot() const;
 
   /// Its coordinates are those of assemble_scene.
@@ -64,8 +70,10 @@ class Simulation {
 
  private:
   std::vector<std::pair<std::string, double>> strains(const Eigen::Matrix3Xd& u, double max_strain) const;
-  void set_in_motion();
-  void push_out_of_obstacles(const SurfaceMesh& surface, const TetMesh& mesh);
+  void find_collapsing();
+  void set_in_motion(double t);
+  void count_steps();
+  void push_out_of_obstacles();
   void set_length(Eigen::VectorXd length);
   void collapse();
   std::map<int, int> constrained_at(double t) const;
@@ -76,11 +84,14 @@ class Simulation {
   const Scheme& scheme() const { return find_scheme(scene_.reference.integrator); }
   double load_factor() const { return static_cast<double>(n_done_) / n_steps_; }
 
-  const Scene scene_;
+  Scene scene_;
+  const SurfaceMesh surface_;
+  const TetMesh mesh_;
   StageTimer& timer_;
   Eigen::Matrix3d frame_;  ///< axes of the solid's coordinates, in columns
   ElasticSolid solid_;
-  bool is_proportional_;
+  bool is_proportional_, is_solved_ = false;  ///< solved: all equilibria are in proportion to the one found
+  double scale_ = 1;                          ///< of the equilibrium found, at the state at hand
   Status status_ = Status::Ok;
   std::string reason_;
   int n_steps_, n_done_ = 0;

@@ -1,14 +1,13 @@
 // A state holds all that decides how a run goes on, and a run may go on under other values.
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
 #include <functional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "massspring/simulation.h"
-#include "tests/meshing/box_tets.h"
+#include "tests/meshing/two_bars.h"
 
 namespace testbed::massspring {
 namespace {
@@ -18,46 +17,18 @@ using Eigen::Vector3d;
 
 constexpr double kStep = 2e-3;
 
-/// Two bars of 0.5 m, askew, that lie on a rough floor, shrink around a pivot, have a skin and keep a volume. A support
-/// pushes the first into the second.
 struct TwoBars {
   SpringNetwork network;
   Scene scene;
 
   explicit TwoBars(const std::string& integrator) {
-    const TetMesh bar = box_tets(2, 1, 1, 0.25);
-    const auto n = static_cast<int>(bar.X.cols());
-    const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.2, Vector3d::UnitY()).matrix();
-    network = {Matrix3Xd(3, 2 * n),
-               Eigen::Matrix3Xi(3, 2 * bar.F.cols()),
-               {},
-               Eigen::Matrix4Xi(4, 2 * bar.T.cols()),
-               2 * n};
-    network.X << bar.X, (turn * bar.X).colwise() + Vector3d(0.53, 0, 0.05);
-    network.F << bar.F, (bar.F.array() + n).matrix();
-    network.T << bar.T, (bar.T.array() + n).matrix();
-    scene.material = {1e5, 0.3, 1000, 0};
-    scene.material.law = MaterialLaw::NeoHookean;
+    const meshing::BarsInContact bars(kStep);
+    const TetMesh& mesh = bars.mesh;
+    network = {mesh.X, mesh.F, {}, mesh.T, mesh.n_surface};
+    scene = bars.scene;
     scene.network.calibration = "node_averaged";
-    scene.gravity = Vector3d(0, -9.81, 0);
-    Support push;
-    push.region.shape = HalfSpace{Vector3d(1e-3, 0, 0), Vector3d(1, 0, 0)};
-    push.motion = {{0, 0, 0, 0}, {1, 1.5, 0, 0}};
-    scene.supports = {push};
-    Obstacle floor;
-    floor.shape = HalfSpace{Vector3d(0, -1e-3, 0), Vector3d(0, 1, 0)};
-    floor.friction = 0.5;
-    if (find_integrator(integrator).ends_where_it_solves) scene.obstacles = {floor};
-    scene.self_contact = {true, 0.01};
-    scene.volume = VolumeForces{1e4, 0, {{0, 1}, {1, 0.8}}};
-    scene.skin = Skin{100, 1e-2, 0.1};
-    scene.collapse.emplace();
-    scene.collapse->coefficient = 0.5;
-    scene.collapse->pivots.push_back({Vector3d(0.5, 0.1, 0.1), {}, 0, {}});
-    scene.time.mode = TimeMode::Dynamic;
     scene.time.integrator = integrator;
-    scene.time.step = kStep;
-    scene.time.end = 0.1;
+    if (!find_integrator(integrator).ends_where_it_solves) scene.obstacles.clear();
   }
 };
 
