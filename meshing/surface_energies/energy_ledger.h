@@ -14,8 +14,9 @@ struct EnergyFlows {
   double loads = 0;      ///< work of dead loads
   double supports = 0;   ///< work of supports that move
   double obstacles = 0;  ///< work of obstacles that move
-  double targets = 0;    ///< change of surface energies as steps begin, at fixed positions: volume targets
-  double rest = 0;       ///< change of the elastic energy at fixed positions: collapse, relaxation, moduli
+  double targets =
+      0;            ///< of volumes: change of surface energies as steps begin, at fixed positions, and work
+  double rest = 0;  ///< change of the elastic energy at fixed positions: collapse, relaxation, moduli
   double damping = 0, friction = 0;
 
   double put_in() const { return loads + supports + obstacles + targets + rest; }
