@@ -202,7 +202,8 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
       constrained_by(scene, problem, boundaries, frame, loads);
   loads.surface = bag_of(scene, solid);
   if (!scene.seams.empty())
-    loads.surface.push_back(std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem)));
+    loads.surface.push_back(
+        std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem), "seam"));
   for (auto& energy : obstacles_of(scene, solid, constrained, frame))
     loads.surface.push_back(std::move(energy));
   for (auto& energy : self_contact_of(scene, solid, surface)) loads.surface.push_back(std::move(energy));

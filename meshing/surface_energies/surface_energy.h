@@ -208,7 +208,8 @@ void add_hessian_of(const Energy& of, const Eigen::Matrix3Xd& x, Sum& H) {
 template <class Energy>
 class PlainEnergy : public SurfaceEnergy {
  public:
-  explicit PlainEnergy(Energy of) : of_(std::move(of)) {}
+  explicit PlainEnergy(Energy of, const char* name = "surface") : of_(std::move(of)), name_(name) {}
+  const char* name() const override { return name_; }
   double energy(const Eigen::Matrix3Xd& x) const override { return energy_of(of_, x); }
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override { add_forces_of(of_, x, f); }
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature) const override {
@@ -217,6 +218,7 @@ class PlainEnergy : public SurfaceEnergy {
 
  private:
   Energy of_;
+  const char* name_;
 };
 
 /// All that acts on a surface, in the order in which it is summed.
