@@ -56,7 +56,7 @@ TEST_P(Volumes, OfElementsHaveForcesAndATangentThatAreDifferences) {
   ElasticSolid solid = box(2), plain = box(2);
   solid.assemble(kMaterial, ElasticLaw::NeoHookean, {}, {}, kKappa);
   plain.assemble(kMaterial, ElasticLaw::NeoHookean, {}, {});
-  solid.set_shrinkage(VectorXd::Constant(27, 0.1));
+  for (ElasticSolid* of : {&solid, &plain}) of->set_shrinkage(VectorXd::Constant(27, 0.1));
   std::srand(1);
   const Matrix3Xd u = 0.03 * Matrix3Xd::Random(3, solid.X().cols()), d = Matrix3Xd::Random(3, u.cols());
   const auto force = [&](double s) -> VectorXd { return solid.linearise(u + s * d, 1, false).force; };
@@ -82,7 +82,7 @@ TEST(VolumesOfElements, AddTheEnergyOfTheTetrahedraWhereStrainIsEvenInThem) {
     expected += kKappa / 2 * excess * excess / rest;
   }
   EXPECT_NEAR(solid.energy(u) - plain.energy(u), expected, 1e-10 * solid.energy(u));
-  EXPECT_GT(expected, 0.1 * solid.energy(u));
+  EXPECT_GT(expected, 0.05 * solid.energy(u));
 }
 
 TEST_P(Volumes, OfElementsAddToTheBulkModulusAtRest) {

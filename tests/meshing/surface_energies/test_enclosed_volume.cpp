@@ -173,7 +173,8 @@ TEST_F(VolumeForce, IsFoundWhereItIsHeldThatBalancesABodysOwn) {
       Matrix3Xd f = Matrix3Xd::Zero(3, 5), gradient;
       held.add_forces(X, f);
       volume_and_gradient(F, X, gradient);
-      const double pressure = f.cwiseProduct(gradient).sum() / gradient.squaredNorm(),
+      const double pressure =
+                       f.leftCols(gradient.cols()).cwiseProduct(gradient).sum() / gradient.squaredNorm(),
                    grown = pressure / (stiffness + 30 / kTarget);
       minimum = std::cbrt(1 + grown) * X;
       is_renewed = held.renew(minimum);
