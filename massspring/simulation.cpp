@@ -41,15 +41,7 @@ MassSpringModel model_of(const Scene& scene, const SurfaceProblem& problem, cons
     model.springs->damping = scene.network.spring_damping;
   }
   if (scene.skin) add_skin(*scene.skin, model);
-  if (!scene.seams.empty()) {
-    const auto& stitches = problem.stitches;
-    const auto m = static_cast<Eigen::Index>(stitches.size());
-    model.seams = Seams{Eigen::Matrix2Xi(2, m), Eigen::VectorXd(m)};
-    for (Eigen::Index s = 0; s < m; ++s) {
-      model.seams->E.col(s) << stitches[s].a, stitches[s].b;
-      model.seams->stiffness(s) = stitches[s].stiffness;
-    }
-  }
+  if (!scene.seams.empty()) model.seams = seams_of(problem);
   if (scene.volume && scene.volume->local > 0) {
     model.local_volume = LocalVolume{scene.volume->local, network.T, Eigen::VectorXd(network.T.cols())};
     for (Eigen::Index t = 0; t < network.T.cols(); ++t)
@@ -216,6 +208,10 @@ void Simulation::set_state(const State& state) {
   state_ = state;
   report_.status = Status::Ok;
   begin_stepping();
+  if (!is_static())
+    remember(state.history.surface, stepper_->surface_at(state_));
+  else if (state.loading)
+    remember(state.loading->surface, forces_.surface);
   count_steps();
 }
 

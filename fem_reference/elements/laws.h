@@ -10,6 +10,7 @@ enum class ElasticLaw { SmallStrain, StVenantKirchhoff, NeoHookean };
 
 struct LameConstants {
   double lambda, mu;  ///< Pa
+  double kappa = 0;   ///< of volume.local (Pa)
   explicit LameConstants(const Material& m)
       : lambda(m.E * m.nu / ((1 + m.nu) * (1 - 2 * m.nu))), mu(m.E / (2 * (1 + m.nu))) {}
 };
@@ -20,6 +21,7 @@ struct LameConstants {
 ///   small_strain         lambda/2 tr(eps)^2 + mu eps : eps, eps = sym H + s I            [(2)]
 ///   st_venant_kirchhoff  the same in E = (F^T F - I)/2                                 [(3)]
 ///   neo_hookean          mu/2 (|F|^2 - 3) + lambda/4 (J^2 - 1) - (mu + lambda/2) ln J    [(4)]
+/// The last adds kappa/2 (det F - 1)^2, F the whole: as (8) of the springs, it does not shrink.
 /// @tparam Lanes  has the types Vector, a number or a vector of numbers, one of each point, and Real, of these
 template <ElasticLaw law, class Lanes>
 struct LawAt {
@@ -33,10 +35,11 @@ struct LawAt {
   V cofactor[3][3];  /// of F
   V J_1, J;          ///< det F - 1, which keeps the digits of a small strain, and det F
   V c;               ///< 1 - s
-  Real lambda, mu;
+  V growth;          ///< det F - 1 of the whole F, neo-Hookean
+  Real lambda, mu, kappa;
 
-  [[gnu::always_inline]] LawAt(const V (*gradient)[3], const V& s, Real lambda, Real mu)
-      : lambda(lambda), mu(mu) {
+  [[gnu::always_inline]] LawAt(const V (*gradient)[3], const V& s, Real lambda, Real mu, Real kappa)
+      : lambda(lambda), mu(mu), kappa(kappa) {
     c = Real(-1) * s + Real(1);
     const V elastic = kIsSmall ? V{} + Real(1) : (V{} + Real(1)) / c;
     for (int i = 0; i < 3; ++i)
@@ -51,6 +54,7 @@ struct LawAt {
       const V m = cofactor_less_one(0, 0);
       J_1 = H[0][0] + m + H[0][0] * m + H[0][1] * cofactor[0][1] + H[0][2] * cofactor[0][2];
       J = J_1 + Real(1);
+      growth = c * c * c * J_1 + (c * c * c + Real(-1));
     } else {
       for (int i = 0; i < 3; ++i)
         for (int k = 0; k < 3; ++k) {
@@ -86,13 +90,17 @@ struct LawAt {
       W = Real(0.5) * lambda * (trace * trace);
       for (int i = 0; i < 3; ++i) W += mu * (E[i][0] * E[i][0] + E[i][1] * E[i][1] + E[i][2] * E[i][2]);
     }
-    return kIsSmall ? W : c * c * c * W;
+    if constexpr (law == ElasticLaw::NeoHookean)
+      return c * c * c * W + Real(0.5) * kappa * (growth * growth);
+    else
+      return kIsSmall ? W : c * c * c * W;
   }
 
   /// First Piola-Kirchhoff stress (Pa).
   [[gnu::always_inline]] void stress(V (*P)[3]) const {
     V a = c;  // g'(J) + mu of the neo-Hookean law, whose stress is mu (F - cof F) + a cof F
-    if constexpr (law == ElasticLaw::NeoHookean) a = J_1 * (Real(0.5) * lambda * (J_1 + Real(2)) + mu) / J;
+    if constexpr (law == ElasticLaw::NeoHookean)
+      a = J_1 * (Real(0.5) * lambda * (J_1 + Real(2)) + mu) / J + kappa * growth;
     for (int i = 0; i < 3; ++i)
       for (int k = 0; k < 3; ++k) {
         if constexpr (law == ElasticLaw::SmallStrain)
@@ -120,6 +128,9 @@ struct LawAt {
     if constexpr (law == ElasticLaw::NeoHookean) {
       t.beta = t.beta * (J * J);
       t.gamma = w * (Real(-0.5) * lambda * (J_1 * (J_1 + Real(2))) + mu);
+      const V by_kappa = weight * (kappa * c * J);
+      t.beta += by_kappa * (Real(2) * growth + Real(1));
+      t.gamma -= by_kappa * growth;
       inverse = (V{} + Real(1)) / J;
     }
     for (int i = 0; i < 3; ++i)

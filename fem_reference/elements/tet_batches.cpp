@@ -53,7 +53,7 @@ struct TetBatches::View {
   ElasticLaw law;
   int n;  ///< nodes of a tetrahedron
   int n_points;
-  double lambda, mu;
+  double lambda, mu, kappa;
   const int *node, *n_lanes, *place;
   const double *geometry, *shrinkage, *points, *weights;  ///< shrinkage: null where there is none
 };
@@ -135,7 +135,7 @@ struct Energy {
     for (int q = 0; q < view.n_points; ++q) {
       V H[3][3];
       batch.gradient(q, H);
-      const LawAt<law, Lanes<double>> at(H, batch.shrinkage_at(q), view.lambda, view.mu);
+      const LawAt<law, Lanes<double>> at(H, batch.shrinkage_at(q), view.lambda, view.mu, view.kappa);
       V W = at.energy_without_logarithm();
       if constexpr (law == ElasticLaw::NeoHookean) {
         const double factor = view.mu + view.lambda / 2;
@@ -159,7 +159,7 @@ struct Forces {
     for (int q = 0; q < view.n_points; ++q) {
       V H[3][3], P[3][3], p[4][3];
       batch.gradient(q, H);
-      const LawAt<law, Lanes<double>> at(H, batch.shrinkage_at(q), view.lambda, view.mu);
+      const LawAt<law, Lanes<double>> at(H, batch.shrinkage_at(q), view.lambda, view.mu, view.kappa);
       at.stress(P);
       V w = batch.weight(q);
       if constexpr (law == ElasticLaw::NeoHookean)
@@ -229,7 +229,7 @@ struct Stiffness {
         V H[3][3], pushed[4][3];
         batch.gradient(first + q, H);
         LawAt<law, Lanes<Real>>(H, batch.shrinkage_at(first + q), static_cast<Real>(view.lambda),
-                                static_cast<Real>(view.mu))
+                                static_cast<Real>(view.mu), static_cast<Real>(view.kappa))
             .tangent(batch.weight(first + q), t[q]);
         for (int i = 0; i < 4; ++i)
           for (int c = 0; c < 3; ++c)
@@ -440,6 +440,7 @@ void TetBatches::set_law(ElasticLaw law, const LameConstants& lame, const TetRul
   law_ = law;
   lambda_ = lame.lambda;
   mu_ = lame.mu;
+  kappa_ = lame.kappa;
   rule_ = rule;
   shrinkage_.clear();
 }
@@ -477,6 +478,7 @@ TetBatches::View TetBatches::view() const {
           static_cast<int>(rule_.weights.size()),
           lambda_,
           mu_,
+          kappa_,
           node_.data(),
           n_lanes_.data(),
           place_.data(),

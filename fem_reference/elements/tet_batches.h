@@ -78,7 +78,7 @@ class TetBatches {
   std::vector<double> shrinkage_;
   BlockMatrix pattern_;
   ElasticLaw law_ = ElasticLaw::SmallStrain;
-  double lambda_ = 0, mu_ = 0;
+  double lambda_ = 0, mu_ = 0, kappa_ = 0;
   TetRule rule_;
 };
 

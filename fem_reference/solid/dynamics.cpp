@@ -468,13 +468,22 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
     start = trial;
   };
   const bool is_stiff = meshing::is_stiff(surface);
-  const meshing::NewtonReport newton =
-      meshing::minimise(objective, {is_stiff ? kMaxIterationsOfContact : kMaxIterations, energy_scale_,
-                                    is_stiff ? kLastStep * diagonal_of(system_.X) : 0});
+  const meshing::NewtonOptions options{is_stiff ? kMaxIterationsOfContact : kMaxIterations, energy_scale_,
+                                       is_stiff ? kLastStep * diagonal_of(system_.X) : 0};
+  bool is_ok = false;
+  const auto minimise = [&] {
+    before = std::numeric_limits<double>::infinity();
+    is_new = false;
+    meshing::NewtonReport newton = meshing::minimise(objective, options);
+    is_ok = newton.status == meshing::Status::Ok;
+    if (newton.status == meshing::Status::NotConverged && error <= kRounding)
+      newton.status = meshing::Status::Ok;
+    return newton;
+  };
+  const meshing::NewtonReport newton = minimise_constrained(surface, minimise, [&] { return at(trial.u); });
   counts_.newton_iterations += newton.iterations;
-  const bool is_ok = newton.status == meshing::Status::Ok;
   if (!is_ok || is_stiff) trial.f = force_of(trial.u);  // which was last asked for elsewhere
-  return is_ok || (newton.status == meshing::Status::NotConverged && error <= kRounding);
+  return newton.status == meshing::Status::Ok;
 }
 
 }  // namespace testbed::fem

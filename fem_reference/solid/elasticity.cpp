@@ -83,9 +83,11 @@ void ElasticSolid::Implementation::prescribe(double load_factor, Matrix3Xd& at) 
 }
 
 void ElasticSolid::assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
-                            const std::vector<ConstrainedComponent>& constrained) {
+                            const std::vector<ConstrainedComponent>& constrained, double kappa) {
   Implementation& s = *self_;
   s.material = material;
+  s.lame = LameConstants(material);
+  s.lame.kappa = kappa;
   s.law = law;
   s.loads = loads;
   s.surface = {};
@@ -111,10 +113,10 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
     return rows;
   };
   s.constrained_rows = rows_of(s.tets);
-  s.tets.set_law(law, LameConstants(material), s.rule(s.degree));
+  s.tets.set_law(law, s.lame, s.rule(s.degree));
   if (s.corners) {
     s.constrained_corner_rows = rows_of(*s.corners);
-    s.corners->set_law(law, LameConstants(material), s.rule(1));
+    s.corners->set_law(law, s.lame, s.rule(1));
   }
   s.solver.hold(s.is_constrained);
   s.find_rigid_motions(s.u);
@@ -122,13 +124,14 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
 }
 
 ElasticState ElasticSolid::state() const {
-  return {self_->u, self_->factor, *self_->path};
+  return {self_->u, self_->factor, *self_->path, memories_of(self_->surface)};
 }
 
 void ElasticSolid::set_state(const ElasticState& state) {
   self_->u = state.u;
   self_->factor = state.load_factor;
   self_->path = state.path;
+  remember(state.surface, self_->surface);
   self_->stepped_to.reset();
 }
 
@@ -156,9 +159,8 @@ bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double resid
   report.residual = size > 0 ? residual / size : 0;
   // Forces at nodes are sums of stresses on the faces of elements, of differences of displacements. Rounding of
   // these is what no solver makes less [Rigal & Gaches 1967].
-  const LameConstants lame(material);
   const double h = std::cbrt(volume(mesh.X, mesh.F) / static_cast<double>(at.cols()));
-  const double rounding = at.norm() * std::max(1e-15 * (lame.lambda + 2 * lame.mu) * h,
+  const double rounding = at.norm() * std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h,
                                                std::numeric_limits<double>::epsilon() * stiffness_norm);
   report.is_converged = residual <= std::max(report.tolerance * size, rounding);
   return report.is_converged;
@@ -374,9 +376,11 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
     for (const auto& energy : surface) energy->follow(nodes.X + start, nodes.X + x);
     start = x;
   };
-  const meshing::NewtonReport newton = meshing::minimise(
-      objective, {is_stiff ? kMaxNewtonOfContact : kMaxNewton, material.E * volume(mesh.X, mesh.F),
-                  is_stiff ? kLastStep * extent : 0, false, is_stiff});
+  const meshing::NewtonOptions options{is_stiff ? kMaxNewtonOfContact : kMaxNewton,
+                                       material.E * volume(mesh.X, mesh.F), is_stiff ? kLastStep * extent : 0,
+                                       false, is_stiff};
+  const meshing::NewtonReport newton = minimise_constrained(
+      surface, [&] { return minimise(objective, options); }, [&]() -> Matrix3Xd { return nodes.X + x; });
   report.newton_iterations += newton.iterations;
   report.is_converged = newton.status == meshing::Status::Ok && (is_balanced(x, residual) || is_stiff);
   if (!report.is_converged) return false;

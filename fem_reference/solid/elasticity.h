@@ -45,6 +45,7 @@ struct ElasticState {
   Eigen::Matrix3Xd u;  ///< m
   double load_factor = 0;
   meshing::LoadPath path;  ///< at finite strain
+  meshing::SurfaceMemories surface = {};
 };
 
 struct ElasticReport {
@@ -90,8 +91,9 @@ class ElasticSolid {
   int n_dofs() const { return static_cast<int>(3 * X().cols()); }
 
   /// Takes the problem over and assembles its loads.
+  /// @param kappa  of volume.local (Pa), neo-Hookean
   void assemble(const Material& material, ElasticLaw law, const ElasticLoads& loads,
-                const std::vector<ConstrainedComponent>& constrained);
+                const std::vector<ConstrainedComponent>& constrained, double kappa = 0);
   /// Adds to the load the inertia of the free rigid motions that it drives:
   /// what deforms a body that moves freely, seen from the body.
   void relieve_inertia();

@@ -31,6 +31,7 @@ struct ElasticSolid::Implementation {
   meshing::SurfacePoints from_corners;  // all nodes as points of the corners
 
   Material material;
+  LameConstants lame{material};
   ElasticLaw law = ElasticLaw::SmallStrain;
   std::optional<double> tolerance;
   ElasticLoads loads;

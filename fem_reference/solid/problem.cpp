@@ -12,6 +12,7 @@
 #include "meshing/surface_energies/barrier.h"
 #include "meshing/surface_energies/handles.h"
 #include "meshing/surface_energies/membrane.h"
+#include "meshing/surface_energies/seams.h"
 #include "meshing/surface_energies/self_barrier.h"
 #include "meshing/surface_energies/surface_points.h"
 #include "meshing/surface_energies/volume_penalty.h"
@@ -130,14 +131,16 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
   return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
 }
 
-/// The scene's volume force and skin on the surface of a body.
+/// The scene's skin, and what keeps its volume, on the surface of a body.
 meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid) {
   meshing::SurfaceEnergies energies = meshing::skin_of(scene, solid.X(), solid.faces());
-  if (!scene.volume || scene.volume->coefficient == 0) return energies;
+  if (!scene.volume) return energies;
   const meshing::Faces faces = meshing::faces_of(solid.faces());
-  const double at_rest = volume_of(faces, solid.X());
-  energies.push_back(std::make_shared<meshing::VolumePenalty>(scene.volume->coefficient, faces,
-                                                              meshing::target_volume_of(scene, at_rest)));
+  const meshing::TargetVolume target = target_volume_of(scene, volume_of(faces, solid.X()));
+  if (scene.volume->is_exact)
+    energies.push_back(std::make_shared<meshing::HeldVolume>(scene.material.E, faces, target));
+  else if (scene.volume->coefficient > 0)
+    energies.push_back(std::make_shared<meshing::VolumePenalty>(scene.volume->coefficient, faces, target));
   return energies;
 }
 
@@ -167,10 +170,7 @@ std::string unmodelled_part(const Scene& scene) {
   if (!frame_of(scene.supports))
     return "supports in directions neither parallel nor at right angles: the reference holds along three "
            "axes";
-  if (!scene.seams.empty()) return "seams: the reference ties nothing";
   if (!scene.events.empty()) return "events: the reference takes no other values on the way";
-  if (scene.volume && scene.volume->local > 0)
-    return "volume.local: the reference has no force of tetrahedra";
   const bool is_static = scene.time.mode == TimeMode::Static;
   if (scene.reference.inertia_relief && (!is_static || law_of(scene) != MaterialLaw::SmallStrain))
     return "reference.inertia_relief: for static scenes at small strain";
@@ -178,6 +178,9 @@ std::string unmodelled_part(const Scene& scene) {
   if (law_of(scene) != MaterialLaw::SmallStrain && scene.material.stiffness_damping > 0)
     return "material.stiffness_damping at finite strain: it would hold back rotations";
   const Scheme& scheme = find_scheme(scene.reference.integrator);
+  if (scene.volume && scene.volume->is_exact && scheme.name != "minimising_euler")
+    return "volume.exact with reference.integrator = " + scheme.name +
+           ": minimising_euler alone holds a volume without making it swing";
   if (scheme.is_explicit() && scene.volume && scene.volume->coefficient > 0)
     return "volume.coefficient with reference.integrator = " + scheme.name +
            ": its stable step knows nothing of what joins the whole surface";
@@ -214,6 +217,9 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   const std::vector<ConstrainedComponent> constrained =
       constrained_by(scene, problem, boundaries, frame, loads);
   loads.surface = bag_of(scene, solid);
+  if (!scene.seams.empty())
+    loads.surface.push_back(
+        std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem), "seam"));
   for (auto& energy : obstacles_of(scene, solid, constrained, frame))
     loads.surface.push_back(std::move(energy));
   for (auto& energy : meshing::handles_of(problem, solid.X(), frame))
@@ -221,7 +227,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   for (auto& energy : self_contact_of(scene, solid, surface)) loads.surface.push_back(std::move(energy));
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads,
-                 constrained);
+                 constrained, scene.volume ? scene.volume->local : 0);
   if (scene.reference.inertia_relief) solid.relieve_inertia();
   solid.set_tolerance(scene.time.residual);
   return solid;

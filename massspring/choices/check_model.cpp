@@ -40,6 +40,10 @@ void check_skin_and_volume(const Scene& scene, const Calibration& calibration) {
   if (scene.volume && scene.volume->local > 0 && !calibration.needs_tetrahedra)
     refuse("volume.local", scene.volume->local,
            "0 with " + calibration.name + " springs: their network has no tetrahedra");
+  constexpr const char* kHolds = "minimising_euler";
+  if (is_dynamic(scene) && scene.volume && scene.volume->is_exact && scene.time.integrator != kHolds)
+    throw std::runtime_error("time.integrator = " + scene.time.integrator + ", expected " + kHolds +
+                             " with volume.exact");
   if (is_dynamic(scene) && scene.material.stiffness_damping > 0)
     refuse("material.stiffness_damping", scene.material.stiffness_damping, "0: only the reference has it");
 }
@@ -127,6 +131,7 @@ void check_model(const Scene& scene, const std::string& model, const std::string
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(file + ": " + error.what());
   }
+  for (const Event& event : scene.events) check_model(*event.after, model, file);
 }
 
 std::vector<std::string> unused_keys(const Scene& scene) {

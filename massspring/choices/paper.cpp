@@ -18,6 +18,11 @@ void set_paper_method(Scene& scene) {
     scene.collapse->least = 0;
   }
   scene.comparison.calibrations.clear();
+  for (Event& event : scene.events) {
+    Scene after = *event.after;
+    set_paper_method(after);
+    event.after = std::make_shared<const Scene>(std::move(after));
+  }
 }
 
 }  // namespace testbed::massspring

@@ -97,6 +97,9 @@ Forces forces_of(const Scene& scene, const SurfaceProblem& problem, const MassSp
   forces.surface = followers_of(problem.follower_pressure, surface.F);
   if (scene.volume && scene.volume->coefficient > 0)
     add_volume_penalty(scene.volume->coefficient, model, forces);
+  if (scene.volume && scene.volume->is_exact)
+    forces.surface.push_back(std::make_shared<HeldVolume>(
+        model.material.E, Faces{network.F}, target_volume_of(scene, volume(network.X, network.F))));
   for (auto& handle : meshing::handles_of(problem, network.X, Eigen::Matrix3d::Identity(), t))
     forces.surface.push_back(std::move(handle));
   forces.constraints = constraints_of(problem, surface);

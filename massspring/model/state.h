@@ -40,6 +40,7 @@ struct LoadHistory {
   meshing::LoadPath path;                    ///< of displacements (m)
   Eigen::VectorXd rest_length, patch_scale;  ///< as in State, at the last equilibrium
   double target_volume;
+  meshing::SurfaceMemories surface;
 };
 
 struct State {

@@ -114,7 +114,7 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
                                : Eigen::MatrixXd(model.network.X.size(), 0)),
       K_(model.linear ? BlockMatrix() : stiffness_pattern(model)),
       solver_(LinearSolver::of_stiffness(!model.tet_springs)),
-      rest_{LoadPath(Matrix3Xd::Zero(3, model.network.X.cols())), {}, {}, 0} {
+      rest_{LoadPath(Matrix3Xd::Zero(3, model.network.X.cols())), {}, {}, 0, memories_of(forces.surface)} {
   n_free_rigid_motions_ = static_cast<int>(zero_energy_motions_.cols());
   check_balance(model.network.X, zero_energy_motions_, forces.load, "more supports or balanced loads");
   const State rest = initial_state(model);
@@ -223,6 +223,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   if (!state.loading) state.loading = rest_;
   if (model_.linear) return solve_linear(load_factor, state);
   const LoadHistory from = *state.loading;
+  remember(from.surface, forces_.surface);
   const State to = state;
   const double first = from.path.load_factor(), way = load_factor - first;
   State trial = state;
@@ -273,6 +274,7 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
     history.rest_length = to.rest_length;
     history.patch_scale = to.patch_scale;
     history.target_volume = to.target_volume;
+    history.surface = memories_of(forces_.surface);
   }
   displace(u, state);
   return report;
@@ -380,7 +382,8 @@ void QuasiStaticSolver::find_balance(double load_factor, const Matrix3Xd& last_x
   };
   NewtonOptions options{kMaxNewton, largest_stiffness_ * far * far};
   if (is_stiff(acting)) options = {kMaxNewton, options.scale, kLastStep * far, false, true};
-  const NewtonReport newton = minimise(energy, options);
+  const NewtonReport newton = minimise_constrained(
+      acting, [&] { return minimise(energy, options); }, [&] { return state.x; });
   report.status = newton.status;
   report.newton_iterations += newton.iterations;
   report.reason = newton.reason;

@@ -183,8 +183,12 @@ StepReport ImplicitStage::solve(const State& start, double a, const Matrix3Xd& y
     for (const auto& energy : energies) energy->follow(before.x, trial.x);
     before = trial;
   };
-  const NewtonReport newton =
-      minimise(objective, {kMaxNewton, energy_scale_, kStepTolerance * size_, !is_bounded});
+  const NewtonReport newton = minimise_constrained(
+      energies,
+      [&] {
+        return minimise(objective, {kMaxNewton, energy_scale_, kStepTolerance * size_, !is_bounded});
+      },
+      [&] { return trial.x; });
   report.newton_iterations = newton.iterations;
   report.status = newton.status;
   x = trial.x;

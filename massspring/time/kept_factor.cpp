@@ -13,10 +13,12 @@ constexpr int kPatience = 50;  // of its cost that may be in vain
 /// Matrices of springs alone cost less than what they spare; and what a factorised matrix does not hold would
 /// make its directions poor.
 bool is_eligible(const EquationOfMotion& motion) {
-  const auto is_stiff = [](const auto& energy) { return energy->is_stiff(); };
+  const auto is_left_out = [](const auto& energy) {
+    return energy->is_stiff() || energy->holding_pressure();
+  };
   const SurfaceEnergies surface = motion.surface();
   return !is_springs_alone(motion.model) && motion.contacts.bodies.empty() && !motion.forces.volume &&
-         std::none_of(surface.begin(), surface.end(), is_stiff);
+         std::none_of(surface.begin(), surface.end(), is_left_out);
 }
 
 }  // namespace

@@ -67,6 +67,10 @@ class Preview {
   explicit Preview(Values values) : values_(std::move(values)) {
     values_.overrides.emplace_back("events=[]");  // the hand at the window makes them
     begin_ = scene_ = values_.scene();
+    if (scene_.places.count("material.law") == 0 && law_of(scene_) == MaterialLaw::SmallStrain) {
+      values_.overrides.emplace_back("material.law=neo_hookean");  // and moves the body far
+      begin_ = scene_ = values_.scene();
+    }
     const SpringNetwork network = network_of(scene_);
     simulation_ = std::make_unique<Simulation>(scene_, network);
     at_rest_ = simulation_->state();

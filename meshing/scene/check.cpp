@@ -46,7 +46,8 @@ bool is_driven(const Scene& scene) {
       scene.initial.begin(), scene.initial.end(),
       [](const InitialMotion& initial) { return !initial.velocity.isZero(0) || !initial.spin.isZero(0); });
   const bool collapses = scene.collapse && scene.collapse->coefficient > 0 && !scene.collapse->pivots.empty();
-  const bool swells = scene.volume && (scene.volume->coefficient > 0 || scene.volume->local > 0) &&
+  const bool swells = scene.volume &&
+                      (scene.volume->coefficient > 0 || scene.volume->local > 0 || scene.volume->is_exact) &&
                       std::any_of(scene.volume->target.begin(), scene.volume->target.end(),
                                   [](const auto& point) { return point(1) != 1; });
   return has_load(scene) || is_prescribed(scene) || starts || collapses || swells || !scene.seams.empty() ||
@@ -205,8 +206,19 @@ void check_scene(const Scene& scene, const std::string& file) {
   }
 
   for (const Event& event : scene.events) check_scene(*event.after, file);
-  const bool has_contacts = !scene.obstacles.empty() || scene.self_contact.is_on;
   const TimeOptions& time = scene.time;
+  if (scene.volume && scene.volume->is_exact) {
+    const VolumeForces& volume = *scene.volume;
+    expect(volume.coefficient == 0, "volume.coefficient", "volume.coefficient = ", volume.coefficient,
+           ", expected 0 with volume.exact");
+    expect(!volume.target.empty(), "volume.exact", "volume.exact = true, expected a volume.target to hold");
+    expect(value_at(volume.target, 0) == 1, "volume.target", "volume.target = ", value_at(volume.target, 0),
+           " at 0, expected 1 with volume.exact, as bodies begin at rest");
+    expect(time.mode == TimeMode::Static || time.sleep_below == 0, "time.sleep_below",
+           "time.sleep_below = ", time.sleep_below, ", expected 0 with volume.exact");
+  }
+
+  const bool has_contacts = !scene.obstacles.empty() || scene.self_contact.is_on;
   if (time.mode == TimeMode::Static) {
     for (size_t s = 0; s < scene.supports.size(); ++s) {
       const std::string key = "supports." + std::to_string(s) + ".end";

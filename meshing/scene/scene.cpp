@@ -453,6 +453,7 @@ std::string default_name(const fs::path& file) {
 /// @param overrides  of the file, before them
 void make_scenes_after(const fs::path& file, std::vector<std::string> overrides, Scene& scene) {
   overrides.emplace_back("events=[]");
+  overrides.push_back("material.law=" + std::string(name_of(*scene.material.law)));
   for (size_t e = 0; e < scene.events.size(); ++e) {
     Event& event = scene.events[e];
     const std::string prefix = event.key + "=", place = "events." + std::to_string(e) + ".key";

@@ -116,9 +116,11 @@ struct LoadScale {
 /// Energies of volume [paper 3.3].
 struct VolumeForces {
   double coefficient = 0;  ///< P of 1/2 P (V - V_1)^2 / V_1, V the volume that the surface encloses (Pa)
-  double local = 0;        ///< the same for every tetrahedron of the network (Pa)
+  double local =
+      0;         ///< the same for every tetrahedron of the network; of elements at points of quadrature (Pa)
   Curve target;  ///< V_1 over the volume at rest; absent: 1, and the volume as it is while rest lengths
                  ///< collapse
+  bool is_exact = false;  ///< V is V_1, by a pressure that is found
 };
 
 /// The surface as a shell of its own around the body [paper 4.2, 4.4].

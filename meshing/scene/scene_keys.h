@@ -207,10 +207,14 @@ void describe(V& v, Collapse& c) {
 template <class V>
 void describe(V& v, VolumeForces& f) {
   v("coefficient", f.coefficient, kNotNegative, "P, of the enclosed volume (Pa)");
-  v("local", f.local, kNotNegative, "of every tetrahedron (Pa)");
+  v("local", f.local, kNotNegative, "of every tetrahedron, or of elements at points of quadrature (Pa)");
   v("target", f.target, kPositive,
     "[[s, volume over that at rest], ...]; absent: 1, or what a collapse leaves");
   v.check("target", is_ascending(f.target), "ascending times");
+  v("exact", f.is_exact,
+    "the enclosed volume is the target at the end of every step, by a pressure that curves.csv tells; in "
+    "motion "
+    "by minimising_euler of both programs");
 }
 
 template <class V>

@@ -67,7 +67,7 @@ void EnergyLedger::end_step(const SurfaceEnergies& surface, const Eigen::Matrix3
   stored_ = stored_at(surface, x);
   for (const auto& energy : surface) {
     flows.friction += energy->friction(x);
-    flows.obstacles += energy->work(x);
+    (energy->is_stiff() ? flows.obstacles : flows.targets) += energy->work(x);
   }
 }
 

@@ -14,10 +14,10 @@ struct EnergyFlows {
   double loads = 0;      ///< work of dead loads
   double supports = 0;   ///< work of supports that move
   double obstacles = 0;  ///< work of obstacles that move
-  double targets = 0;    ///< change of surface energies as steps begin, at fixed positions: volume targets
-  double rest = 0;       ///< change of the elastic energy at fixed positions: collapse, relaxation
-  double events =
-      0;  ///< change of elastic and surface energies at fixed positions, as values change on the way
+  /// Change of surface energies as steps begin, at fixed positions: volume targets, handles; and work of held volumes.
+  double targets = 0;
+  double rest = 0;    ///< change of the elastic energy at fixed positions: collapse, relaxation
+  double events = 0;  ///< that of elastic and surface energies, as values change on the way
   double damping = 0, friction = 0;
 
   double put_in() const { return loads + supports + obstacles + targets + rest + events; }

@@ -2,6 +2,17 @@
 
 namespace testbed::meshing {
 
+Seams seams_of(const SurfaceProblem& problem) {
+  const auto m = static_cast<Eigen::Index>(problem.stitches.size());
+  Seams seams{Eigen::Matrix2Xi(2, m), Eigen::VectorXd(m)};
+  for (Eigen::Index s = 0; s < m; ++s) {
+    const auto& [a, b, stiffness] = problem.stitches[s];
+    seams.E.col(s) << a, b;
+    seams.stiffness(s) = stiffness;
+  }
+  return seams;
+}
+
 double energy(const Seams& seams, const Eigen::Matrix3Xd& x) {
   double sum = 0;
   for (Eigen::Index s = 0; s < seams.E.cols(); ++s)

@@ -1,6 +1,7 @@
 // Nodes tied to each other, as by stitches [paper 3.2].
 #pragma once
 
+#include "meshing/scene/surface_problem.h"
 #include "meshing/surface_energies/surface_energy.h"
 
 namespace testbed::meshing {
@@ -10,6 +11,7 @@ struct Seams {
   Eigen::Matrix2Xi E;         ///< the nodes that each stitch ties, 2 x m
   Eigen::VectorXd stiffness;  ///< N/m, m
 };
+Seams seams_of(const SurfaceProblem& problem);
 
 /// Energy (J) sum k/2 |x_a - x_b|^2 at positions x (3 x n, m).
 double energy(const Seams& seams, const Eigen::Matrix3Xd& x);

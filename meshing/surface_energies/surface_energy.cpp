@@ -14,6 +14,29 @@ bool is_stiff(const SurfaceEnergies& energies) {
   return std::any_of(energies.begin(), energies.end(), [](const auto& energy) { return energy->is_stiff(); });
 }
 
+NewtonReport minimise_constrained(const SurfaceEnergies& energies,
+                                  const std::function<NewtonReport()>& minimise,
+                                  const std::function<Eigen::Matrix3Xd()>& positions) {
+  constexpr int kMost = 30;
+  NewtonReport report = minimise();
+  const auto is_renewed = [&] {
+    bool is_any = false;
+    for (const auto& energy : energies) is_any |= energy->renew(positions());
+    return is_any;
+  };
+  for (int n = 0; report.status == Status::Ok && is_renewed(); ++n) {
+    const int iterations = report.iterations;
+    if (n == kMost) {
+      report.status = Status::NotConverged;
+      report.reason = "no pressure holds the volume";
+      return report;
+    }
+    report = minimise();
+    report.iterations += iterations;
+  }
+  return report;
+}
+
 bool passes_through(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) {
   return std::any_of(energies.begin(), energies.end(),
                      [&](const auto& energy) { return energy->passes_through(x, y); });
@@ -31,6 +54,7 @@ std::vector<std::pair<std::string, double>> contact_columns(const SurfaceEnergie
       for (int c = 0; c < 3; ++c) columns.emplace_back(name + "_force_" + "xyz"[c], force(c));
       columns.emplace_back(name + "_area", contacts[k].area);
     }
+    if (const auto pressure = energy->holding_pressure()) columns.emplace_back("volume_pressure", *pressure);
   }
   return columns;
 }

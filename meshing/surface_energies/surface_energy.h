@@ -2,12 +2,15 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "meshing/algebra/block_matrix.h"
+#include "meshing/algebra/newton.h"
 #include "meshing/base/archive.h"
 #include "meshing/surface_energies/enclosed_volume.h"
 
@@ -108,6 +111,7 @@ struct SurfaceMemory {
   Eigen::Matrix3Xd listed;       ///< where the nodes were when pairs were listed (m)
   std::vector<SidedPair> pairs;  ///< ascending
   Eigen::VectorXd rest_length;   ///< of a membrane's edges (m)
+  double pressure = 0;           ///< that holds a volume (Pa)
 };
 
 /// What an obstacle does to a surface.
@@ -119,7 +123,7 @@ inline void archive(Archive& a, SidedPair& pair) {
   a(pair.node, pair.is_edges, pair.side);
 }
 inline void archive(Archive& a, SurfaceMemory& memory) {
-  a(memory.listed, memory.pairs, memory.rest_length);
+  a(memory.listed, memory.pairs, memory.rest_length, memory.pressure);
 }
 
 /// An energy of the positions x (3 x n, m), in the order in which a step by Newton's method calls it.
@@ -153,10 +157,14 @@ class SurfaceEnergy {
   virtual double stored(const Eigen::Matrix3Xd& x) const { return energy(x); }
   /// What friction has taken since the step began, at x (J).
   virtual double friction(const Eigen::Matrix3Xd&) const { return 0; }
-  /// Work of obstacles that move in the step that ends at x, by the forces at its end, as implicit steps take them (J).
+  /// Work of obstacles, or of a target, that move in the step that ends at x, by the forces at its end, as implicit
+  /// steps take them (J).
   virtual double work(const Eigen::Matrix3Xd&) const { return 0; }
   /// With each obstacle, at the end x of the step.
   virtual std::vector<Contact> contacts(const Eigen::Matrix3Xd&) const { return {}; }
+
+  /// Pressure (Pa) that holds the enclosed volume since the last step; absent: nothing does.
+  virtual std::optional<double> holding_pressure() const { return {}; }
 
   /// Largest part of the step dx from x within which nothing passes through, at most 1.
   virtual double largest_step(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd&) const { return 1; }
@@ -167,6 +175,10 @@ class SurfaceEnergy {
 
   /// Newton's method went from x to y.
   virtual void follow(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd&) {}
+
+  /// Newton's method found a minimum at x. Whether a constraint is not met there: the energy has changed, and its
+  /// minimum is to be found anew.
+  virtual bool renew(const Eigen::Matrix3Xd&) { return false; }
 
   /// Whether largest_step may be less than 1.
   virtual bool bounds_steps() const { return false; }
@@ -196,7 +208,8 @@ void add_hessian_of(const Energy& of, const Eigen::Matrix3Xd& x, Sum& H) {
 template <class Energy>
 class PlainEnergy : public SurfaceEnergy {
  public:
-  explicit PlainEnergy(Energy of) : of_(std::move(of)) {}
+  explicit PlainEnergy(Energy of, const char* name = "surface") : of_(std::move(of)), name_(name) {}
+  const char* name() const override { return name_; }
   double energy(const Eigen::Matrix3Xd& x) const override { return energy_of(of_, x); }
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override { add_forces_of(of_, x, f); }
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature) const override {
@@ -205,6 +218,7 @@ class PlainEnergy : public SurfaceEnergy {
 
  private:
   Energy of_;
+  const char* name_;
 };
 
 /// All that acts on a surface, in the order in which it is summed.
@@ -215,10 +229,18 @@ bool is_invariant(const SurfaceEnergies& energies);
 /// Whether any is contact.
 bool is_stiff(const SurfaceEnergies& energies);
 
+/// Newton's method again and again until all constraints of the energies are met.
+/// @param minimise   goes on from where it ended
+/// @param positions  where it ended
+NewtonReport minimise_constrained(const SurfaceEnergies& energies,
+                                  const std::function<NewtonReport()>& minimise,
+                                  const std::function<Eigen::Matrix3Xd()>& positions);
+
 /// Whether anything passes through by any of them.
 bool passes_through(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y);
 
-/// Columns of curves.csv by their names: force (N) of each obstacle on the surface at x, and area of contact (m2).
+/// Columns of curves.csv by their names: force (N) of each obstacle on the surface at x, area of contact (m2), and the
+/// pressure (Pa) that holds a volume.
 /// @param frame  axes of the positions, in columns
 std::vector<std::pair<std::string, double>> contact_columns(const SurfaceEnergies& energies,
                                                             const Eigen::Matrix3Xd& x,

@@ -19,20 +19,59 @@ void VolumePenalty::begin_step(double t, double h, const Eigen::Matrix3Xd& x) {
 
 double VolumePenalty::energy(const Eigen::Matrix3Xd& x) const {
   const double excess = volume_of(faces_, x) - target_;
-  return P_ / 2 * excess * excess / target_;
+  return P_ / 2 * excess * excess / target_ - pressure_ * excess;
 }
 
 void VolumePenalty::add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const {
   thread_local Eigen::Matrix3Xd gradient;  // kept, so that a step allocates nothing
   const double V = volume_and_gradient(faces_, x, gradient);
-  f.leftCols(gradient.cols()) += P_ * (target_ - V) / target_ * gradient;
+  f.leftCols(gradient.cols()) += pressure_of(V) * gradient;
 }
 
 void VolumePenalty::add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const {
   Eigen::Matrix3Xd g;
   volume_and_gradient(faces_, x, g);
   H.roots.emplace_back(std::sqrt(P_ / target_) * g);
-  if (curvature == Curvature::Exact) H.add_volume(P_ * (volume_of(faces_, x) / target_ - 1), faces_, x);
+  if (curvature == Curvature::Exact) H.add_volume(-pressure_of(volume_of(faces_, x)), faces_, x);
+}
+
+void HeldVolume::begin_step(double t, double h, const Eigen::Matrix3Xd& x) {
+  VolumePenalty::begin_step(t, h, x);
+  pressure_ = found_;
+  last_.reset();
+  before_ = volume_of(faces_, x);
+}
+
+bool HeldVolume::renew(const Eigen::Matrix3Xd& x) {
+  constexpr double kTolerance = 1e-9;
+  const double V = volume_of(faces_, x);
+  const Minimum now{pressure_, (V - target_) / target_};
+  if (std::abs(now.excess) <= kTolerance) {
+    found_ = pressure_of(V);
+    return false;
+  }
+  double stiffness = P_;  // pressure that takes a volume away, over its part of the whole
+  if (last_) {
+    const double secant = (now.pressure - last_->pressure) / (now.excess - last_->excess);
+    if (secant > 0 && std::isfinite(secant)) stiffness = secant;
+  }
+  pressure_ -= stiffness * now.excess;
+  last_ = now;
+  return true;
+}
+
+std::shared_ptr<const SurfaceMemory> HeldVolume::memory() const {
+  SurfaceMemory memory;
+  memory.pressure = found_;
+  return std::make_shared<const SurfaceMemory>(std::move(memory));
+}
+
+void HeldVolume::remember(std::shared_ptr<const SurfaceMemory> memory) {
+  found_ = memory->pressure;
+}
+
+double HeldVolume::work(const Eigen::Matrix3Xd& x) const {
+  return found_ * (volume_of(faces_, x) - before_);
 }
 
 }  // namespace testbed::meshing

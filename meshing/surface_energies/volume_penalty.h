@@ -1,4 +1,4 @@
-// An enclosed volume is kept near a target, as in a bag [paper 3.3, Hirota et al. 1999].
+// An enclosed volume is kept near a target, as in a bag [paper 3.3, Hirota et al. 1999], or at it.
 #pragma once
 
 #include <optional>
@@ -40,11 +40,43 @@ class VolumePenalty : public SurfaceEnergy {
   /// eigenvalues of both signs and vanishes at the target.
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
 
- private:
+ protected:
+  /// On the faces (Pa), of a volume V (m3).
+  double pressure_of(double V) const { return pressure_ + P_ * (target_ - V) / target_; }
+
   double P_;
   Faces faces_;
   double target_;
+  double pressure_ = 0;  // besides that of P (Pa)
+
+ private:
   std::optional<TargetVolume> over_time_;
+};
+
+/// The volume enclosed by closed faces is V_1 to a part of 1e-9. A Lagrange multiplier does that, the pressure p (Pa)
+/// of the augmented energy 1/2 P (V - V_1)^2 / V_1 - p (V - V_1) (J) [Hestenes 1969]. At its minimum p + P (V_1 - V)/V_1
+/// is taken for p, and from the second minimum on what the secant through the last two foretells. P decides how
+/// Newton's method goes, and not where it ends.
+class HeldVolume : public VolumePenalty {
+ public:
+  HeldVolume(double P, Faces faces, const TargetVolume& over_time)
+      : VolumePenalty(P, std::move(faces), over_time) {}
+
+  void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override;
+  bool renew(const Eigen::Matrix3Xd& x) override;
+  std::optional<double> holding_pressure() const override { return found_; }
+  std::shared_ptr<const SurfaceMemory> memory() const override;
+  void remember(std::shared_ptr<const SurfaceMemory> memory) override;
+  double stored(const Eigen::Matrix3Xd&) const override { return 0; }  // a constraint does work alone
+  double work(const Eigen::Matrix3Xd& x) const override;
+
+ private:
+  struct Minimum {
+    double pressure, excess;  // Pa; of V over V_1, as a part of it
+  };
+  std::optional<Minimum> last_;  // of the step at hand
+  double found_ = 0;             // pressure of the last step (Pa)
+  double before_ = 0;            // volume as the step began (m3)
 };
 
 }  // namespace testbed::meshing

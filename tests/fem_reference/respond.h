@@ -27,7 +27,7 @@ ElasticResponse respond_by(const LameConstants& lame, const Eigen::Matrix3d& F, 
   double H[3][3], P[3][3];
   for (int i = 0; i < 3; ++i)
     for (int k = 0; k < 3; ++k) H[i][k] = F(i, k) - (i == k);
-  const LawAt<law, OnePoint> at(H, s, lame.lambda, lame.mu);
+  const LawAt<law, OnePoint> at(H, s, lame.lambda, lame.mu, lame.kappa);
   ElasticResponse r{at.energy_without_logarithm(), {}, {}};
   at.stress(P);
   for (int i = 0; i < 3; ++i)

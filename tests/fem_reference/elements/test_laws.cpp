@@ -59,6 +59,30 @@ TEST(Laws, TangentIsGradientOfStressAndSymmetric) {
   }
 }
 
+TEST(Laws, LocalVolumeIsThatOfTheWholeDeformationAndHasItsDerivatives) {
+  constexpr double h = 1e-5, kKappa = 700, kTolerance = 1e-6;
+  LameConstants with = lame();
+  with.kappa = kKappa;
+  const auto added = [&](const Matrix3d& F) {
+    ElasticResponse r = respond(ElasticLaw::NeoHookean, with, F, kShrinkage);
+    const ElasticResponse plain = respond(ElasticLaw::NeoHookean, lame(), F, kShrinkage);
+    r.energy -= plain.energy;
+    r.P -= plain.P;
+    r.C -= plain.C;
+    return r;
+  };
+  const ElasticResponse r = added(deformation());
+  EXPECT_NEAR(r.energy, kKappa / 2 * std::pow(deformation().determinant() - 1, 2), 1e-12 * kKappa);
+  for (int k = 0; k < 9; ++k) {
+    Matrix3d plus = deformation(), minus = plus;
+    plus(k) += h;
+    minus(k) -= h;
+    EXPECT_NEAR(r.P(k), (added(plus).energy - added(minus).energy) / (2 * h), kTolerance * kKappa);
+    EXPECT_LT((r.C.col(k) - ((added(plus).P - added(minus).P) / (2 * h)).reshaped()).norm(),
+              kTolerance * r.C.norm());
+  }
+}
+
 TEST(Laws, FiniteStrainBecomesSmallStrainAtRest) {
   const ElasticResponse small = respond(ElasticLaw::SmallStrain, lame(), Matrix3d::Identity(), 0);
   for (ElasticLaw law : kFiniteLaws) {

@@ -43,7 +43,7 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
                         s.reference.integrator = "central_differences";
                       }),
             "self_contact with reference.integrator = central_differences");
-  EXPECT_EQ(part_with(still, [](Scene& s) { s.seams.emplace_back(); }), "seams");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.seams.emplace_back(); }), "");
   for (const Scene& scene : {still, moving})
     EXPECT_EQ(part_with(scene,
                         [](Scene& s) {
@@ -51,7 +51,16 @@ TEST(UnmodelledPart, NamesWhatTheReferenceLeavesOut) {
                           s.skin = Skin{1, 1, 1};
                         }),
               "");
-  EXPECT_EQ(part_with(still, [](Scene& s) { s.volume.emplace().local = 1; }), "volume.local");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.volume.emplace().local = 1; }), "");
+  EXPECT_EQ(part_with(still, [](Scene& s) { s.volume.emplace().is_exact = true; }), "");
+  for (const std::string integrator : {"generalised_alpha", "central_differences", "minimising_euler"})
+    EXPECT_EQ(
+        part_with(moving,
+                  [&](Scene& s) {
+                    s.volume.emplace().is_exact = true;
+                    s.reference.integrator = integrator;
+                  }),
+        integrator == "minimising_euler" ? "" : "volume.exact with reference.integrator = " + integrator);
   EXPECT_EQ(part_with(moving,
                       [](Scene& s) {
                         s.volume.emplace().coefficient = 1;
@@ -189,6 +198,52 @@ TEST(ProblemOfAScene, ShrinksAroundItsPivotsByTheProductOfTheirParts) {
     const Matrix3Xd expected = without_rigid_motion(solid.X(), (length - 1) * solid.X());
     EXPECT_LT((without_rigid_motion(solid.X(), solid.displacement()) - expected).norm(),
               kEven * expected.norm());
+  }
+}
+
+/// Bars of 0.5 m along x, one behind the other at a gap.
+TetMesh two_bars(double gap) {
+  const TetMesh bar = box_tets(4, 2, 2, 0.125);
+  const auto n = static_cast<int>(bar.X.cols());
+  TetMesh both{Matrix3Xd(3, 2 * n), Eigen::Matrix4Xi(4, 2 * bar.T.cols()),
+               Eigen::Matrix3Xi(3, 2 * bar.F.cols()), 2 * n};
+  both.X << bar.X, bar.X.colwise() + Vector3d(0.5 + gap, 0, 0);
+  both.F << bar.F, (bar.F.array() + n).matrix();
+  both.T << bar.T, (bar.T.array() + n).matrix();
+  return both;
+}
+
+// A part that no support holds hangs on its seam, whose stitches carry its weight when they have closed the gap.
+TEST(ProblemOfAScene, SewsPartsTogetherAtTheVerticesOfTheSurface) {
+  constexpr double kGap = 0.05, kStitch = 1e6;
+  const TetMesh parts = two_bars(kGap);
+  Scene scene;
+  scene.material = {1e6, 0.3, 1000, 0};
+  scene.material.law = MaterialLaw::NeoHookean;
+  scene.gravity = Vector3d(30, 0, 0);
+  Support clamp;
+  clamp.region.shape = HalfSpace{Vector3d(1e-3, 0, 0), Vector3d(1, 0, 0)};
+  scene.supports = {clamp};
+  scene.seams = {
+      {{Box{{0.5, -1, -1}, {0.5, 1, 1}}}, {Box{{0.5 + kGap, -1, -1}, {0.5 + kGap, 1, 1}}}, kStitch}};
+  for (const int degree : {1, 2}) {
+    scene.reference.degree = degree;
+    ElasticSolid solid = assemble_scene(scene, {parts.X, parts.F}, parts);
+    ASSERT_TRUE(solid.solve().is_converged) << degree;
+    const Matrix3Xd x = solid.X() + solid.displacement();
+    const Eigen::Index n = parts.X.cols() / 2;
+    Vector3d force = Vector3d::Zero();
+    int n_stitches = 0;
+    for (Eigen::Index a = 0; a < n; ++a) {
+      if (parts.X(0, a) != 0.5) continue;
+      Eigen::Index b;
+      (parts.X.rightCols(n).colwise() - parts.X.col(a)).colwise().norm().minCoeff(&b);
+      force += kStitch * (x.col(n + b) - x.col(a));
+      ++n_stitches;
+    }
+    const Vector3d weight = 1000 * 0.5 * 0.25 * 0.25 * *scene.gravity;
+    EXPECT_EQ(n_stitches, 9);
+    EXPECT_LT((force - weight).norm(), 1e-6 * weight.norm()) << degree;
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include "massspring/calibrations/calibrate.h"
 #include "massspring/choices/check_model.h"
+#include "massspring/time/schemes.h"
 
 namespace testbed::massspring {
 namespace {
@@ -106,6 +107,19 @@ TEST(CheckModel, RefusesSkinVolumeAndDampingThatItsSpringsDoNotHave) {
   EXPECT_EQ(refusal_of(filled, "node_averaged"), "");
   EXPECT_EQ(refusal_of(filled, "uniform"),
             "a.toml: volume.local = 5, expected 0 with uniform springs: their network has no tetrahedra");
+
+  Scene held = moving();
+  held.volume.emplace().is_exact = true;
+  held.volume->target = {{0, 1}};
+  for (const Integrator& integrator : integrators()) {
+    held.time.integrator = integrator.name;
+    EXPECT_EQ(refusal_of(held, "uniform"), integrator.name == "minimising_euler"
+                                               ? ""
+                                               : "a.toml: time.integrator = " + integrator.name +
+                                                     ", expected minimising_euler with volume.exact");
+  }
+  held.time.mode = TimeMode::Static;
+  EXPECT_EQ(refusal_of(held, "uniform"), "");
 
   Scene damped = moving();
   damped.material.stiffness_damping = 0.1;

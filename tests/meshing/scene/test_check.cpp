@@ -188,6 +188,10 @@ TEST(CheckMotion, AcceptsWhateverMayMoveABody) {
   expect_driven_by("velocity", [](Scene& s) { s.initial.emplace_back().velocity(0) = 1; });
   expect_driven_by("spin", [](Scene& s) { s.initial.emplace_back().spin(0) = 1; });
   expect_driven_by("collapse", [](Scene& s) { s.collapse.emplace().pivots.emplace_back(); });
+  expect_driven_by("held volume", [](Scene& s) {
+    s.volume.emplace().is_exact = true;
+    s.volume->target = {{0, 1}, {1, 0.5}};
+  });
   expect_driven_by("volume", [](Scene& s) {
     s.volume.emplace().local = 1;
     s.volume->target = {{0, 1}, {1, 0.5}};

@@ -482,6 +482,22 @@ TEST(Scene, RangesHoldTheirBoundsOrNot) {
   }
 }
 
+TEST(Scene, AVolumeIsHeldExactlyAtATargetThatBeginsAtRestAndByNoCoefficient) {
+  const std::string held = "[surface]\nshape = \"ball\"\n[volume]\nexact = true\n",
+                    swells = "target = [[0, 1], [1, 1.2]]\n";
+  EXPECT_EQ(error_of(held + swells), "");
+  EXPECT_EQ(*read_scene(write_scene(held + swells)).material.law, MaterialLaw::NeoHookean);
+  EXPECT_EQ(error_of(held), "scene.toml:4: volume.exact = true, expected a volume.target to hold");
+  EXPECT_EQ(error_of(held + swells + "coefficient = 5\n"),
+            "scene.toml:6: volume.coefficient = 5, expected 0 with volume.exact");
+  EXPECT_EQ(error_of(held + "target = [[0, 1.1], [1, 1.2]]\n"),
+            "scene.toml:5: volume.target = 1.1 at 0, expected 1 with volume.exact, as bodies begin at rest");
+  const std::string sleeps = "[time]\nsleep_below = 0.1\n";
+  EXPECT_EQ(error_of(held + swells + sleeps), "");
+  EXPECT_EQ(error_of(held + swells + sleeps + "mode = \"dynamic\"\n"),
+            "scene.toml:7: time.sleep_below = 0.1, expected 0 with volume.exact");
+}
+
 TEST(Scene, ShapesWithoutAnInsideAreRefused) {
   const std::string support = "[surface]\nshape = \"ball\"\n[[supports]]\nregion = ";
   EXPECT_EQ(error_of(support + "{ plane = { point = [0, 0, 0], normal = [0, 0, 0] } }\n"),

@@ -154,6 +154,39 @@ TEST_F(VolumeForce, KeepsLinearAndAngularMomentum) {
   EXPECT_LT(torque.norm(), kRounding * f.norm());
 }
 
+// Of a body that resists in proportion, whatever its stiffness: its minima are scaled copies of it.
+TEST_F(VolumeForce, IsFoundWhereItIsHeldThatBalancesABodysOwn) {
+  constexpr double kPart = 1e-9, kTarget = 1.1;
+  const Matrix3Xd X = model.network.X;
+  const double at_rest = volume(X, F);
+  for (const double stiffness : {1e-2, 30., 3e4, -10.}) {
+    HeldVolume held{30, {F}, TargetVolume{at_rest, {{0, 1}, {1, kTarget}}, false}};
+    held.begin_step(0, 1, X);
+    Matrix3Xd minimum = X;
+    int n = 0;
+    const NewtonReport report = minimise_constrained(
+        {std::make_shared<HeldVolume>(held)}, [] { return NewtonReport{}; }, [&] { return X; });
+    EXPECT_EQ(report.status, Status::NotConverged) << "a body that does not move";
+    bool is_renewed = true;
+    for (; is_renewed && n < 10; ++n) {
+      // The pressure falls with the volume by 30 over the target, from what it is at rest.
+      Matrix3Xd f = Matrix3Xd::Zero(3, 5), gradient;
+      held.add_forces(X, f);
+      volume_and_gradient(F, X, gradient);
+      const double pressure =
+                       f.leftCols(gradient.cols()).cwiseProduct(gradient).sum() / gradient.squaredNorm(),
+                   grown = pressure / (stiffness + 30 / kTarget);
+      minimum = std::cbrt(1 + grown) * X;
+      is_renewed = held.renew(minimum);
+    }
+    EXPECT_LE(n, 4) << stiffness;
+    EXPECT_NEAR(volume(minimum, F), kTarget * at_rest, 2 * kPart * at_rest) << stiffness;
+    EXPECT_NEAR(*held.holding_pressure(), stiffness * (kTarget - 1), 1e-6 * std::abs(stiffness));
+    EXPECT_EQ(held.stored(minimum), 0);
+    EXPECT_NEAR(held.work(minimum), stiffness * 0.1 * 0.1 * at_rest, 1e-6 * std::abs(stiffness) * at_rest);
+  }
+}
+
 /// The faces of a ball whose middles lie on the sphere, or straight ones.
 Eigen::MatrixXi ball_faces(int n, Matrix3Xd& x) {
   const SurfaceMesh ball = make_shape("ball", 42);
@@ -174,7 +207,7 @@ Eigen::MatrixXi ball_faces(int n, Matrix3Xd& x) {
   return faces;
 }
 
-/// Under a pressure of 40 at half its strength, and in a bag.
+/// Under a pressure of 40 at half its strength, in a bag, and with a volume that is held by a pressure besides.
 SurfaceEnergies on_a_ball(int n, Matrix3Xd& x) {
   const Eigen::MatrixXi faces = ball_faces(n, x);
   SurfaceEnergies energies = followers_of(Eigen::VectorXd::Constant(faces.cols(), 40.), faces);
@@ -182,6 +215,11 @@ SurfaceEnergies on_a_ball(int n, Matrix3Xd& x) {
   energies[0]->set_load_factor(0.5);
   energies.push_back(
       std::make_shared<VolumePenalty>(30, faces_of(faces), 0.9 * volume_of(faces_of(faces), x)));
+  const auto held = std::make_shared<HeldVolume>(
+      30, faces_of(faces), TargetVolume{volume_of(faces_of(faces), x), {{0, 1}, {1, 1.2}}, false});
+  held->begin_step(0, 1, x);
+  EXPECT_TRUE(held->renew(x));
+  energies.push_back(held);
   return energies;
 }
 

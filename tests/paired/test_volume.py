@@ -1,0 +1,100 @@
+"""Volumes of tetrahedra and an enclosed volume that is held: both programs solve one problem."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+from analysis.paths import PROGRAMS
+from analysis.runs import load_run
+
+SCENE = """
+name = "held"
+gravity = [0, -2, 0] # m/s2
+material.E = 2e4 # Pa
+
+[surface]
+shape = "ball"
+n_vertices = 162
+
+[[supports]]
+region = { box = { low = [0, 0, 0], high = [1, 0.2, 1] }, relative = true }
+
+[volume]
+exact = true
+target = [[0, 1], [0.5, 1], [1, 1.3]]
+
+[time]
+load_steps = 4
+integrator = "minimising_euler"
+step = 0.02 # s
+end = 1 # s
+
+[reference]
+integrator = "minimising_euler"
+"""
+HELD = 1e-9  # of a volume: as exactly as it is held
+CURVED = 1e-2  # quadratic faces hold theirs, and curves.csv tells that of their corners
+
+
+def run(tmp_path, program, *overrides):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    out = tmp_path / "_".join([program, *overrides]).replace("/", "")
+    settings = [word for override in overrides for word in ("--set", override)]
+    subprocess.run(
+        [PROGRAMS / program, tmp_path / "scene.toml", "--quiet", "--out", out, *settings], check=True
+    )
+    return load_run(out)
+
+
+@pytest.mark.parametrize("mode", ["static", "dynamic"])
+def test_a_held_volume_is_the_target_in_both_programs(mode, tmp_path):
+    pressures = []
+    for program, degree in (("massspring", 1), ("fem_reference", 1), ("fem_reference", 2)):
+        words = f"time.mode={mode}", f"reference.degree={degree}"
+        curves = run(tmp_path, program, *words).curves
+        target = np.interp(curves["time"], [0, 0.5, 1], [1, 1, 1.3])
+        assert curves["volume"] / curves["volume"][0] == pytest.approx(
+            target, rel=HELD if degree == 1 else CURVED
+        )
+        pressures.append(curves["volume_pressure"])
+        if mode == "dynamic":
+            assert np.abs(curves["volume_energy"]).max() == 0
+    springs, linear, quadratic = (p[-1] for p in pressures)
+    assert springs == pytest.approx(quadratic, rel=0.1) and linear == pytest.approx(quadratic, rel=0.1)
+    assert pressures[0][0] == 0 and quadratic > 1000
+
+
+def test_what_cannot_hold_a_volume_says_so(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE)
+
+    def end_of(program, *overrides):
+        settings = [word for override in overrides for word in ("--set", override)]
+        command = [PROGRAMS / program, tmp_path / "scene.toml", "--quiet", "--out", tmp_path / "out"]
+        return subprocess.run(
+            [*command, "--set", "time.mode=dynamic", *settings], capture_output=True, text=True
+        )
+
+    for integrator in ("implicit_euler", "rk4", "bdf2"):
+        refused = end_of("massspring", f"time.integrator={integrator}")
+        assert refused.returncode == 1
+        assert (
+            f"time.integrator = {integrator}, expected minimising_euler with volume.exact" in refused.stderr
+        )
+    assert end_of("fem_reference", "reference.integrator=generalised_alpha").returncode == 3
+    both = end_of("fem_reference", "volume.coefficient=5")
+    assert both.returncode == 1
+    assert "volume.coefficient = 5, expected 0 with volume.exact" in both.stderr
+
+
+def test_volumes_of_tetrahedra_resist_alike_in_both_programs(tmp_path):
+    """What is left of the volume of a ball under its weight, whose tetrahedra are stiffer than their material."""
+    ends = {}
+    for kappa in (0, 2e4):
+        for program, degree in (("massspring", 1), ("fem_reference", 2)):
+            words = f"volume={{ local = {kappa} }}", f"reference.degree={degree}"
+            curves = run(tmp_path, program, *words).curves
+            ends[kappa, program] = curves["volume"][-1] / curves["volume"][0] - 1
+    for kappa in (0, 2e4):
+        assert ends[kappa, "massspring"] == pytest.approx(ends[kappa, "fem_reference"], rel=0.1)
+    assert ends[2e4, "fem_reference"] / ends[0, "fem_reference"] < 0.6
