@@ -197,7 +197,10 @@ void Simulation::set_state(const State& state) {
     scale_ = is_proportional_ ? load_factor() : 1;
     return solid_.set_state(*state.statics);
   }
-  if (state.length.size() > 0) set_length(state.length);
+  if (state.length.size() > 0)
+    set_length(state.length);
+  else if (length_.size() > 0)  // nothing had collapsed yet
+    set_length(Eigen::VectorXd::Ones(length_.size()));
   integrator_->set_state(state.motion);
   release_nodes();
   integrator_->set_state(state.motion);

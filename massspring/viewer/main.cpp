@@ -228,9 +228,12 @@ class Preview {
   }
 
   /// Goes on from the state at hand. Where that cannot be, all stays as it was.
-  void set(const std::string& value) {
+  void set(const std::string& text) {
+    const std::size_t equals = text.find('=');
+    if (equals == std::string::npos) throw std::runtime_error(text + ": expected key=value");
+    const std::string key = text.substr(0, equals), value = text.substr(equals + 1);
     Values values = values_;
-    values.overrides.push_back(value);
+    add_override(values.overrides, key, value);
     const Scene scene = values.scene();
     try {
       simulation_->change(scene);
@@ -240,8 +243,7 @@ class Preview {
     }
     values_ = std::move(values);
     scene_ = scene;
-    const std::size_t equals = value.find('=');
-    begin_.events.push_back({simulation_->state().t, value.substr(0, equals), value.substr(equals + 1)});
+    begin_.events.push_back({simulation_->state().t, key, value});
     resume();
   }
 

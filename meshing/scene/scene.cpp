@@ -456,20 +456,24 @@ void make_scenes_after(const fs::path& file, std::vector<std::string> overrides,
   overrides.push_back("material.law=" + std::string(name_of(*scene.material.law)));
   for (size_t e = 0; e < scene.events.size(); ++e) {
     Event& event = scene.events[e];
-    const std::string prefix = event.key + "=", place = "events." + std::to_string(e) + ".key";
-    overrides.erase(std::remove_if(overrides.begin(), overrides.end(),
-                                   [&](const std::string& text) { return text.rfind(prefix, 0) == 0; }),
-                    overrides.end());
-    overrides.push_back(prefix + event.value);
+    add_override(overrides, event.key, event.value);
     try {
       event.after = std::make_shared<const Scene>(read_scene(file, overrides));
     } catch (const std::runtime_error& error) {
-      throw std::runtime_error(scene.places[place] + ": " + error.what());
+      throw std::runtime_error(scene.places["events." + std::to_string(e) + ".key"] + ": " + error.what());
     }
   }
 }
 
 }  // namespace
+
+void add_override(std::vector<std::string>& overrides, const std::string& key, const std::string& value) {
+  const std::string begin = key + "=";
+  overrides.erase(std::remove_if(overrides.begin(), overrides.end(),
+                                 [&](const std::string& text) { return text.rfind(begin, 0) == 0; }),
+                  overrides.end());
+  overrides.push_back(begin + value);
+}
 
 Scene read_scene(const fs::path& file, const std::vector<std::string>& overrides) {
   toml::table table = parse(read_file(file), file.string());

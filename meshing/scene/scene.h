@@ -311,6 +311,9 @@ constexpr int kDefaultSteps = 200;
 /// @throws std::runtime_error naming file, line, key, value found, what is allowed and the nearest known key.
 Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 
+/// Adds an override, in place of an earlier one of its key.
+void add_override(std::vector<std::string>& overrides, const std::string& key, const std::string& value);
+
 /// Steps of a length (s) to time.end: at least one, and the last may end beyond it.
 /// @throws std::runtime_error with their number when an int does not hold it.
 int n_steps(const TimeOptions& time, double step);

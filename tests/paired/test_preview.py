@@ -116,6 +116,29 @@ def test_a_saved_session_is_one_that_a_batch_run_repeats(engine, tmp_path):
     assert "events" not in again and again["material"]["E"] == 2e5, "a session begins with the values of now"
 
 
+def memory_of(engine):
+    """Resident (kB)."""
+    status = Path(f"/proc/{engine._process.pid}/status").read_text()
+    return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
+
+
+@pytest.mark.parametrize("minutes", [pytest.param(0.1, id="quick"), pytest.param(10, id="soak")])
+def test_a_hand_that_never_rests_leaves_memory_flat(minutes, engine):
+    engine.say("run")
+    angle, kept = 0.0, []
+    end = time.monotonic() + 60 * minutes
+    while time.monotonic() < end:
+        angle += 0.1
+        way = f"0.0, {0.3 * np.cos(angle)}, {0.3 * np.sin(angle)}, 0.0"
+        engine.say(f"set handles=[{{vertex = 7, stiffness = 50.0, motion = [[{way}]]}}]")
+        if engine.latest.head["has_ended"]:
+            engine.say("reset")
+        time.sleep(0.05)
+        kept.append(memory_of(engine))
+        assert not engine.latest.head["message"], engine.latest.head
+    assert max(kept[-10:]) < 1.1 * max(kept[: len(kept) // 4]), "it grows"
+
+
 def test_rates_count_the_last_seconds_and_begin_anew():
     rates = Rates()
     assert rates.add(10, 0, 0) == (0, 0)

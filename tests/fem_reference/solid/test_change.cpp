@@ -126,9 +126,11 @@ void expect_as_begun_between_steps(Bars& bars, const Change& change, double tole
   State middle = after(kBefore, changed).state();
   const double t = changed.integrator()->t();
   const Snapshot before = changed.snapshot();
+  const int n_newton = changed.integrator()->counts().newton_iterations;
   changed.change(other);
   EXPECT_EQ(changed.snapshot().u, before.u) << change.name;
   EXPECT_EQ(changed.snapshot().time, before.time) << change.name;
+  EXPECT_EQ(changed.integrator()->counts().newton_iterations, n_newton) << change.name;
   middle.motion = begun_with(middle.motion, t, middle, bars, other);
   fresh.set_state(middle);
   EXPECT_EQ(changed.n_steps(), fresh.n_steps()) << change.name;
@@ -185,6 +187,29 @@ TEST(Change, MayComeBeforeAndAfterASupportEnds) {
       bars.scene.supports[0].end = kStep * n_held;
       expect_as_begun_between_steps(bars, changes()[0], 1e-9);
     }
+}
+
+// Without a curve the volume is kept as a collapse leaves it, and as it was at rest where nothing collapses.
+TEST(Change, OfCollapseChangesTheVolumeThatIsKept) {
+  Bars bars = loaded_bars("minimising_euler");
+  bars.scene.volume->target.clear();
+  const auto no_collapse = [](Scene& scene) { scene.collapse.reset(); };
+  expect_as_begun_between_steps(bars, {"no collapse", no_collapse}, 1e-7);
+}
+
+TEST(Change, IsUndoneByAStateFromBeforeIt) {
+  Bars bars("minimising_euler");
+  bars.remove_contact();
+  const Scene collapsing = bars.scene;
+  bars.scene.collapse.reset();
+  Simulation simulation = bars.simulation();
+  const State before = after(kAfter, simulation).state();
+  const double energy = simulation.snapshot().elastic_energy;
+  simulation.change(collapsing);
+  after(kAfter, simulation);
+  simulation.change(bars.scene);
+  simulation.set_state(before);
+  EXPECT_NEAR(simulation.snapshot().elastic_energy, energy, 1e-12 * energy);
 }
 
 TEST(Change, OfGravityTurnsAFallByItsClosedForm) {
