@@ -20,6 +20,7 @@ from ..runs import RunError
 from . import (
     accuracy,
     cluster,
+    contact,
     cost,
     estimate,
     gallery,
@@ -78,6 +79,10 @@ STUDIES = {
         "figure 11 by springs and by elements: shapes, volume and seconds, and what chance alone makes",
         strips.study,
         frozenset({"scenes", "quick"}),
+    ),
+    "contact": Study(
+        "contact beside closed forms and quadratic elements: a sphere on a half-space, plates, a skin under refinement",
+        contact.study,
     ),
     "reference": Study(
         "what elements lose by degree and refinement, what explicit ones cost, and frequencies beside the springs'",

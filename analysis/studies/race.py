@@ -25,7 +25,12 @@ _MOVING = ("uniform", *_COUPLED)
 _INTEGRATORS = {"symplectic_euler": ":", "implicit_euler": "--", "midpoint": "-"}
 _EXPLICIT = {"symplectic_euler"}
 _EXPLICIT_STEPS = tuple(2.0**-k for k in range(1, 7))  # over the scene's step; the longer ones may diverge
-_RESIDUAL = {"linear statics": 1e-4, "large statics": 1e-6, "large motion": 1e-4}  # of every method alike
+_RESIDUAL = {
+    "linear statics": 1e-4,
+    "large statics": 1e-6,
+    "large motion": 1e-4,
+    "contact": 1e-6,
+}  # of every method alike
 _TIGHTER = 1e-2
 _TARGETS = (0.1, 0.05, 0.02, 0.01)  # errors for which adaptive springs add nodes
 REFERENCE_LIMIT = 1800  #: s
@@ -43,11 +48,21 @@ REGIMES = {
     "linear motion": ("bar_swing",),
     "large statics": ("bar_bend", "squash", "inflate", "ball_collapses_far", "hollow_ball_inflates"),
     "large motion": ("bar_falls", "ball_let_go"),
+    "contact": ("ball_pressed", "bar_pressed"),
 }
+
+
+def _plates(way: float) -> tuple[str, ...]:
+    """Two plates that move so far (m) towards each other, in few steps."""
+    motions = (f"obstacles.{n}.motion=[[0, 0, 0, 0], [1, 0, {to:g}, 0]]" for n, to in enumerate((way, -way)))
+    return (*motions, "time.load_steps=6")
+
 
 #: Scene -> what the race changes in it.
 CHANGES = {
     "squash": ("supports.1.displacement=[0, -0.2, 0]",),
+    "ball_pressed": _plates(0.3),
+    "bar_pressed": _plates(0.0125),
     "ball_let_go": ("supports.1.motion=[[0, 0, 0, 0], [0.3, 0, -0.15, 0], [0.4, 0, -0.15, 0]]",),
 }
 
@@ -158,7 +173,9 @@ def is_dynamic(scene: dict[str, Any]) -> bool:
 
 
 def regime_of(scene: dict[str, Any], law: str) -> str:
-    """Statics or motion, at small or large strain."""
+    """Contact, or else statics or motion at small or large strain."""
+    if scene.get("obstacles"):
+        return "contact"
     return f"{'linear' if law == SMALL else 'large'} {'motion' if is_dynamic(scene) else 'statics'}"
 
 
@@ -166,7 +183,8 @@ def methods_of(scene: dict[str, Any], law: str) -> list[Method]:
     """Every method for a scene, each with the settings that suit it; law: of both programs."""
     regime = regime_of(scene, law)
     residual = (f"time.residual={_RESIDUAL[regime]}",) if regime in _RESIDUAL else ()
-    static = () if is_dynamic(scene) else ("time.load_steps=1",)
+    # What friction holds depends on the steps: in contact they are the scene's.
+    static = () if is_dynamic(scene) or regime == "contact" else ("time.load_steps=1",)
     elements = [
         Method(FEM_P1, "fem_reference", (*static, *residual, "reference.degree=1"), FEM_P1),
         Method(FEM_P2, "fem_reference", (*static, *residual, "reference.degree=2"), FEM_P2),

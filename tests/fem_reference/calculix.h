@@ -6,7 +6,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <functional>
 #include <map>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -18,6 +20,16 @@
 
 namespace testbed::fem {
 
+/// A rigid body above the solid, of bricks whose lower side is a graph.
+struct CalculixTool {
+  std::function<double(double x, double y)> height;  ///< of its lower side (m)
+  double low, high;                                  ///< of x and of y (m)
+  int n_bricks;                                      ///< along each
+  Eigen::Vector3d displacement;                      ///< m
+  double friction;                                   ///< Coulomb's coefficient
+  std::vector<int> faces;                            ///< boundary triangles that may touch it
+};
+
 /// What CalculiX is asked about the nodes and cells of a solid.
 struct CalculixJob {
   Material material;
@@ -26,8 +38,9 @@ struct CalculixJob {
   /// Boundary triangle, Pa: follows the surface at finite strain.
   std::vector<std::pair<int, double>> pressures;
   bool is_finite_strain = false;  ///< St. Venant-Kirchhoff
-  double increment = 0.1;         ///< of the load at finite strain
-  int n_frequencies = 0;          ///< > 0: natural frequencies instead of equilibrium
+  std::optional<CalculixTool> tool = {};
+  double increment = 0.1;  ///< of the load at finite strain or in contact
+  int n_frequencies = 0;   ///< > 0: natural frequencies instead of equilibrium
 };
 
 struct CalculixResult {
@@ -39,13 +52,43 @@ inline bool has_calculix() {
   return std::system("command -v ccx > /dev/null") == 0;
 }
 
+inline std::string calculix_number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.12e", x);  // input fields hold 20 characters
+  return text;
+}
+
+/// The tool's nodes and bricks, numbered behind those of the solid. All its nodes are moved.
+inline std::string calculix_tool(const CalculixTool& tool, int n_nodes, int n_cells) {
+  std::ostringstream nodes, bricks;
+  const int n = tool.n_bricks, n_layer = (n + 1) * (n + 1);
+  const double h = (tool.high - tool.low) / n;
+  for (int k = 0; k < 2; ++k)
+    for (int j = 0; j <= n; ++j)
+      for (int i = 0; i <= n; ++i) {
+        const double x = tool.low + i * h, y = tool.low + j * h;
+        nodes << n_nodes + 1 + k * n_layer + j * (n + 1) + i << ", " << calculix_number(x) << ", "
+              << calculix_number(y) << ", " << calculix_number(tool.height(x, y) + k * h) << '\n';
+      }
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) {
+      bricks << n_cells + 1 + j * n + i;
+      for (int k = 0; k < 2; ++k)
+        for (const int at :
+             {j * (n + 1) + i, j * (n + 1) + i + 1, (j + 1) * (n + 1) + i + 1, (j + 1) * (n + 1) + i})
+          bricks << ", " << n_nodes + 1 + k * n_layer + at;
+      bricks << '\n';
+    }
+  return "*NODE, NSET=TOOL\n" + nodes.str() + "*ELEMENT, ELSET=BRICKS, TYPE=C3D8\n" + bricks.str() +
+         "*SOLID SECTION, ELSET=BRICKS, MATERIAL=M\n*SURFACE, NAME=OVER\nBRICKS, S1\n";
+}
+
 /// Nodes of CalculiX's C3D10 follow VTK's order; gmsh's swaps the last two.
 inline std::string calculix_input(const ElasticSolid& solid, const CalculixJob& job) {
   std::ostringstream out;
-  const auto number = [](double x) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.12e", x);  // input fields hold 20 characters
-    return std::string(text);
+  const auto number = calculix_number;
+  const auto side_name = [](const std::pair<int, int>& side, char letter) {
+    return std::to_string(side.first) + ", " + letter + std::to_string(side.second);
   };
   out << "*NODE, NSET=ALL\n";
   for (int i = 0; i < solid.X().cols(); ++i) {
@@ -70,9 +113,26 @@ inline std::string calculix_input(const ElasticSolid& solid, const CalculixJob& 
     for (int s = 0; s < 4; ++s)
       side_of[sorted(cell(kSides[s][0]), cell(kSides[s][1]), cell(kSides[s][2]))] = {t + 1, s + 1};
   }
+  const auto side_of_face = [&](int f) {
+    const auto face = solid.faces().col(f);
+    return side_of.at(sorted(face(0), face(1), face(2)));
+  };
   out << "*MATERIAL, NAME=M\n*ELASTIC\n"
       << number(job.material.E) << ", " << number(job.material.nu) << "\n*DENSITY\n"
-      << number(job.material.rho) << "\n*SOLID SECTION, ELSET=BODY, MATERIAL=M\n*BOUNDARY\n";
+      << number(job.material.rho) << "\n*SOLID SECTION, ELSET=BODY, MATERIAL=M\n";
+  if (job.tool) {
+    out << calculix_tool(*job.tool, static_cast<int>(solid.X().cols()),
+                         static_cast<int>(solid.cells().cols()))
+        << "*SURFACE, NAME=UNDER\n";
+    for (const int f : job.tool->faces) out << side_name(side_of_face(f), 'S') << '\n';
+    constexpr double kPenalty = 1e4, kStick = 1e3;  // E over a metre of overlap, and of slip for friction
+    out << "*SURFACE INTERACTION, NAME=TOUCH\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n"
+        << number(kPenalty * job.material.E) << '\n';
+    if (job.tool->friction > 0)
+      out << "*FRICTION\n" << job.tool->friction << ", " << number(kStick * job.material.E) << '\n';
+    out << "*CONTACT PAIR, INTERACTION=TOUCH, TYPE=SURFACE TO SURFACE\nUNDER, OVER\n";
+  }
+  out << "*BOUNDARY\n";
   for (const ConstrainedComponent& h : job.constrained)
     if (h.displacement == 0) out << h.node + 1 << ", " << h.component + 1 << '\n';
   if (job.n_frequencies > 0) {
@@ -82,9 +142,15 @@ inline std::string calculix_input(const ElasticSolid& solid, const CalculixJob& 
   if (job.is_finite_strain)
     out << "*STEP, NLGEOM, INC=1000\n*STATIC, DIRECT\n"
         << job.increment << ", 1.0\n*CONTROLS, PARAMETERS=FIELD\n1e-8, 1e-8\n";
+  else if (job.tool)
+    out << "*STEP, INC=1000\n*STATIC\n"
+        << job.increment << ", 1.0\n*CONTROLS, PARAMETERS=FIELD\n1e-6, 1e-6\n";
   else
     out << "*STEP\n*STATIC\n";
   out << "*BOUNDARY\n";
+  if (job.tool)
+    for (int c = 0; c < 3; ++c)
+      out << "TOOL, " << c + 1 << ", " << c + 1 << ", " << number(job.tool->displacement(c)) << '\n';
   for (const ConstrainedComponent& h : job.constrained)
     if (h.displacement != 0)
       out << h.node + 1 << ", " << h.component + 1 << ", " << h.component + 1 << ", "
@@ -95,11 +161,8 @@ inline std::string calculix_input(const ElasticSolid& solid, const CalculixJob& 
     for (double g : job.gravity.normalized()) out << ", " << number(g);
     out << '\n';
   }
-  for (const auto& [f, p] : job.pressures) {
-    const auto face = solid.faces().col(f);
-    const auto [element, side] = side_of.at(sorted(face(0), face(1), face(2)));
-    out << element << ", P" << side << ", " << number(p) << '\n';
-  }
+  for (const auto& [f, p] : job.pressures)
+    out << side_name(side_of_face(f), 'P') << ", " << number(p) << '\n';
   out << "*NODE PRINT, NSET=ALL\nU\n*END STEP\n";
   return out.str();
 }

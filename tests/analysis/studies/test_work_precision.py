@@ -196,6 +196,19 @@ def test_surfaces_whose_reference_would_be_too_large_are_not_raced(tmp_path):
     assert len(ladder.requests) == 1
 
 
+@pytest.mark.parametrize("mode, steps", [("static", "1"), ("dynamic", None)])
+def test_contact_takes_the_steps_of_its_scene(mode, steps, tmp_path):
+    """Where nothing is touched statics take one."""
+    (tmp_path / "scene.toml").write_text(f'{STATIC}[time]\nmode = "{mode}"\nstep = 0.1\n')
+    floor = "obstacles = [{ plane = { point = [0, 0, 0], normal = [0, 1, 0] } }]\n"
+    (tmp_path / "touching.toml").write_text(floor + (tmp_path / "scene.toml").read_text())
+    for name, asked in (("scene", steps), ("touching", None)):
+        study = SceneStudy(tmp_path / f"{name}.toml", QUICK, *[Ladder(tmp_path)] * 2)
+        assert (study.regime == "contact") == (name == "touching")
+        words = [dict(w.split("=", 1) for w in study.request(m, 0).overrides) for m in study.measurements]
+        assert {word.get("time.load_steps") for word in words} == {asked}
+
+
 def test_adaptive_springs_have_a_rung_for_every_target(tmp_path):
     (tmp_path / "scene.toml").write_text(STATIC)
     study = SceneStudy(tmp_path / "scene.toml", QUICK, *[Ladder(tmp_path)] * 2)
@@ -220,22 +233,19 @@ def test_seconds_of_adaptive_springs_are_those_of_all_their_networks():
     assert measurement(timed(mesh=1, adapt=10, setup=2, solve=3, estimate=100)).whole == 16
 
 
-def test_balls_are_pressed_by_half_of_their_scenes(tmp_path):
-    def pressed(scene):
-        support = scene["supports"][1]
-        return (
-            -min(y for _, _, y, _ in support["motion"])
-            if "motion" in support
-            else -support["displacement"][1]
-        )
+def test_bodies_are_pressed_by_half_of_their_scenes(tmp_path):
+    def way(value):
+        """The largest, of a displacement or of a path, whose rows begin with the time."""
+        return np.abs(np.array(value, dtype=float)[..., -3:]).max()
 
     for name, changes in CHANGES.items():
         study = SceneStudy(ROOT / "analysis" / "scenes" / f"{name}.toml", QUICK, *[Ladder(tmp_path)] * 2)
-        (change,) = changes
-        key, _, value = change.partition("=")
-        changed = {"supports": [{}, {key.rsplit(".", 1)[1]: tomllib.loads(f"x = {value}")["x"]}]}
-        assert pressed(changed) == pressed(study.scene) / 2
-        assert change in study.overrides(Rung(1))
+        assert set(changes) < set(study.overrides(Rung(1)))
+        ways = [change.partition("=") for change in changes if not change.startswith("time.")]
+        assert len(ways) == {"supports": 1, "obstacles": 2}[ways[0][0].split(".")[0]]
+        for key, _, value in ways:
+            part, number, path = key.split(".")
+            assert way(tomllib.loads(f"x = {value}")["x"]) == way(study.scene[part][int(number)][path]) / 2
     inflated = SceneStudy(ROOT / "analysis" / "scenes" / "inflate.toml", QUICK, *[Ladder(tmp_path)] * 2)
     assert not any("supports" in word for word in inflated.overrides(Rung(1)))
 

@@ -23,10 +23,10 @@ def write_octant(file: Path, radius: float, core: float, edge: float) -> None:
     radii = [r * radius / radii[-1] for r in radii]
     counts = [0] + [max(1, round(math.pi / 2 * r / (r - before))) for before, r in pairwise(radii)]
     points: list[np.ndarray] = []
-    numbers: dict[tuple, int] = {}
+    numbers: dict[tuple[int | str, ...], int] = {}
     triangles: list[tuple[int, int, int]] = []
 
-    def vertex(key: tuple, at: np.ndarray) -> int:
+    def vertex(key: tuple[int | str, ...], at: np.ndarray) -> int:
         if key not in numbers:
             numbers[key] = len(points)
             points.append(at)
@@ -77,10 +77,10 @@ def write_octant(file: Path, radius: float, core: float, edge: float) -> None:
     for i in range(n):
         for j in range(n - i):
             k = n - i - j
-            corners = [on_ball(i, j, k), on_ball(i + 1, j, k - 1), on_ball(i, j + 1, k - 1)]
-            add(*corners, outward=points[corners[0]])
+            first, second, third = on_ball(i, j, k), on_ball(i + 1, j, k - 1), on_ball(i, j + 1, k - 1)
+            add(first, second, third, outward=points[first])
             if k >= 2:
-                add(corners[1], on_ball(i + 1, j + 1, k - 2), corners[2], outward=points[corners[0]])
+                add(second, on_ball(i + 1, j + 1, k - 2), third, outward=points[first])
 
     lines = ["OFF", f"{len(points)} {len(triangles)} 0"]
     lines += [f"{x!r} {y!r} {z!r}" for x, y, z in np.array(points).tolist()]
