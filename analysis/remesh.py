@@ -100,7 +100,7 @@ def remesh(
         before = _checked(old)
         x, f = _tetwild(surface, folder, X, F, edge, tolerance, limit)
         new = folder / f"new{out.suffix}"
-        _write(new, x, f)
+        write_surface(new, x, f)
         after = _checked(new)
         if after["problems"]:
             raise RunError(
@@ -159,7 +159,8 @@ def read_off(file: Path) -> tuple[Array, Array]:
     return X, F[:, 1:]
 
 
-def _write(file: Path, X: Array, F: Array) -> None:
+def write_surface(file: Path, X: Array, F: Array) -> None:
+    """Points (n, 3) and triangles (m, 3) as .off or .obj, to the last digit."""
     if file.suffix.lower() == ".off":
         lines = ["OFF", f"{len(X)} {len(F)} 0", *(f"{x!r} {y!r} {z!r}" for x, y, z in X.tolist())]
         lines += [f"3 {a} {b} {c}" for a, b, c in F.tolist()]
