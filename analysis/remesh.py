@@ -38,8 +38,9 @@ STOP_ENERGY = 50.0  #: of the worst tetrahedron, by fTetWild's measure: only the
 class Remeshed:
     """What has become of a surface; lengths in its own unit.
 
-    n_parted: vertices at which parts touched that have been set apart; before, after: what `meshing check --json` says of the surface mended exactly and of the new one; to_old, to_new: the
-    largest distance of vertices and middles of triangles of the one surface to the other.
+    before, after: what `meshing check --json` says of the surface mended exactly and of the new one; to_old, to_new: the
+    largest distance of vertices and middles of triangles of the one surface to the other; n_parted: vertices at which parts
+    touched that have been set apart.
     """
 
     before: dict[str, Any]
@@ -125,7 +126,9 @@ def parted(X: Array, F: Array, most: float) -> tuple[Array, Array]:
     Where a vertex had several fans, each draws its own towards its middle, by `most` at most.
     """
     points, triangles = list(X), F.tolist()
-    after: list[dict[int, int]] = [{} for _ in points]  # of a vertex, the triangle that follows each neighbour
+    after: list[dict[int, int]] = [
+        {} for _ in points
+    ]  # of a vertex, the triangle that follows each neighbour
     for f, t in enumerate(triangles):
         for c, v in enumerate(t):
             after[v][t[(c + 1) % 3]] = f

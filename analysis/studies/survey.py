@@ -91,11 +91,14 @@ class Bench:
         except RunError as error:
             failed = {"end": "failed", "message": f"remesh: {str(error).replace(str(case.file), 'FILE')}"}
             return [
-                {**place, "program": program, "load": load, **failed} for program in _PROGRAMS for load in loads
+                {**place, "program": program, "load": load, **failed}
+                for program in _PROGRAMS
+                for load in loads
             ]
         rows = []
         for load in loads:
-            scene, overrides = SCENES / "sag.toml", (*_SAG, f"surface.file={file}")
+            scene: Path = SCENES / "sag.toml"
+            overrides: tuple[str, ...] = (*_SAG, f"surface.file={file}")
             if load == "free":
                 scene, overrides = file.with_suffix(".toml"), ()
                 write_text(scene, scene_of("gravity", case.name, file, X, F))
@@ -156,7 +159,17 @@ def end_of(outcome: Outcome) -> str:
 
 def table(rows: list[Row], keys: list[str]) -> Table:
     """A line for each group of equal keys: how its runs ended, and seconds and estimates of those that are ok."""
-    head = [*keys, "runs", *_ENDS, "share ok", "median s", "90 % s", "worst s", "worst estimate", "far slower"]
+    head = [
+        *keys,
+        "runs",
+        *_ENDS,
+        "share ok",
+        "median s",
+        "90 % s",
+        "worst s",
+        "worst estimate",
+        "far slower",
+    ]
     groups: dict[tuple[str, ...], list[Row]] = defaultdict(list)
     for row in rows:
         groups[tuple(row[key] for key in keys)].append(row)

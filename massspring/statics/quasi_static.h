@@ -79,7 +79,7 @@ class QuasiStaticSolver {
   std::vector<PaddedField> single_roots_;
   Eigen::Matrix3Xd x_;
 
-  BlockMatrix P_;            ///< of which preconditioners are made
+  BlockMatrix P_;          ///< of which preconditioners are made
   bool is_exact_ = false;  ///< of the stiffness itself
   LinearSolver solver_;
   LoadHistory rest_;  ///< of a state at rest

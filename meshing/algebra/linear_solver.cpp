@@ -17,8 +17,8 @@ constexpr double kMultigrid = 300;   // to make one
 constexpr double kCycle = 6;         // an iteration with it
 constexpr double kCyclesADigit = 4;  // iterations with it, a good one
 constexpr double kFactor = 0.4, kFactorSolve = 0.01;
-constexpr int kWornOut = 12;            // iterations more than at first, at which a factor is made anew
-constexpr int kStandsStill = 100;       // iterations with multigrid, after which a factor is tried
+constexpr int kWornOut = 12;       // iterations more than at first, at which a factor is made anew
+constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried
 constexpr int kMaxIterations = 5000;
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
 
