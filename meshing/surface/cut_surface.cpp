@@ -33,7 +33,7 @@ class Cutter {
 
   /// Triangles whose third corner lies on their longest edge go to the one beyond it, whose two parts it becomes.
   void flip_caps() {
-    constexpr double kFlat = 1e-3;  // height of a triangle over its longest edge
+    constexpr double kFlat = 1e-4;  // height of a triangle over its longest edge
     constexpr double kOff = 1e-6;   // of the body's size, a corner from the plane beyond
     Eigen::Vector3d low = X_.front(), high = low;
     for (const Eigen::Vector3d& x : X_) {
