@@ -29,6 +29,8 @@ N_VERTICES = 2000  #: that a surface gets where no edge is asked for, about
 TOLERANCE = 2e-3  #: of the diagonal of the body's box, where none is asked for
 SECONDS = 120.0  #: after which fTetWild is stopped: what is no body is worked on for minutes
 
+_APART = 0.1  # of a fan's size, by which its vertex leaves that of another that it touches
+
 STOP_ENERGY = 50.0  #: of the worst tetrahedron, by fTetWild's measure: only their surface is wanted, which is even before
 
 
@@ -37,7 +39,8 @@ class Remeshed:
     """What has become of a surface; lengths in its own unit.
 
     before, after: what `meshing check --json` says of the surface mended exactly and of the new one; to_old, to_new: the
-    largest distance of vertices and middles of triangles of the one surface to the other.
+    largest distance of vertices and middles of triangles of the one surface to the other; n_parted: vertices at which parts
+    touched that have been set apart.
     """
 
     before: dict[str, Any]
@@ -46,6 +49,7 @@ class Remeshed:
     tolerance: float
     to_old: float
     to_new: float
+    n_parted: int = 0
 
     @property
     def text(self) -> str:
@@ -64,6 +68,7 @@ class Remeshed:
                 row("area", "area"),
                 f"edge wanted {self.edge:.4g}, tolerance {self.tolerance:.4g}",
                 f"new surface from old at most {self.to_old:.4g}, old from new at most {self.to_new:.4g}",
+                *([f"set apart at {self.n_parted} vertices"] if self.n_parted else []),
             ]
         )
 
@@ -100,15 +105,53 @@ def remesh(
         before = _checked(old)
         x, f = _tetwild(surface, folder, X, F, edge, tolerance, limit)
         new = folder / f"new{out.suffix}"
-        _write(new, x, f)
+        write_surface(new, x, f)
         after = _checked(new)
+        if n_parted := after["split_vertices"]:
+            x, f = parted(x, f, tolerance)
+            write_surface(new, x, f)
+            after = _checked(new)
         if after["problems"]:
             raise RunError(
                 f"{surface}: remeshed within {tolerance:.3g}, it is no surface of a body: {after['problems'][0]}; "
                 "another --edge or --tolerance may help"
             )
         write_text(out, new.read_text())
-    return Remeshed(before, after, edge, tolerance, _distance(x, f, X, F), _distance(X, F, x, f))
+    return Remeshed(before, after, edge, tolerance, _distance(x, f, X, F), _distance(X, F, x, f), n_parted)
+
+
+def parted(X: Array, F: Array, most: float) -> tuple[Array, Array]:
+    """Points (n, 3) and triangles (m, 3) with a vertex for each fan of triangles, of a surface whose edges have two each.
+
+    Where a vertex had several fans, each draws its own towards its middle, by `most` at most.
+    """
+    points, triangles = list(X), F.tolist()
+    after: list[dict[int, int]] = [
+        {} for _ in points
+    ]  # of a vertex, the triangle that follows each neighbour
+    for f, t in enumerate(triangles):
+        for c, v in enumerate(t):
+            after[v][t[(c + 1) % 3]] = f
+    new = F.copy()
+    for v, triangle_after in enumerate(after):
+        fans = []
+        while triangle_after:
+            _, f = triangle_after.popitem()
+            fans.append([f])
+            while (last := triangles[f][triangles[f].index(v) - 1]) in triangle_after:
+                f = triangle_after.pop(last)
+                fans[-1].append(f)
+        if len(fans) < 2:
+            continue
+        for number, fan in enumerate(fans):
+            way = X[F[fan]].mean(axis=(0, 1)) - X[v]
+            place = X[v] + min(_APART, most / float(np.linalg.norm(way))) * way
+            if number == 0:
+                points[v] = place
+                continue
+            new[fan] = np.where(F[fan] == v, len(points), new[fan])
+            points.append(place)
+    return np.array(points), new
 
 
 def remeshed_of(surface: Path, folder: Path) -> Path:
@@ -137,10 +180,11 @@ def sentence_of(scene: dict[str, Any], folder: Path) -> str:
         return ""
     record = json.loads(file.with_suffix(".json").read_text())
     done = Remeshed(**record["done"])
+    apart = f" Parts that touched were set apart, at {done.n_parted} vertices." if done.n_parted else ""
     return (
         f"Both methods solved a remeshed surface of {done.after['vertices']} vertices. It lies at most "
         f"{significant(done.to_old)} from {record['wanted']['surface']}, and that at most {significant(done.to_new)} "
-        "from it, in the file's unit."
+        f"from it, in the file's unit.{apart}"
     )
 
 
@@ -159,7 +203,8 @@ def read_off(file: Path) -> tuple[Array, Array]:
     return X, F[:, 1:]
 
 
-def _write(file: Path, X: Array, F: Array) -> None:
+def write_surface(file: Path, X: Array, F: Array) -> None:
+    """Points (n, 3) and triangles (m, 3) as .off or .obj, to the last digit."""
     if file.suffix.lower() == ".off":
         lines = ["OFF", f"{len(X)} {len(F)} 0", *(f"{x!r} {y!r} {z!r}" for x, y, z in X.tolist())]
         lines += [f"3 {a} {b} {c}" for a, b, c in F.tolist()]

@@ -129,8 +129,18 @@ ExitStatus run(const Arguments& arguments) {
   TetOptions tets;
   tets.interior_size = scene.reference.interior_size;
   TetReport attempts;
-  const SurfaceMesh surface = session.cut_surface();
-  const TetMesh mesh = from_first_process(is_first ? tetrahedralize(surface, tets, &attempts) : TetMesh());
+  TetMesh mesh;
+  const SurfaceMesh surface = session.cut_surface([&](const SurfaceMesh& cut) {
+    std::string refused;
+    tets.ends_when_stopped = cut.cuts.F.size() > 0;
+    try {
+      mesh = is_first ? tetrahedralize(cut, tets, &attempts) : TetMesh();
+    } catch (const std::runtime_error& error) {
+      refused = error.what();
+    }
+    mesh = from_first_process(std::move(mesh));  // where the first has none, no process has
+    if (mesh.T.cols() == 0) throw std::runtime_error(refused);
+  });
   const bool is_implicit =
       scene.time.mode == TimeMode::Dynamic && !find_scheme(scene.reference.integrator).is_explicit();
   const Memory kind = is_implicit && law_of(scene) != MaterialLaw::SmallStrain ? Memory::FactorAndCopy

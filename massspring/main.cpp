@@ -204,19 +204,26 @@ ExitStatus run(const Arguments& arguments) {
   session.start("mesh");
   const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
   NodeReport found;
-  const SurfaceMesh surface = needs_links ? session.surface : session.cut_surface();
+  const bool is_adapted = scene.network.target_error > 0 && may_estimate(scene, calibration);
   SpringNetwork network;
-  if (scene.network.target_error > 0 && may_estimate(scene, calibration)) {
-    session.start("adapt");
-    AdaptedSurface adapted = adapt_surface(scene, surface, scene.network.target_error);
-    add_adapted(adapted, session);
-    network = std::move(adapted.network);
-  } else {
-    network = build_network(surface, scene.network, needs_links, calibration.needs_tetrahedra, &found);
-    if (scene.network.estimate && may_estimate(scene, calibration)) {
-      session.start("estimate");
-      add_estimate(estimate_error(scene, surface, network), network, session);
+  const auto fill = [&](const SurfaceMesh& surface) {
+    if (is_adapted) {
+      session.start("adapt");
+      AdaptedSurface adapted = adapt_surface(scene, surface, scene.network.target_error);
+      add_adapted(adapted, session);
+      network = std::move(adapted.network);
+    } else {
+      network = build_network(surface, scene.network, needs_links, calibration.needs_tetrahedra, &found);
     }
+  };
+  SurfaceMesh surface = session.surface;
+  if (needs_links)
+    fill(surface);
+  else
+    surface = session.cut_surface(fill);
+  if (!is_adapted && scene.network.estimate && may_estimate(scene, calibration)) {
+    session.start("estimate");
+    add_estimate(estimate_error(scene, surface, network), network, session);
   }
   session.foresee(network.X.cols(),
                   foreseen_seconds(scene, network.X.cols(), needs_links, !arguments.is_undiagnosed));

@@ -31,6 +31,7 @@ from . import (
     scaling,
     stability,
     strips,
+    survey,
     verdicts,
     work_precision,
 )
@@ -106,6 +107,11 @@ STUDIES = {
     "cluster": Study(
         "a sweep of small runs by one worker and by two, one of which is killed: half an hour", cluster.study
     ),
+    "survey": Study(
+        "whether closed surfaces in a folder end in both programs, as they are and remeshed: hours",
+        survey.study,
+        frozenset({"quick", "held_out", "bodies"}),
+    ),
     "verdicts": Study(
         "whether verdicts on the same bodies hold against a finer reference: an hour", verdicts.study
     ),
@@ -145,8 +151,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--held-out",
         action="store_true",
-        help="accuracy, estimate: the bodies too that nothing was developed on",
+        help="accuracy, estimate, survey: the bodies too that nothing was developed on",
     )
+    parser.add_argument("--bodies", type=Path, metavar="DIR", help="survey: a folder of closed surfaces")
     parser.add_argument(
         "--against", metavar="COMMIT", help="kernels: build this commit apart, and measure it in the same run"
     )
@@ -158,7 +165,7 @@ _TIME_LIMIT = 120  # s
 def check_options(arguments: argparse.Namespace) -> None:
     """Raises RunError for an option that means nothing to the study."""
     takes = STUDIES[arguments.name].takes
-    for name in ("scenes", "quick", "repetitions", "time_limit", "against", "held_out"):
+    for name in ("scenes", "quick", "repetitions", "time_limit", "against", "held_out", "bodies"):
         if getattr(arguments, name) and name not in takes:
             what = "scene" if name == "scenes" else f"--{name.replace('_', '-')}"
             known = ", ".join(sorted(study for study, entry in STUDIES.items() if name in entry.takes))

@@ -263,7 +263,12 @@ Status Simulation::advance() {
     equilibrium_ = solid_.solve(factor, &timer_);
     equilibrium_.newton_iterations += n_newton;
     equilibrium_.linear_iterations += n_linear;
-    if (!equilibrium_.is_converged) return status_ = Status::NotConverged;
+    if (!equilibrium_.is_converged) {
+      reason_ = law_of(scene_) == MaterialLaw::SmallStrain
+                    ? "the linear system's conjugate gradients stand still"
+                    : "no equilibrium was found in this load step";
+      return status_ = Status::NotConverged;
+    }
     is_solved_ = is_proportional_;
   }
   ++n_done_;

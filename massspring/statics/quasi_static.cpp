@@ -142,7 +142,7 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
 
 const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state) {
   constexpr double kLocks = 0.49;  // Poisson's ratio beyond which simple tetrahedra are a poor guide
-  P_ = model_.material.nu > kLocks ? stiffness() : simple_stiffness(model_, state);
+  P_ = is_exact_ || model_.material.nu > kLocks ? stiffness() : simple_stiffness(model_, state);
   surface_.add_within(P_);
   P_ = shifted(std::move(P_), forces_.constraints);
   return P_;

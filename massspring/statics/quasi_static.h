@@ -33,7 +33,7 @@ class QuasiStaticSolver {
   /// limit point, where the energy has no minimum, ends at the last equilibrium, once the body has run away
   /// by its own size. Starts from where the last equilibria point to, if the energy is lower there. A linear
   /// model [small_strain.h], under dead loads alone, takes one linear solve from what the last equilibrium is
-  /// in proportion to. The last equilibria are those in the state; preconditioners are kept from step to step and
+  /// in proportion to; where that stands still, another by a factor of the stiffness in double precision. The last equilibria are those in the state; preconditioners are kept from step to step and
   /// change a step within its tolerance.
   StepReport solve(double load_factor, State& state);
 
@@ -58,6 +58,7 @@ class QuasiStaticSolver {
   void product(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
   double product(const PaddedField& p, PaddedField& y) const;
   const BlockMatrix& preconditioning_matrix(const State& state);
+  bool turn_to_factor();
   Eigen::Matrix3Xd residual(const State& state, double load_factor, double& size) const;
   void project(Eigen::Matrix3Xd& y) const;
   void project(PaddedField& y) const;
@@ -78,7 +79,8 @@ class QuasiStaticSolver {
   std::vector<PaddedField> single_roots_;
   Eigen::Matrix3Xd x_;
 
-  BlockMatrix P_;  ///< of which preconditioners are made
+  BlockMatrix P_;          ///< of which preconditioners are made
+  bool is_exact_ = false;  ///< of the stiffness itself
   LinearSolver solver_;
   LoadHistory rest_;  ///< of a state at rest
 };

@@ -11,6 +11,8 @@
 
 namespace testbed::meshing {
 
+constexpr double kMostFactorEntries = 2e8;  ///< that are affordable: 1.6 GB
+
 /// Entries that the factor of a matrix would have, whose order cuts fill.
 double n_factor_entries(const BlockMatrix& A);
 

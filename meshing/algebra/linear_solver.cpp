@@ -17,9 +17,8 @@ constexpr double kMultigrid = 300;   // to make one
 constexpr double kCycle = 6;         // an iteration with it
 constexpr double kCyclesADigit = 4;  // iterations with it, a good one
 constexpr double kFactor = 0.4, kFactorSolve = 0.01;
-constexpr int kWornOut = 12;            // iterations more than at first, at which a factor is made anew
-constexpr int kStandsStill = 100;       // iterations with multigrid, after which a factor is tried
-constexpr double kLargestFactor = 2e8;  // entries, 1.6 GB
+constexpr int kWornOut = 12;       // iterations more than at first, at which a factor is made anew
+constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried
 constexpr int kMaxIterations = 5000;
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
 
@@ -142,6 +141,13 @@ LinearSolver LinearSolver::of_stiffness(bool is_floppy) {
   return solver;
 }
 
+LinearSolver LinearSolver::of_factor(const std::string& why) {
+  LinearSolver solver = of_stiffness(true);
+  solver.preconditioner_ = Factor{};
+  solver.choice_ = "Cholesky factor: " + why;
+  return solver;
+}
+
 SolveReport LinearSolver::solve_with(BlockJacobi& jacobi, const LinearSystem& A, const Matrix3Xd& b,
                                      Matrix3Xd& x, double tolerance, int& n) {
   const bool is_small = b.cols() < kSmallest;
@@ -248,7 +254,7 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
       wear_out(groups);
       return solve_on(A, b, x, tolerance, n);
     }
-    if (n_factor_entries(A.matrix()) <= kLargestFactor) {
+    if (n_factor_entries(A.matrix()) <= kMostFactorEntries) {
       choice_ = "Cholesky factor: multigrid took more than " + std::to_string(kStandsStill) + " iterations";
       preconditioner_ = Factor{};
       return solve_on(A, b, x, tolerance, n);

@@ -27,6 +27,8 @@ class LinearSolver {
   /// One for stiffness matrices alone, which need multigrid or a factor from the first system on.
   /// @param is_floppy  motions may cost no energy: a factor in double precision
   static LinearSolver of_stiffness(bool is_floppy);
+  /// One by a factor in double precision from the first system on; why: of the choice.
+  static LinearSolver of_factor(const std::string& why);
 
   /// @param x  the first guess, then the solution
   SolveReport solve(const LinearSystem& A, const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance);

@@ -11,7 +11,6 @@
 #include "meshing/base/files.h"
 #include "meshing/run/hash.h"
 #include "meshing/scene/check.h"
-#include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface/surface_io.h"
 
@@ -216,8 +215,26 @@ void Session::start(const std::string& name) {
   progress.stage(program_ + ": " + name);
 }
 
-SurfaceMesh Session::cut_surface() {
-  const auto [cut, is_bounded] = cut_across(surface, scene.surface.across);
+SurfaceMesh Session::cut_surface(const std::function<void(const SurfaceMesh&)>& fill) {
+  for (const double coarser : {1, 2}) {
+    const CutSurface cut = cut_across(surface, scene.surface.across, coarser);
+    if (cut.surface.cuts.F.size() == 0) break;
+    try {
+      fill(cut.surface);
+      tell(cut);
+      return cut.surface;
+    } catch (const std::runtime_error& error) {
+      record["cuts_refused"].push_back(error.what());
+      progress.tell("the surface cut to " + std::to_string(cut.surface.X.cols()) +
+                    " vertices cannot be filled: it is cut less");
+    }
+  }
+  fill(surface);
+  return surface;
+}
+
+void Session::tell(const CutSurface& found) {
+  const auto& [cut, is_bounded] = found;
   if (const auto n_cut = cut.X.cols() - surface.X.cols(); n_cut > 0) record["n_cut"] = n_cut;
   if (is_bounded) record["is_cut_bounded"] = true;
   if (is_bounded && !is_checked_) {
@@ -226,7 +243,6 @@ SurfaceMesh Session::cut_surface() {
          << ": it is cut to " << cut.X.cols() << " vertices and no further";
     progress.tell(text.str());
   }
-  return cut;
 }
 
 void Session::foresee(Eigen::Index n_nodes, std::optional<double> seconds) {

@@ -18,6 +18,7 @@
 #include "meshing/run/record.h"
 #include "meshing/scene/scene.h"
 #include "meshing/scene/surface_problem.h"
+#include "meshing/surface/cut_surface.h"
 
 namespace testbed::meshing {
 
@@ -57,8 +58,10 @@ class Session {
   /// Begins a stage: its time counts as that of `name`.
   void start(const std::string& name);
 
-  /// The surface as the scene wants it cut, of which the record tells.
-  SurfaceMesh cut_surface();
+  /// The surface as the scene wants it cut, once it has been filled. Where that fails it is cut to edges of twice the
+  /// length, then not at all; the record tells why.
+  /// @param fill  with nodes. What it throws for a surface that is not cut is thrown.
+  SurfaceMesh cut_surface(const std::function<void(const SurfaceMesh&)>& fill);
 
   /// Tells how many nodes are solved for and, where that is foreseen, some seconds that it takes; of a long run what
   /// takes less. Keeps them in the record.
@@ -104,6 +107,7 @@ class Session {
   using Clock = std::chrono::steady_clock;
 
   ExitStatus tell(const nlohmann::ordered_json& result) const;
+  void tell(const CutSurface& found);
   void write_scene() const;
   void write_surface_file() const;
   void end_overdue();

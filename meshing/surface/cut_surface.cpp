@@ -1,8 +1,10 @@
 #include "meshing/surface/cut_surface.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <queue>
 #include <tuple>
 #include <utility>
@@ -28,6 +30,46 @@ class Cutter {
     for (int f = 0; f < surface.F.cols(); ++f)
       add_triangle(surface.F.col(f), is_cut ? surface.cuts.parent[f] : f, longest[f]);
   }
+
+  /// Triangles whose third corner lies on their longest edge go to the one beyond it, whose two parts it becomes.
+  void flip_caps() {
+    constexpr double kFlat = 1e-4;  // height of a triangle over its longest edge
+    constexpr double kOff = 1e-6;   // of the body's size, a corner from the plane beyond
+    Eigen::Vector3d low = X_.front(), high = low;
+    for (const Eigen::Vector3d& x : X_) {
+      low = low.cwiseMin(x);
+      high = high.cwiseMax(x);
+    }
+    const double off = kOff * (high - low).maxCoeff();
+    std::vector<int> left(F_.size());
+    std::iota(left.rbegin(), left.rend(), 0);
+    while (!left.empty()) {
+      const int f = left.back();
+      left.pop_back();
+      const double flatness = flatness_of(F_[f]);
+      if (flatness > kFlat) continue;
+      const auto [c, a] = longest_edge(f);
+      const int g = left_of_.at({a, c}), b = F_[f].sum() - a - c, d = F_[g].sum() - a - c;
+      const Eigen::Vector3d normal = area_vector(F_[g]).normalized();
+      const Eigen::Vector3i first(b, c, d), second(d, a, b);
+      const bool is_in_plane = std::abs(normal.dot(X_[b] - X_[c])) <= off;
+      const bool is_better = std::min(flatness_of(first), flatness_of(second)) > 2 * flatness;
+      const bool is_upright = std::min(area_vector(first).dot(normal), area_vector(second).dot(normal)) > 0;
+      if (!is_in_plane || !is_better || !is_upright || left_of_.count({b, d}) + left_of_.count({d, b}) > 0)
+        continue;
+      left_of_.erase({a, c});
+      left_of_.erase({c, a});
+      parent_[f] = parent_[g];
+      longest_[f] = longest_[g];
+      set_triangle(f, first);
+      set_triangle(g, second);
+      left.push_back(f);
+      left.push_back(g);
+      is_flipped_ = true;
+    }
+  }
+
+  bool is_flipped() const { return is_flipped_; }
 
   SurfaceMesh cut() {
     while (!wanted_.empty() && static_cast<int>(X_.size()) < most_) {
@@ -61,6 +103,17 @@ class Cutter {
     const Edge edges[] = {{t[0], t[1]}, {t[1], t[2]}, {t[2], t[0]}};
     return *std::max_element(std::begin(edges), std::end(edges),
                              [&](const Edge& a, const Edge& b) { return order_of(a) < order_of(b); });
+  }
+
+  Eigen::Vector3d area_vector(const Eigen::Vector3i& t) const {
+    return (X_[t[1]] - X_[t[0]]).cross(X_[t[2]] - X_[t[0]]) / 2;
+  }
+
+  /// Height over the longest edge.
+  double flatness_of(const Eigen::Vector3i& t) const {
+    const double longest = std::max({(X_[t[0]] - X_[t[1]]).squaredNorm(), (X_[t[1]] - X_[t[2]]).squaredNorm(),
+                                     (X_[t[2]] - X_[t[0]]).squaredNorm()});
+    return 2 * area_vector(t).norm() / longest;
   }
 
   void set_triangle(int f, const Eigen::Vector3i& corners) {
@@ -113,6 +166,7 @@ class Cutter {
   std::vector<double> longest_;  ///< edges wanted of each triangle (m)
   std::map<Edge, int> left_of_;  ///< of directed edges, the triangle
   std::priority_queue<std::pair<double, Edge>> wanted_;
+  bool is_flipped_ = false;
 };
 
 }  // namespace
@@ -154,13 +208,15 @@ SurfaceMesh cut_surface(const SurfaceMesh& surface, const Eigen::VectorXd& longe
   return Cutter(surface, longest, most).cut();
 }
 
-CutSurface cut_across(const SurfaceMesh& surface, double across) {
+CutSurface cut_across(const SurfaceMesh& surface, double across, double coarser) {
   constexpr int kPerVertex = 4, kAlways = 5000;
   if (across == 0) return {surface, false};
   const int most = std::max(kPerVertex * static_cast<int>(surface.X.cols()), kAlways);
-  SurfaceMesh cut = cut_surface(surface, edges_across(surface, across), most);
+  Cutter cutter(surface, coarser * edges_across(surface, across), most);
+  cutter.flip_caps();
+  SurfaceMesh cut = cutter.cut();
   const bool is_bounded = cut.X.cols() >= most;
-  if (cut.X.cols() == surface.X.cols()) return {surface, false};
+  if (cut.X.cols() == surface.X.cols() && !cutter.is_flipped()) return {surface, false};
   return {std::move(cut), is_bounded};
 }
 

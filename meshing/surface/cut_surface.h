@@ -12,8 +12,10 @@ struct CutSurface {
 };
 
 /// Cuts triangles until `across` edges fit through the body, by some four times its vertices or 5,000 at most: a
-/// thin sheet would take them without end. 0 cuts none.
-CutSurface cut_across(const SurfaceMesh& surface, double across);
+/// thin sheet would take them without end. 0 cuts none. First, a triangle whose third corner lies on its longest
+/// edge, as CAD programs write them, becomes a part of the one beyond that edge, if they lie in one plane.
+/// @param coarser  times the edges that triangles would else be cut to
+CutSurface cut_across(const SurfaceMesh& surface, double across, double coarser = 1);
 
 /// Of each triangle (m).
 Eigen::VectorXd longest_edges(const SurfaceMesh& surface);

@@ -126,7 +126,8 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
   }
   std::string all;
   for (const std::string& failure : said.failures) all += "\n  " + failure;
-  throw std::runtime_error("no mesher fills the surface:" + all);
+  throw std::runtime_error("no mesher fills the surface:" + all +
+                           "\n./testbed run with --remesh first makes an even surface of it");
 }
 
 }  // namespace testbed::meshing

@@ -59,13 +59,35 @@ def test_what_takes_too_long_is_stopped_and_leaves_nothing(tmp_path, ball):
 
 
 def test_a_result_that_is_no_surface_is_refused_with_the_reason(tmp_path, ball, monkeypatch):
-    monkeypatch.setattr(remeshing, "_tetwild", lambda *_: TWO_TETRAHEDRA)
+    X, F = TWO_TETRAHEDRA
+    monkeypatch.setattr(remeshing, "_tetwild", lambda *_: (X, F[:-1]))
     file = write_obj(tmp_path / "ball.obj", *ball)
-    with pytest.raises(
-        RunError, match=r"ball.obj: .*1 vertices join separate fans.*first vertex 0 \(0, 0, 0\)"
-    ):
+    with pytest.raises(RunError, match=r"ball.obj: .*3 edges have one triangle"):
         remesh(file, tmp_path / "new.obj")
     assert not (tmp_path / "new.obj").exists()
+
+
+def test_parts_that_touch_in_a_vertex_are_set_apart(tmp_path, ball, monkeypatch):
+    monkeypatch.setattr(remeshing, "_tetwild", lambda *_: TWO_TETRAHEDRA)
+    file = write_obj(tmp_path / "ball.obj", *ball)
+    done = remesh(file, tmp_path / "new.off", tolerance=0.01)
+    assert done.n_parted == 1 and "set apart at 1 vertices" in done.text
+    assert (done.after["vertices"], done.after["components"], done.after["usable"]) == (8, 2, True)
+    X, F = read_off(tmp_path / "new.off")
+    moved = np.delete(X, range(1, 7), axis=0)
+    assert np.linalg.norm(moved, axis=1) == pytest.approx([0.01, 0.01])
+    assert sorted(moved.sum(axis=1) > 0) == [False, True]
+    np.testing.assert_array_equal(X[1:7], TWO_TETRAHEDRA[0][1:])
+    assert [sorted(np.unique(F[part])) for part in (slice(0, 4), slice(4, 8))] in (
+        [[0, 1, 2, 3], [4, 5, 6, 7]],
+        [[1, 2, 3, 7], [0, 4, 5, 6]],
+    )
+
+
+def test_a_surface_of_single_fans_stays_as_it_is(ball):
+    X, F = remeshing.parted(*ball, 1)
+    np.testing.assert_array_equal(X, ball[0])
+    np.testing.assert_array_equal(F, ball[1])
 
 
 def test_a_worker_that_dies_is_named_by_its_last_line(tmp_path, ball, monkeypatch):
@@ -97,7 +119,7 @@ def test_a_run_remeshes_the_same_surface_once_and_says_so(tmp_path, ball, monkey
     def stand_in(surface, out):
         made.append(surface)
         out.write_text("OFF")
-        return Remeshed({"vertices": 9}, {"vertices": 642}, 0.1, 0.01, 0.004, 0.002)
+        return Remeshed({"vertices": 9}, {"vertices": 642}, 0.1, 0.01, 0.004, 0.002, 2)
 
     monkeypatch.setattr(remeshing, "remesh", stand_in)
     file, folder = write_obj(tmp_path / "ball.obj", *ball), tmp_path / "run"
@@ -106,6 +128,7 @@ def test_a_run_remeshes_the_same_surface_once_and_says_so(tmp_path, ball, monkey
     assert new.stem == file.stem  # so that report and folder name the body
     sentence = sentence_of({"surface": {"file": str(new)}}, folder)
     assert "ball.obj" in sentence and "642 vertices" in sentence and "0.004" in sentence
+    assert "Parts that touched were set apart, at 2 vertices." in sentence
     for other in (file, tmp_path / "another" / new.name):
         assert sentence_of({"surface": {"file": str(other)}}, folder) == ""
     file.write_text(file.read_text() + "\n# changed\n")

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 
 import pytest
@@ -94,3 +95,33 @@ def test_a_surface_that_is_too_thin_for_its_cuts_is_told_of_in_plain_words(tmp_p
     assert json.loads(record.read_text())["is_cut_bounded"]
     said, _ = said_by("fem_reference", "own_body", tmp_path, "--checked", "--force", *words)
     assert not [line for line in said if "too thin" in line]
+
+
+@pytest.mark.parametrize(
+    "program, n_failures, n_refused",
+    [("massspring", 8, 1), ("massspring", 16, 2), ("fem_reference", 4, 1), ("fem_reference", 8, 2)],
+)
+def test_a_surface_that_no_mesher_fills_is_cut_less(program, n_failures, n_refused, tmp_path):
+    """Four attempts on each surface; of springs with their own nodes inside, then with the mesher's."""
+    shutil.copy(PROGRAMS / program, tmp_path)
+    failures = tmp_path / "failures"
+    failures.mkdir()
+    for name in ("gmsh_worker", "tetgen_worker"):
+        worker = tmp_path / name
+        worker.write_text(
+            f"#!/bin/sh\n[ $(ls {failures} | wc -l) -lt {n_failures} ] && mktemp -p {failures} && exit 1\n"
+            f'exec {PROGRAMS / name} "$@"\n'
+        )
+        worker.chmod(0o755)
+    words = ["surface.shape=bar", "surface.n_vertices=8", "surface.size=[10, 1, 1]", "reference.degree=1"]
+    words = [part for word in words for part in ("--set", word)]
+    _, record = said_by(program, "own_body", tmp_path / "usual", *words)
+    usual = json.loads(record.read_text())
+    command = [tmp_path / program, SCENES / "own_body.toml", "--out", tmp_path / "out", *words]
+    said = subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    record = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert record["status"] == "ok" and "cuts_refused" not in usual
+    assert [reason.startswith("no mesher fills") for reason in record["cuts_refused"]] == [True] * n_refused
+    assert said.count("cannot be filled: it is cut less") == n_refused
+    assert ("n_cut" in record) == (n_refused == 1)
+    assert record.get("n_cut", 0) < usual["n_cut"] / 2

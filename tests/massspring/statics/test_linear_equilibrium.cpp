@@ -151,6 +151,43 @@ TEST(LinearEquilibrium, OfANearlyIncompressibleBodyIsFound) {
   EXPECT_LE(report.linear_iterations, 130) << "a matrix of its own preconditions it";
 }
 
+TEST(LinearEquilibrium, OfFlatTetrahedraIsThatOfADenseSolver) {
+  constexpr double kFlat = 1e-10;
+  constexpr int kEvery = 50;
+  for (const char* calibration : {"edge_coupled", "node_averaged"}) {
+    const TetMesh box = meshing::box_tets(12, 6, 6, 0.25 / 6, 0.2);
+    SpringNetwork network;
+    network.X = box.X;
+    network.F = box.F;
+    network.T = box.T;
+    const Eigen::Index n = network.X.cols(), m = network.T.cols(), n_parted = m / kEvery;
+    network.X.conservativeResize(Eigen::NoChange, n + n_parted);
+    network.T.conservativeResize(Eigen::NoChange, m + 3 * n_parted);
+    for (int k = 0; k < n_parted; ++k) {  // a node near a face: one of the four parts is flat
+      const Eigen::Vector4i t = network.T.col(kEvery * k);
+      const int p = static_cast<int>(n) + k;
+      const Eigen::Matrix<double, 3, 4> x = network.X(Eigen::all, t);
+      network.X.col(p) = (1 - kFlat) * x.leftCols(3).rowwise().mean() + kFlat * x.col(3);
+      for (int c = 0; c < 4; ++c) {
+        Eigen::Vector4i part = t;
+        part[c] = p;
+        network.T.col(c == 0 ? kEvery * k : m + 3 * k + c - 1) = part;
+      }
+    }
+    network.n_surface = static_cast<int>(network.X.cols());
+    MassSpringModel model = calibrate(network, {1e6, 0.25, 1000, 0}, find_calibration(calibration));
+    linearise(model);
+    const Forces forces = hanging(model);
+    QuasiStaticSolver solver(model, forces);
+    State state = initial_state(model);
+    EXPECT_EQ(solver.solve(1, state).status, Status::Ok) << calibration;
+    const Eigen::VectorXi free = free_unknowns(model, forces);
+    const Eigen::MatrixXd K = dense_stiffness(model)(free, free);
+    const VectorXd u = K.llt().solve(VectorXd(forces.load.reshaped()(free)));
+    EXPECT_LT((displacement(model, state).reshaped()(free) - u).norm(), 1e-4 * u.norm()) << calibration;
+  }
+}
+
 TEST(LinearEquilibrium, IsThatOfFullGeometryAsTheLoadVanishes) {
   const MassSpringModel linear = linear_box("node_averaged"), full = full_box("node_averaged");
   const auto difference = [&](double gravity) {

@@ -39,6 +39,33 @@ double least_angle(const SurfaceMesh& surface) {
   return least;
 }
 
+/// A plate with a vertex near the middle of a face's diagonal, and the flat triangle that they make.
+struct Capped {
+  SurfaceMesh plate = box({1, 1, 0.3});
+  int cap, beyond;  ///< triangles: the flat one, and that on the diagonal's other side
+
+  /// @param off  the vertex from the diagonal, in the face and out of it (m)
+  explicit Capped(const Eigen::Vector2d& off) {
+    int f = 0, c = 0;
+    const auto length = [&] { return edge_lengths(plate, f)[c]; };
+    while (length() < 1.4) c == 2 ? (c = 0, ++f) : ++c;
+    const Eigen::Vector3i t = plate.F.col(f);
+    const int a = t[c], b = t[(c + 1) % 3], apex = t[(c + 2) % 3], p = 8;
+    const auto has = [&](int g, int v) { return (plate.F.col(g).array() == v).any(); };
+    beyond = 0;
+    while (beyond == f || !has(beyond, a) || !has(beyond, b)) ++beyond;
+    cap = static_cast<int>(plate.F.cols()) + 1;
+    const Eigen::Vector3d middle = (plate.X.col(a) + plate.X.col(b)) / 2,
+                          normal = area_vectors(plate.X, plate.F).col(f).normalized();
+    plate.X.conservativeResize(Eigen::NoChange, p + 1);
+    plate.X.col(p) = middle + off[0] * (plate.X.col(apex) - middle).normalized() + off[1] * normal;
+    plate.F.conservativeResize(Eigen::NoChange, cap + 1);
+    plate.F.col(f) << b, apex, p;
+    plate.F.col(cap - 1) << apex, a, p;
+    plate.F.col(cap) << a, b, p;
+  }
+};
+
 class Cut : public testing::TestWithParam<const char*> {
  protected:
   const SurfaceMesh before =
@@ -172,4 +199,34 @@ TEST(CutAcross, ChangesNothingThatIsThickEnoughAndIsBoundedInThinSheets) {
   EXPECT_TRUE(bounded.is_bounded);
   EXPECT_GE(bounded.surface.X.cols(), 5000);
   EXPECT_LE(bounded.surface.X.cols(), 5010);
+}
+
+TEST(CutAcross, GivesFlatCapsToTheTrianglesBesideThem) {
+  const Capped capped({1e-9, 0});
+  const SurfaceMesh& plate = capped.plate;
+  ASSERT_NO_THROW(check_closed(plate, "plate"));
+  ASSERT_LT(least_angle(plate), 1e-8);
+  const SurfaceMesh flipped = cut_across(plate, 1e-3, 1e9).surface;
+  EXPECT_EQ(flipped.X, plate.X);
+  ASSERT_EQ(flipped.F.cols(), plate.F.cols());
+  EXPECT_NO_THROW(check_closed(flipped, "flipped"));
+  EXPECT_NEAR(volume(flipped.X, flipped.F), volume(plate.X, plate.F), kRounding);
+  EXPECT_GT(least_angle(flipped), 0.1);
+  double area = 0;
+  for (Eigen::Index f = 0; f < flipped.F.cols(); ++f) {
+    EXPECT_NE(flipped.cuts.parent[f], capped.cap);
+    if (flipped.cuts.parent[f] == capped.beyond) area += area_vectors(flipped.X, flipped.F).col(f).norm();
+  }
+  EXPECT_NEAR(area, 0.5, 1e-8);
+  const SurfaceMesh cut = cut_across(plate, 2).surface;
+  EXPECT_GT(cut.X.cols(), 50);
+  EXPECT_NO_THROW(check_closed(cut, "cut"));
+  EXPECT_GT(least_angle(cut), 0.1);
+}
+
+TEST(CutAcross, LeavesFlatCapsThatStandOutOfThePlaneAndNeedlesOfAShortEdge) {
+  const Capped ridge({1e-4, 1e-5});
+  EXPECT_EQ(cut_across(ridge.plate, 1e-3, 1e9).surface.F, ridge.plate.F);
+  const SurfaceMesh blade = box({1, 0.5, 5e-5});
+  EXPECT_EQ(cut_across(blade, 1e-3, 1e9).surface.F, blade.F);
 }

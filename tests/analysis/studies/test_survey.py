@@ -1,0 +1,153 @@
+"""The survey: which bodies it takes, and how it counts what became of them."""
+
+from collections import Counter
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.run_store import Outcome
+from analysis.runs import RunError
+from analysis.studies.survey import (
+    Bench,
+    Case,
+    cases,
+    end_of,
+    far_slower,
+    finding,
+    read_sources,
+    row_of,
+    table,
+    table_of_failures,
+)
+
+
+def test_sources_are_many_and_of_each_repository_ten_at_most():
+    sources = read_sources().values()
+    of = Counter(row["repository"] for row in sources)
+    assert len(sources) >= 150 and len(of) >= 20 and max(of.values()) == 10
+    assert all(200 <= int(row["vertices"]) <= 20_000 for row in sources)
+    assert all(len(row["commit"]) == 40 and len(row["sha256"]) == 64 for row in sources)
+    assert len({row["commit"] for row in sources}) == len(of)
+
+
+def write_bodies(folder, n=40):
+    folder.mkdir()
+    digests = []
+    for number in range(n):
+        text = f"solid {number}"
+        (folder / f"{number}.STL").write_text(text)
+        digests.append(sha256(text.encode()).hexdigest())
+    (folder / "notes.txt").write_text("no surface")
+    return sorted(digests)
+
+
+def test_half_of_the_bodies_is_held_out_by_hash(tmp_path):
+    digests = write_bodies(tmp_path / "bodies")
+    few, all_ = (cases(tmp_path / "bodies", has_held_out, is_quick=True) for has_held_out in (False, True))
+    assert [case.digest for case in all_] == digests
+    assert [case.digest for case in few] == [digest for digest in digests if int(digest[:2], 16) % 2 == 0]
+    assert 10 < len(few) < 30
+    remeshed = cases(tmp_path / "bodies", has_held_out=True, is_quick=False)
+    assert [case.is_remeshed for case in remeshed] == [False] * 40 + [True] * 40
+
+
+def test_a_folder_without_a_surface_is_refused(tmp_path):
+    with pytest.raises(RunError, match=r"no surface, expected files that end in \.obj, \.off"):
+        cases(tmp_path, has_held_out=False, is_quick=False)
+
+
+@pytest.mark.parametrize(
+    "outcome, end",
+    [
+        (Outcome("ok", "", 100, 59, 0), "ok"),
+        (Outcome("ok", "", 100, 61, 0), "out of time"),
+        (Outcome("failed", "exit status -24", 70, 60.1, 0), "out of time"),
+        (Outcome("time limit", "", 600, 2, 0), "out of time"),
+        (Outcome("not_converged", "it stands still", 1, 1, 0), "failed"),
+        (Outcome("failed", "exit status -11", 1, 1, 0), "failed"),
+        (Outcome("failed", "no mesher fills it: ./testbed run --remesh", 1, 1, 0), "refused"),
+        (Outcome("failed", "no mesher fills it: ./testbed run --remesh", 30, 11, 0), "failed"),
+    ],
+)
+def test_a_run_ends_as_its_time_status_and_message_say(outcome, end):
+    assert end_of(outcome) == end
+
+
+def row(body, program, end, seconds, **more):
+    place = {"body": body, "program": program, "surface": "as it is", "load": "sag", "half": "development"}
+    return {**place, "end": end, "seconds": str(seconds), "estimate": "", "message": "why"} | more
+
+
+ROWS = [
+    row("a", "massspring", "ok", 2, estimate="0.05"),
+    row("a", "fem_reference", "ok", 21),
+    row("b", "massspring", "ok", 4, estimate="0.2"),
+    row("b", "fem_reference", "out of time", 60),
+    row("c", "massspring", "failed", 1),
+    row("c", "fem_reference", "refused", 70),
+    row("d", "massspring", "ok", 0.1),
+    row("d", "fem_reference", "ok", 5),
+]
+
+
+def test_runs_are_counted_by_their_ends():
+    head, lines = table(ROWS, ["program"])
+    assert head[1:6] == ["runs", "ok", "refused", "failed", "out of time"]
+    assert lines == [
+        ["fem_reference", "4", "2", "1", "0", "1", "50 %", "13", "19", "21", "-", "2"],
+        ["massspring", "4", "3", "0", "1", "0", "75 %", "2", "3.6", "4", "20 %", "0"],
+    ]
+    assert finding(ROWS) == "Of 4 bodies as they are, 62 % of 8 runs end ok."
+
+
+def test_far_slower_is_what_takes_ten_times_as_long_and_not_a_few_seconds():
+    assert [(row["body"], row["program"]) for row in far_slower(ROWS)] == [
+        ("a", "fem_reference"),
+        ("b", "fem_reference"),
+    ]
+
+
+def test_what_does_not_end_ok_is_named_with_its_source():
+    sources = {"b": {"repository": "someone/something", "path": "parts/b.stl"}}
+    _, lines = table_of_failures(ROWS, sources)
+    assert [line[0] for line in lines] == ["b", "c", "c"]
+    assert lines[0][1] == "someone/something: parts/b.stl" and lines[1][1] == "-"
+    assert lines[0][-2:] == ["60", "why"]
+
+
+class Recording:
+    """A store that runs nothing."""
+
+    def __init__(self):
+        self.requests = []
+
+    def run(self, request):
+        self.requests.append(request)
+        return Outcome("ok", "", 3, 2, 0, record={"n_nodes": 7, "tetrahedra": {"min_radius_ratio": 0.25}})
+
+
+def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_path, ball):
+    X, F = ball
+    file = tmp_path / "ball.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in 40 * X + 7] + [f"f {a} {b} {c}" for a, b, c in F + 1]
+    file.write_text("\n".join(lines))
+    store = Recording()
+    bench = Bench(tmp_path, store)
+    rows = bench.measure(Case(file, "0123456789abcdef", is_remeshed=False), ("sag", "free"))
+    assert [(r["load"], r["program"], r["end"], r["n_nodes"]) for r in rows] == [
+        (load, program, "ok", "7") for load in ("sag", "free") for program in ("massspring", "fem_reference")
+    ]
+    assert rows[0]["min_radius_ratio"] == "0.25" and rows[0]["half"] == "held-out"
+    assert {request.prefix for request in store.requests} == {("prlimit", "--cpu=60")}
+    new, points, _ = bench.surface_of(Case(file, "0123456789abcdef", is_remeshed=False))
+    assert f"surface.file={new}" in store.requests[0].overrides
+    assert str(new) in Path(store.requests[-1].scene).read_text()
+    np.testing.assert_allclose(np.ptp(points, axis=0).max(), 1)
+    np.testing.assert_allclose(points.min(axis=0) + points.max(axis=0), 0, atol=1e-12)
+
+
+def test_a_row_tells_the_message_of_what_is_not_ok_alone():
+    assert row_of(Outcome("ok", "", 3, 2, 0))["message"] == ""
+    assert row_of(Outcome("failed", "no such thing", 3, 2, 0))["message"] == "failed: no such thing"
