@@ -152,6 +152,31 @@ def test_clamped_body_that_overlaps_a_floor_begins_pressed(program, tmp_path):
     assert abs(run.curves["lost_to_scheme"][0]) < 1e-6
 
 
+ROLLERS = """
+[[supports]]
+region = { box = { low = [0, 1, 0], high = [1, 1, 1] }, relative = true }
+components = "y"
+"""
+
+
+@pytest.mark.parametrize("program", ["massspring", "fem_reference"])
+def test_body_on_rollers_that_overlaps_a_floor_begins_under_one_stress(program, tmp_path):
+    scene = OVERLAP.format(shape="bar", low=0.03, initially="resolve") + ROLLERS
+    done = begun(program, tmp_path, scene)
+    assert done.returncode == 0, done.stderr
+    run = load_run(tmp_path / "out")
+    first = run.frame(0)
+    moved = first.X + first.u
+    size = np.ptp(moved, axis=0)
+    pressed = 1 - size[1]
+    assert 0.03 < pressed < 0.031, "what the barrier's gap adds"
+    # Between plates without friction there is no stress across: E/2 e^2 per volume, to second order in the strain e.
+    assert run.curves["elastic_energy"][0] == pytest.approx(1e5 / 2 * pressed**2, rel=2 * pressed)
+    np.testing.assert_allclose(size[[0, 2]] - 1, 0.25 * pressed, rtol=2 * pressed)
+    np.testing.assert_allclose((moved - first.X)[:, [0, 2]].mean(axis=0), 0, atol=1e-3)
+    assert abs(run.curves["lost_to_scheme"][0]) < 1e-6
+
+
 @pytest.mark.parametrize("program", ["massspring", "fem_reference"])
 def test_obstacle_around_the_body_is_refused_at_once(program, tmp_path):
     scene = OVERLAP.format(shape="ball", low=0.45, initially="resolve")
