@@ -122,8 +122,9 @@ def begun(program, folder, scene):
 
 
 @pytest.mark.parametrize("program", ["massspring", "fem_reference"])
-def test_free_body_that_overlaps_a_floor_is_lifted_onto_it(program, tmp_path):
+def test_free_body_that_overlaps_a_floor_is_lifted_onto_it_and_keeps_its_velocity(program, tmp_path):
     scene = OVERLAP.format(shape="ball", low=-0.45, initially="resolve")
+    scene += "[[initial]]\nregion = { sphere = { center = [0, 0, 0], radius = 2 } }\nvelocity = [0.5, 0, 0] # m/s\n"
     done = begun(program, tmp_path, scene)
     assert done.returncode == 0, done.stderr
     run = load_run(tmp_path / "out")
@@ -132,6 +133,8 @@ def test_free_body_that_overlaps_a_floor_is_lifted_onto_it(program, tmp_path):
         first.u, np.tile([0, -0.45 - first.X[:, 1].min(), 0], (len(first.X), 1)), atol=1e-6
     )
     assert run.curves["elastic_energy"][0] < 1e-6
+    v = np.asarray(pv.read(run.file(0))["velocity"])
+    np.testing.assert_allclose(v, np.tile([0.5, 0, 0], (len(v), 1)), atol=1e-12)
     refused = begun(program, tmp_path, scene.replace('"resolve"', '"refuse"'))
     assert refused.returncode == 1 and "obstacles[0]: " in refused.stderr
 
