@@ -392,6 +392,10 @@ TEST(Scene, AFileOfMoreThanTenMegabytesIsRefusedUnread) {
   fs::remove(file);
 }
 
+TEST(Scene, AKeyThatBeginsWithAControlCharacterIsRefusedByItsLine) {
+  EXPECT_NE(error_of("gravity = [0, -9.81, 0]\n[\x01material]\n").find("scene.toml:2: "), std::string::npos);
+}
+
 TEST(Scene, KeysOfAMillionPartsAreRefusedByTheirLine) {
   const auto parts = [](const std::string& part, int n) {
     std::string key = part;
