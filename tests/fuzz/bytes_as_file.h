@@ -18,8 +18,8 @@ inline std::filesystem::path file_of(const std::uint8_t* bytes, size_t n, const 
   static const meshing::TemporaryFolder folder;
   static const std::filesystem::path name = folder.path() / ("bytes" + extension);
   if (!std::filesystem::is_symlink(name))
-    std::filesystem::create_symlink(
-        "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(file), name);
+    std::filesystem::create_symlink("/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(file),
+                                    name);
   if (ftruncate(file, 0) != 0 || pwrite(file, bytes, n, 0) != static_cast<ssize_t>(n)) std::abort();
   return name;
 }

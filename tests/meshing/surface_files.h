@@ -68,7 +68,7 @@ inline const std::string kCornersOfUnitTetrahedron = "0 0 0 1 0 0 0 1 0 0 0 1";
 
 /// An unstructured grid: the corners of all cells, for each where they end, and its type.
 inline std::string vtu_of(const std::string& corners, const std::string& ends, const std::string& types,
-                   const std::string& points = kCornersOfUnitTetrahedron) {
+                          const std::string& points = kCornersOfUnitTetrahedron) {
   const auto n_words = [](const std::string& text) {
     return std::to_string(text.empty() ? 0 : std::count(text.begin(), text.end(), ' ') + 1);
   };
@@ -81,8 +81,8 @@ inline std::string vtu_of(const std::string& corners, const std::string& ends, c
 }
 
 /// Poly data on the unit tetrahedron: polygons as above, and one cell of another kind ("Lines", "Strips").
-inline std::string vtp_of(const std::string& corners, const std::string& ends, const std::string& other = "Lines",
-                   const std::string& other_corners = "0 1 2 3") {
+inline std::string vtp_of(const std::string& corners, const std::string& ends,
+                          const std::string& other = "Lines", const std::string& other_corners = "0 1 2 3") {
   const auto cells = [](const std::string& c, const std::string& e) {
     return vtk_array("connectivity", "Int64", c) + vtk_array("offsets", "Int64", e);
   };

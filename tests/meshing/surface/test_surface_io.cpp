@@ -327,11 +327,10 @@ TEST(SurfaceIo, ErrorsNameFileLineAndValue) {
   for (const auto& [name, text, expected] : cases)
     EXPECT_NE(complaint(file_of(name, text)).find(expected), std::string::npos)
         << complaint(file_of(name, text));
-  for (const auto& [name, begin] :
-       std::map<std::string, std::string>{{"long.off", ""},
-                                          {"long.obj", "v 0 0 "},
-                                          {"corner.obj", "v 0 0 0\nf "},
-                                          {"long.ply", "ply\nformat "}})
+  for (const auto& [name, begin] : std::map<std::string, std::string>{{"long.off", ""},
+                                                                      {"long.obj", "v 0 0 "},
+                                                                      {"corner.obj", "v 0 0 0\nf "},
+                                                                      {"long.ply", "ply\nformat "}})
     EXPECT_LT(complaint(file_of(name, begin + std::string(1000000, '1') + "\nend_header\n")).size(), 500)
         << name;
   EXPECT_NE(complaint("/nowhere/x.obj").find("/nowhere/x.obj: cannot be read"), std::string::npos);

@@ -140,8 +140,8 @@ TEST(WithoutOverlap, MovesAnObstacleToWhereItIsAsItsMotionBegins) {
 TEST(WithoutOverlap, IsOneSceneWhateverTheAxesOfTheNodes) {
   const Scene scene = driven();
   const Matrix3d frame = Eigen::AngleAxisd(0.5, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
-  const auto statics = without_overlap(scene, bodies_of(scene.obstacles, frame),
-                                       frame.transpose() * kCube.X, kCube.F, frame);
+  const auto statics =
+      without_overlap(scene, bodies_of(scene.obstacles, frame), frame.transpose() * kCube.X, kCube.F, frame);
   ASSERT_TRUE(statics);
   EXPECT_LT((position_at(statics->obstacles[0].motion, 0) - Vector3d(0, -0.2, 0)).norm(), kClose);
 }
