@@ -357,7 +357,12 @@ void ElasticSolid::Implementation::find_tangent(const Matrix3Xd& at, double load
 Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
   Linearisation at_rest;
   self_->shrink(0);
+  meshing::SurfaceEnergies acting;  // contact has no finite stiffness where a body begins in touch
+  for (const auto& energy : self_->surface)
+    if (!energy->is_stiff()) acting.push_back(energy);
+  std::swap(acting, self_->surface);
   self_->find_tangent(Matrix3Xd::Zero(3, X().cols()), 0, Curvature::Projected, at_rest);
+  std::swap(acting, self_->surface);
   return at_rest.tangent;
 }
 

@@ -132,7 +132,8 @@ class ElasticSolid {
   /// The force alone, 3 x n_nodes.
   void find_forces(const Eigen::Ref<const Eigen::Matrix3Xd>& displacement, double load_factor,
                    Eigen::Matrix3Xd& force) const;
-  /// Stiffness at rest (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing constrained.
+  /// Stiffness at rest without contact (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing
+  /// constrained.
   Eigen::SparseMatrix<double> stiffness() const;
   /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
   Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;

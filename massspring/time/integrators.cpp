@@ -87,7 +87,8 @@ StepReport TimeStepper::step_or_halves(State& state, double h, int n_halvings) {
   report.status = Status::Ok;
   report.is_halved = true;
   for (int half = 0; half < 2 && report.status != Status::Diverged; ++half) {
-    const StepReport part = step_or_halves(state, h / 2, n_halvings - 1);
+    // Where the shortest part found none, what is left of the step is not cut further.
+    const StepReport part = step_or_halves(state, h / 2, report.status == Status::Ok ? n_halvings - 1 : 0);
     report.status = std::max(report.status, part.status);
     report.newton_iterations += part.newton_iterations;
     report.linear_iterations += part.linear_iterations;

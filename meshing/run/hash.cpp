@@ -1,6 +1,7 @@
 #include "meshing/run/hash.h"
 
 #define TOML_HEADER_ONLY 1
+#define TOML_ASSERT(expr) static_assert(true)  // it also asserts what a text may be
 #include <toml++/toml.h>
 
 #include <array>

@@ -39,7 +39,7 @@ class PlyValues {
       if (token.empty()) throw std::runtime_error(name_ + ": end of file, expected more values");
       body_.remove_prefix(token.size());
       const auto value = parse_double(token);
-      if (!value) throw std::runtime_error(name_ + ": '" + std::string(token) + "', expected a number");
+      if (!value) throw std::runtime_error(name_ + ": '" + shortened(token) + "', expected a number");
       return *value;
     }
     if (type == "char" || type == "int8") return binary<std::int8_t>();
@@ -50,7 +50,7 @@ class PlyValues {
     if (type == "uint" || type == "uint32") return binary<std::uint32_t>();
     if (type == "float" || type == "float32") return binary<float>();
     if (type == "double" || type == "float64") return binary<double>();
-    throw std::runtime_error(name_ + ": property type '" + type + "', expected one of PLY's");
+    throw std::runtime_error(name_ + ": property type '" + shortened(type) + "', expected one of PLY's");
   }
 
  private:
@@ -129,7 +129,8 @@ PolygonSoup read_ply(std::string_view bytes, const std::string& name) {
     if (keyword == "format") {
       format = header.token();
       if (format != "ascii" && format != "binary_little_endian" && format != "binary_big_endian")
-        header.fail("format '" + format + "', expected ascii, binary_little_endian or binary_big_endian");
+        header.fail("format '" + shortened(format) +
+                    "', expected ascii, binary_little_endian or binary_big_endian");
     } else if (keyword == "element") {
       const std::string element(header.token());
       elements.push_back({element, header.integer(), {}});
@@ -148,9 +149,9 @@ PolygonSoup read_ply(std::string_view bytes, const std::string& name) {
 
   for (const PlyElement& element : elements)
     if (element.count < 0 || (element.count > 0 && element.properties.empty()))
-      throw std::runtime_error(name + ": element " + element.name + " " + std::to_string(element.count) +
-                               " with " + std::to_string(element.properties.size()) +
-                               " properties, expected a count and a property");
+      throw std::runtime_error(
+          name + ": element " + shortened(element.name) + " " + std::to_string(element.count) + " with " +
+          std::to_string(element.properties.size()) + " properties, expected a count and a property");
 
   PolygonSoup soup;
   std::vector<std::vector<double>> faces;
@@ -162,8 +163,9 @@ PolygonSoup read_ply(std::string_view bytes, const std::string& name) {
         const bool is_list = !property.count_type.empty();
         const double n = is_list ? values.next(property.count_type) : 1;
         if (!(n >= 0) || n != std::floor(n))
-          throw std::runtime_error(name + ": " + element.name + " " + std::to_string(row) + " has " +
-                                   as_text(n) + " values of " + property.name + ", expected a count");
+          throw std::runtime_error(name + ": " + shortened(element.name) + " " + std::to_string(row) +
+                                   " has " + as_text(n) + " values of " + shortened(property.name) +
+                                   ", expected a count");
         const bool is_face = is_list && element.name == "face" &&
                              (property.name == "vertex_indices" || property.name == "vertex_index");
         std::vector<double> corners;

@@ -63,7 +63,7 @@ PolygonSoup read_obj(std::string_view text, const std::string& name) {
         }
         const long i =
             parse_integer(token.substr(0, token.find('/'))).value_or(0);  // v, v/vt, v//vn, v/vt/vn
-        if (i == 0) lines.fail("corner '" + std::string(token) + "', expected a vertex number");
+        if (i == 0) lines.fail("corner '" + shortened(token) + "', expected a vertex number");
         face.corners.push_back(i > 0 ? i - 1 : static_cast<long>(soup.points.size()) + i);
       }
       if (face.corners.size() < 3)
@@ -94,7 +94,7 @@ PolygonSoup read_off(std::string_view text, const std::string& name) {
   const size_t off = header.find("OFF");
   if (off == std::string_view::npos ||
       header.substr(0, off).find_first_not_of("STCN") != std::string_view::npos)
-    lines.fail("'" + std::string(header) + "', expected OFF");
+    lines.fail("'" + shortened(header) + "', expected OFF");
   std::string counts = std::string(header.substr(off + 3)) + std::string(lines.rest());
   if (counts.find_first_not_of(" \t") == std::string::npos) {
     next_line("the counts of vertices and faces");
@@ -104,7 +104,7 @@ PolygonSoup read_off(std::string_view text, const std::string& name) {
   count_line.next();
   const long n_vertices = count_line.integer(), n_faces = count_line.integer();
   if (n_vertices < 0 || n_faces < 0)
-    lines.fail("'" + counts + "', expected the counts of vertices and faces");
+    lines.fail("'" + shortened(counts) + "', expected the counts of vertices and faces");
 
   for (long i = 0; i < n_vertices; ++i) {
     next_line("vertex " + std::to_string(i) + " of " + std::to_string(n_vertices));

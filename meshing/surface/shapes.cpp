@@ -284,6 +284,10 @@ SurfaceMesh make_shape(const std::string& name, int n_vertices, const Eigen::Vec
   if (n_vertices < entry->second)
     throw std::runtime_error("shape " + name + " with " + std::to_string(n_vertices) +
                              " vertices, expected at least " + std::to_string(entry->second));
+  constexpr int kMost = 1000000;  // more than what fills them is solved for
+  if (n_vertices > kMost)
+    throw std::runtime_error("shape " + name + " with " + std::to_string(n_vertices) +
+                             " vertices, expected at most " + std::to_string(kMost));
   const Eigen::Vector3d bar_size = (size.array() > 0).select(size, Eigen::Vector3d(4, 1, 1));
   SurfaceMesh mesh = name == "ball"          ? make_ball(n_vertices)
                      : name == "hollow_ball" ? make_hollow_ball(n_vertices)

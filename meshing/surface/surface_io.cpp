@@ -88,6 +88,11 @@ void check_place(const SurfaceMesh& mesh, const std::string& name) {
 
 }  // namespace
 
+std::string shortened(std::string_view found) {
+  constexpr size_t kLong = 40;
+  return std::string(found.substr(0, kLong)) + (found.size() > kLong ? "..." : "");
+}
+
 template <class Number>
 static std::optional<Number> parse(std::string_view token) {
   if (!token.empty() && token.front() == '+') token.remove_prefix(1);
@@ -135,14 +140,14 @@ std::string_view TextLines::token() {
 double TextLines::number() {
   const std::string_view found = token();
   const auto value = parse_double(found);
-  if (!value || !std::isfinite(*value)) fail("'" + std::string(found) + "', expected a finite number");
+  if (!value || !std::isfinite(*value)) fail("'" + shortened(found) + "', expected a finite number");
   return *value;
 }
 
 long TextLines::integer() {
   const std::string_view found = token();
   const auto value = parse_integer(found);
-  if (!value) fail("'" + std::string(found) + "', expected a whole number");
+  if (!value) fail("'" + shortened(found) + "', expected a whole number");
   return *value;
 }
 
@@ -151,7 +156,13 @@ void TextLines::fail(const std::string& message) const {
 }
 
 SurfaceMesh read_surface(const std::filesystem::path& file, ReadReport* report) {
-  const std::string extension = lower_extension(file), name = file.string(), bytes = read_file(file);
+  constexpr std::uintmax_t kMost = 1000000000;
+  const std::string extension = lower_extension(file), name = file.string();
+  std::error_code absent;  // which reading tells
+  if (const auto n = std::filesystem::file_size(file, absent); !absent && n > kMost)
+    throw std::runtime_error(name + ": " + std::to_string(n) + " bytes, expected at most " +
+                             std::to_string(kMost) + " of a surface");
+  const std::string bytes = read_file(file);
   const std::map<std::string, PolygonSoup (*)(std::string_view, const std::string&)> readers{
       {".obj", read_obj}, {".off", read_off}, {".ply", read_ply}, {".stl", read_stl}};
   const auto reader = readers.find(extension);

@@ -44,6 +44,9 @@ class TextLines {
   int number_ = 0;
 };
 
+/// For messages: without what makes it long.
+std::string shortened(std::string_view found);
+
 /// The number that fills the token, independent of the locale.
 std::optional<double> parse_double(std::string_view token);
 std::optional<long> parse_integer(std::string_view token);

@@ -137,22 +137,24 @@ def test_a_budget_stops_a_motion_that_goes_on_another_time(tmp_path, program):
         "reference.integrator=central_differences",
         "output.curves=false",
     )
-    words = command(tmp_path, program, overrides, "out", "--budget", "4")
-    reached = []
-    for _ in range(2):
-        begin = time.monotonic()
+
+    def reached(budget, *more):
+        words = command(tmp_path, program, overrides, "out", "--budget", str(budget), *more)
         done = subprocess.run(words, capture_output=True, text=True, check=False)
         assert done.returncode == NOT_OK, done.stderr
-        assert time.monotonic() - begin < 20
         assert done.stderr.startswith("stopped_early: ")
         record = record_of(tmp_path / "out")
         assert record["status"] == "stopped_early"
-        steps = int(record["reason"].split("after ")[1].split()[0])
-        reached.append(steps)
-        run_times = record["outputs"].keys()
-        assert "frames.pvd" in run_times
-    assert 0 < reached[0] < reached[1], "the second goes on where the first stopped"
+        assert "frames.pvd" in record["outputs"]
+        return int(record["reason"].split("after ")[1].split()[0]), record
+
+    first, _ = reached(4)
+    second, record = reached(4)
+    assert 0 < first < second, "the second goes on where the first stopped"
     assert record["wall"] > 8, "both count"
+    assert sum(record["seconds"].values()) > 0.75 * record["wall"]
+    anew, _ = reached(1, "--force")
+    assert anew < second
 
 
 def test_a_budget_ends_what_does_not_come_to_the_end_of_a_step(tmp_path):
@@ -161,14 +163,12 @@ def test_a_budget_ends_what_does_not_come_to_the_end_of_a_step(tmp_path):
         "time.mode=static",
         "material.law=neo_hookean",
     )
-    begin = time.monotonic()
-    done = subprocess.run(
-        command(tmp_path, "fem_reference", overrides, "out", "--budget", "0.2"),
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    words = command(tmp_path, "fem_reference", overrides, "out", "--budget", "0.2")
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == NOT_OK, done.stderr
-    assert time.monotonic() - begin < 60
-    assert "its budget of time was spent in the stage " in record_of(tmp_path / "out")["reason"]
+    record = record_of(tmp_path / "out")
+    assert record["status"] == "stopped_early"
+    assert "its budget of time was spent in the stage " in record["reason"]
 
 
 def test_a_damaged_or_foreign_checkpoint_is_not_gone_on_from(tmp_path):

@@ -122,8 +122,9 @@ def begun(program, folder, scene):
 
 
 @pytest.mark.parametrize("program", ["massspring", "fem_reference"])
-def test_free_body_that_overlaps_a_floor_is_lifted_onto_it(program, tmp_path):
+def test_free_body_that_overlaps_a_floor_is_lifted_onto_it_and_keeps_its_velocity(program, tmp_path):
     scene = OVERLAP.format(shape="ball", low=-0.45, initially="resolve")
+    scene += "[[initial]]\nregion = { sphere = { center = [0, 0, 0], radius = 2 } }\nvelocity = [0.5, 0, 0] # m/s\n"
     done = begun(program, tmp_path, scene)
     assert done.returncode == 0, done.stderr
     run = load_run(tmp_path / "out")
@@ -132,6 +133,8 @@ def test_free_body_that_overlaps_a_floor_is_lifted_onto_it(program, tmp_path):
         first.u, np.tile([0, -0.45 - first.X[:, 1].min(), 0], (len(first.X), 1)), atol=1e-6
     )
     assert run.curves["elastic_energy"][0] < 1e-6
+    v = np.asarray(pv.read(run.file(0))["velocity"])
+    np.testing.assert_allclose(v, np.tile([0.5, 0, 0], (len(v), 1)), atol=1e-12)
     refused = begun(program, tmp_path, scene.replace('"resolve"', '"refuse"'))
     assert refused.returncode == 1 and "obstacles[0]: " in refused.stderr
 
@@ -149,6 +152,31 @@ def test_clamped_body_that_overlaps_a_floor_begins_pressed(program, tmp_path):
     assert np.abs(first.u[top]).max() < 1e-12
     # A cube between plates at its ends: E/2 (0.03)^2 per volume, and more as its top cannot widen.
     assert 45 < run.curves["elastic_energy"][0] < 60
+    assert abs(run.curves["lost_to_scheme"][0]) < 1e-6
+
+
+ROLLERS = """
+[[supports]]
+region = { box = { low = [0, 1, 0], high = [1, 1, 1] }, relative = true }
+components = "y"
+"""
+
+
+@pytest.mark.parametrize("program", ["massspring", "fem_reference"])
+def test_body_on_rollers_that_overlaps_a_floor_begins_under_one_stress(program, tmp_path):
+    scene = OVERLAP.format(shape="bar", low=0.03, initially="resolve") + ROLLERS
+    done = begun(program, tmp_path, scene)
+    assert done.returncode == 0, done.stderr
+    run = load_run(tmp_path / "out")
+    first = run.frame(0)
+    moved = first.X + first.u
+    size = np.ptp(moved, axis=0)
+    pressed = 1 - size[1]
+    assert 0.03 < pressed < 0.031, "what the barrier's gap adds"
+    # Between plates without friction there is no stress across: E/2 e^2 per volume, to second order in the strain e.
+    assert run.curves["elastic_energy"][0] == pytest.approx(1e5 / 2 * pressed**2, rel=2 * pressed)
+    np.testing.assert_allclose(size[[0, 2]] - 1, 0.25 * pressed, rtol=2 * pressed)
+    np.testing.assert_allclose((moved - first.X)[:, [0, 2]].mean(axis=0), 0, atol=1e-3)
     assert abs(run.curves["lost_to_scheme"][0]) < 1e-6
 
 

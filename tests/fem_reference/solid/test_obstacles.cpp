@@ -115,5 +115,18 @@ TEST_P(AmongObstacles, AThrownCubeBouncesByStepsThatGainNoEnergy) {
   EXPECT_GT(momentum(2), -0.5 * down) << "and up again";
 }
 
+// A barrier is infinite at a gap of zero. What steps and frequencies know of the body at rest is free of it.
+TEST_P(AmongObstacles, TheStiffnessOfACubeThatTouchesAFloorIsThatOfTheCubeAlone) {
+  ElasticSolid alone = cube(2), touching = cube(2);
+  ElasticLoads loads;
+  loads.surface = {barrier_around({plate(0, 1, 0)}, touching.X(), touching.faces(), kMaterial.E,
+                                  std::vector<char>(touching.X().cols(), false))};
+  alone.assemble(kMaterial, ElasticLaw::NeoHookean, {}, {});
+  touching.assemble(kMaterial, ElasticLaw::NeoHookean, loads, {});
+  const Eigen::MatrixXd expected = alone.stiffness();
+  EXPECT_TRUE(expected == Eigen::MatrixXd(touching.stiffness()));
+  EXPECT_EQ(touching.surface().size(), 1);
+}
+
 }  // namespace
 }  // namespace testbed::fem

@@ -249,6 +249,33 @@ TEST(Integrators, MinimisingEulerNeverBlowsUpNorGainsEnergyFromAnyStart) {
     }
 }
 
+/// Through which every way leads, so that no step is found. Counts those that are sought.
+class Wall : public SurfaceEnergy {
+ public:
+  double energy(const Matrix3Xd&) const override { return 0; }
+  void add_forces(const Matrix3Xd&, Matrix3Xd&) const override {}
+  void add_hessian(const Matrix3Xd&, SurfaceHessian&, Curvature) const override {}
+  bool bounds_steps() const override { return true; }
+  bool passes_through(const Matrix3Xd&, const Matrix3Xd&) const override {
+    ++n_sought;
+    return true;
+  }
+  mutable int n_sought = 0;
+};
+
+TEST(Integrators, AStepThatIsNotFoundIsCutDownToASixtyFourthOnce) {
+  const MassSpringModel model = small_model();
+  Forces forces = no_forces(model);
+  const auto wall = std::make_shared<Wall>();
+  forces.surface.push_back(wall);
+  TimeStepper stepper(model, forces, "minimising_euler", 1);
+  State state = initial_state(model);
+  const StepReport report = stepper.step(state, 0.01);
+  EXPECT_EQ(report.status, Status::NotConverged);
+  EXPECT_TRUE(report.is_halved);
+  EXPECT_EQ(wall->n_sought, 7 + 6) << "the step and six halvings, then the other half of each";
+}
+
 TEST(Integrators, ConstrainedDirectionsAreExact) {
   const MassSpringModel model = small_model();
   Forces forces = no_forces(model);

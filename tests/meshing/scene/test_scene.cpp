@@ -432,6 +432,23 @@ TEST(Scene, NamesStayWithinTheFolderOfAllRuns) {
   EXPECT_EQ(read_scene(odd).name, "scene") << "a file's name that is not text";
 }
 
+TEST(Scene, AFileOfMoreThanTenMegabytesIsRefusedUnread) {
+  const fs::path file = fs::path(testing::TempDir()) / "zeros.toml";
+  std::ofstream(file).put('\0');
+  fs::resize_file(file, 2000000000);
+  try {
+    read_scene(file);
+    ADD_FAILURE() << "read";
+  } catch (const std::runtime_error& error) {
+    EXPECT_EQ(error.what(), file.string() + ": 2000000000 bytes, expected at most 10000000 of a scene");
+  }
+  fs::remove(file);
+}
+
+TEST(Scene, AKeyThatBeginsWithAControlCharacterIsRefusedByItsLine) {
+  EXPECT_NE(error_of("gravity = [0, -9.81, 0]\n[\x01material]\n").find("scene.toml:2: "), std::string::npos);
+}
+
 TEST(Scene, KeysOfAMillionPartsAreRefusedByTheirLine) {
   const auto parts = [](const std::string& part, int n) {
     std::string key = part;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <limits>
 
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
@@ -92,4 +93,6 @@ TEST(Shapes, HollowBallHasACavityOfAnEighthOfItsVolume) {
 TEST(Shapes, RefuseWhatTheyCannotMake) {
   EXPECT_THROW(make_shape("cube", 100), std::runtime_error);
   EXPECT_THROW(make_shape("head", 5), std::runtime_error);
+  for (const std::string& name : shape_names())
+    EXPECT_THROW(make_shape(name, std::numeric_limits<int>::max()), std::runtime_error) << name;
 }

@@ -4,11 +4,12 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
-#include <sstream>
+#include <map>
 
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface/surface_io.h"
+#include "tests/meshing/surface_files.h"
 
 using namespace testbed::meshing;
 namespace fs = std::filesystem;
@@ -32,66 +33,6 @@ std::string complaint(const fs::path& file) {
     return error.what();
   }
   return "";
-}
-
-template <class T>
-void append(std::string& bytes, T value, bool is_big_endian) {
-  char raw[sizeof(T)];
-  std::memcpy(raw, &value, sizeof(T));
-  if (is_big_endian) std::reverse(raw, raw + sizeof(T));
-  bytes.append(raw, sizeof(T));
-}
-
-std::string ply_of(const SurfaceMesh& mesh, bool is_big_endian) {
-  std::string bytes =
-      std::string("ply\nformat binary_") + (is_big_endian ? "big" : "little") +
-      "_endian 1.0\ncomment made\nelement vertex " + std::to_string(mesh.X.cols()) +
-      "\nproperty double x\nproperty double y\nproperty double z\nproperty uchar red\nelement face " +
-      std::to_string(mesh.F.cols()) + "\nproperty list uchar int vertex_indices\nend_header\n";
-  for (const auto& x : mesh.X.colwise()) {
-    for (double value : x) append(bytes, value, is_big_endian);
-    append<std::uint8_t>(bytes, 7, is_big_endian);
-  }
-  for (const auto& f : mesh.F.colwise()) {
-    append<std::uint8_t>(bytes, 3, is_big_endian);
-    for (int v : f) append(bytes, v, is_big_endian);
-  }
-  return bytes;
-}
-
-std::string vtk_array(const std::string& name, const std::string& type, const std::string& values) {
-  return "<DataArray Name=\"" + name + "\" type=\"" + type + "\" format=\"ascii\"" +
-         (name == "points" ? " NumberOfComponents=\"3\">" : ">") + values + "</DataArray>";
-}
-
-const std::string kCornersOfUnitTetrahedron = "0 0 0 1 0 0 0 1 0 0 0 1";
-
-/// An unstructured grid: the corners of all cells, for each where they end, and its type.
-std::string vtu_of(const std::string& corners, const std::string& ends, const std::string& types,
-                   const std::string& points = kCornersOfUnitTetrahedron) {
-  const auto n_words = [](const std::string& text) {
-    return std::to_string(text.empty() ? 0 : std::count(text.begin(), text.end(), ' ') + 1);
-  };
-  return "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\">"
-         "<UnstructuredGrid><Piece NumberOfPoints=\"" +
-         std::to_string((std::count(points.begin(), points.end(), ' ') + 1) / 3) + "\" NumberOfCells=\"" +
-         n_words(types) + "\"><Points>" + vtk_array("points", "Float64", points) + "</Points><Cells>" +
-         vtk_array("connectivity", "Int64", corners) + vtk_array("offsets", "Int64", ends) +
-         vtk_array("types", "UInt8", types) + "</Cells></Piece></UnstructuredGrid></VTKFile>";
-}
-
-/// Poly data on the unit tetrahedron: polygons as above, and one cell of another kind ("Lines", "Strips").
-std::string vtp_of(const std::string& corners, const std::string& ends, const std::string& other = "Lines",
-                   const std::string& other_corners = "0 1 2 3") {
-  const auto cells = [](const std::string& c, const std::string& e) {
-    return vtk_array("connectivity", "Int64", c) + vtk_array("offsets", "Int64", e);
-  };
-  return "<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\"><PolyData>"
-         "<Piece NumberOfPoints=\"4\" NumberOf" +
-         other + "=\"1\" NumberOfPolys=\"" + std::to_string(std::count(ends.begin(), ends.end(), ' ') + 1) +
-         "\"><Points>" + vtk_array("points", "Float64", kCornersOfUnitTetrahedron) + "</Points><Polys>" +
-         cells(corners, ends) + "</Polys><" + other + ">" + cells(other_corners, "4") + "</" + other +
-         "></Piece></PolyData></VTKFile>";
 }
 
 }  // namespace
@@ -152,15 +93,7 @@ TEST(SurfaceIo, ReadsEveryWholeNumberOfBinaryPlyToItsLimits) {
 TEST(SurfaceIo, ReadsBinaryStlWhateverItsHeaderSays) {
   SurfaceMesh mesh = make_shape("head", 100);
   mesh.X = mesh.X.cast<float>().cast<double>().eval();
-  std::string bytes = "solid although binary";
-  bytes.resize(80);
-  append(bytes, static_cast<std::uint32_t>(mesh.F.cols()), false);
-  for (const auto& f : mesh.F.colwise()) {
-    for (int c = 0; c < 3; ++c) append(bytes, 0.f, false);  // normals need not be right
-    for (int v : f)
-      for (double x : mesh.X.col(v)) append(bytes, static_cast<float>(x), false);
-    append<std::uint16_t>(bytes, 0, false);
-  }
+  std::string bytes = binary_stl_of(mesh, "solid although binary");
   ReadReport report;
   const SurfaceMesh read = read_surface(file_of("binary.stl", bytes), &report);
   EXPECT_EQ(report.n_merged, 3 * mesh.F.cols() - mesh.X.cols());
@@ -175,19 +108,12 @@ TEST(SurfaceIo, ReadsBinaryStlWhateverItsHeaderSays) {
 
 TEST(SurfaceIo, ReadsTextStl) {
   const SurfaceMesh mesh = make_shape("ball", 42);
-  std::ostringstream text;
-  text.precision(17);
-  text << "solid ball\n";
-  for (const auto& f : mesh.F.colwise()) {
-    text << "facet normal 0 0 0\n outer loop\n";
-    for (int v : f) text << "  vertex " << mesh.X.col(v).transpose() << '\n';
-    text << " endloop\nendfacet\n";
-  }
-  const SurfaceMesh read = read_surface(file_of("text.stl", text.str() + "endsolid ball\n"));
+  const std::string text = text_stl_of(mesh);
+  const SurfaceMesh read = read_surface(file_of("text.stl", text));
   EXPECT_NO_THROW(check_closed(read, "text.stl"));
   for (int f = 0; f < mesh.F.cols(); ++f)
     for (int c = 0; c < 3; ++c) EXPECT_EQ(read.X.col(read.F(c, f)), mesh.X.col(mesh.F(c, f)));
-  const std::string cut = text.str().substr(0, text.str().rfind("endfacet"));
+  const std::string cut = text.substr(0, text.rfind("endfacet"));
   EXPECT_NE(complaint(file_of("cut_text.stl", cut)).find("end of file, expected endfacet"),
             std::string::npos);
   EXPECT_NE(complaint(file_of("two_corners.stl", "solid\nfacet\nvertex 0 0 0\nvertex 1 0 0\nendfacet\n"))
@@ -352,6 +278,16 @@ TEST(SurfaceIo, MergesEqualPositionsIntoTheFirst) {
   EXPECT_EQ(report.triangles[1], Eigen::Vector3i(3, 4, 5));
 }
 
+TEST(SurfaceIo, FilesOfMoreThanAGigabyteAreRefusedUnread) {
+  for (const std::string name : {"zeros.off", "zeros.stl", "zeros.vtp"}) {
+    const fs::path file = file_of(name, "");
+    fs::resize_file(file, 2000000000);
+    EXPECT_NE(complaint(file).find(name + ": 2000000000 bytes, expected at most 1000000000 of a surface"),
+              std::string::npos);
+    fs::remove(file);
+  }
+}
+
 TEST(SurfaceIo, ErrorsNameFileLineAndValue) {
   const std::string three_points = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
   const auto ply_face = [](const std::string& type, const std::string& face) {
@@ -391,6 +327,12 @@ TEST(SurfaceIo, ErrorsNameFileLineAndValue) {
   for (const auto& [name, text, expected] : cases)
     EXPECT_NE(complaint(file_of(name, text)).find(expected), std::string::npos)
         << complaint(file_of(name, text));
+  for (const auto& [name, begin] : std::map<std::string, std::string>{{"long.off", ""},
+                                                                      {"long.obj", "v 0 0 "},
+                                                                      {"corner.obj", "v 0 0 0\nf "},
+                                                                      {"long.ply", "ply\nformat "}})
+    EXPECT_LT(complaint(file_of(name, begin + std::string(1000000, '1') + "\nend_header\n")).size(), 500)
+        << name;
   EXPECT_NE(complaint("/nowhere/x.obj").find("/nowhere/x.obj: cannot be read"), std::string::npos);
 }
 
