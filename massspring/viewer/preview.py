@@ -260,12 +260,13 @@ class Preview:
             return
         picker = vtkCellPicker()
         body = plotter.renderers[0]
-        if not picker.Pick(*plotter.iren.get_event_position(), 0, body):
+        x, y = plotter.iren.get_event_position()
+        if not picker.Pick(x, y, 0, body):
             self.note = "no surface under the mouse"
             return
         engine = self.engine
-        x = engine.X + engine.latest.u
-        vertex = int(np.argmin(np.linalg.norm(x - picker.GetPickPosition(), axis=1)))
+        at_hand = engine.X + engine.latest.u
+        vertex = int(np.argmin(np.linalg.norm(at_hand - picker.GetPickPosition(), axis=1)))
         size = float(np.linalg.norm(np.ptp(engine.X, axis=0)))
         stiffness = _PULL * float(self.scene["material"]["E"]) * size
 
@@ -273,10 +274,10 @@ class Preview:
             way = ", ".join(str(float(c)) for c in np.asarray(at) - engine.X[vertex])
             self.set("handles", f"[{{vertex = {vertex}, stiffness = {stiffness}, motion = [[0.0, {way}]]}}]")
 
-        drag(x[vertex])
+        drag(at_hand[vertex])
         plotter.subplot(0, 0)
         self.handle = plotter.add_sphere_widget(
-            drag, center=x[vertex], radius=0.02 * size, color="#009E73", test_callback=False, interaction_event="always",
+            drag, center=at_hand[vertex], radius=0.02 * size, color="#009E73", test_callback=False, interaction_event="always",
         )  # fmt: skip
         self.note = f"vertex {vertex} is pulled by {stiffness:.3g} N/m"
 

@@ -407,7 +407,8 @@ TEST(Events, InStaticsComeAtTheirLoadFactor) {
   Scene scene = moved_statically(bars, MaterialLaw::NeoHookean), other = scene;
   other.gravity = Vector3d(0, 20, 5);
   scene.events = {{0.5, "", "", std::make_shared<const Scene>(other)}};
-  Simulation told(scene, bars.network), changed(moved_statically(bars, MaterialLaw::NeoHookean), bars.network);
+  Simulation told(scene, bars.network),
+      changed(moved_statically(bars, MaterialLaw::NeoHookean), bars.network);
   after(3, changed).change(other);
   expect_same(after(6, told).state(), after(3, changed).state(), "statics");
 }

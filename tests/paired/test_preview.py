@@ -103,7 +103,14 @@ def test_a_saved_session_is_one_that_a_batch_run_repeats(engine, tmp_path):
     engine.say(f"save {tmp_path / 'session.toml'}")
     told(engine, lambda head: "saved" in head["message"])
     run = tmp_path / "run"
-    command = [PROGRAMS / "massspring", tmp_path / "session.toml", "--quiet", "--no-diagnostics", "--out", run]
+    command = [
+        PROGRAMS / "massspring",
+        tmp_path / "session.toml",
+        "--quiet",
+        "--no-diagnostics",
+        "--out",
+        run,
+    ]
     subprocess.run(command, check=True)
     np.testing.assert_array_equal(last.u, load_run(run).last.u.astype(np.float32))  # every bit that is told
     assert load_run(run).curves["work_of_events"][-1] != 0

@@ -252,8 +252,10 @@ TEST(Scene, HandlesHoldAVertexOrARegionOfTheSurface) {
   EXPECT_EQ(held(ball + "region = { plane = { point = [0, 0, 0], normal = [0, 1, 0] } }\n"),
             vertices_in({HalfSpace{{0, 0, 0}, {0, 1, 0}}}, make_shape("ball", 42)));
   for (const auto& [text, message] :
-       {std::pair<std::string, std::string>{"vertex = 42\n", "scene.toml:6: handles.0.vertex = 42, expected below 42"},
-        {"region = { sphere = { center = [9, 9, 9], radius = 1 } }\n", "scene.toml:6: handles.0.region: no node"}}) {
+       {std::pair<std::string, std::string>{"vertex = 42\n",
+                                            "scene.toml:6: handles.0.vertex = 42, expected below 42"},
+        {"region = { sphere = { center = [9, 9, 9], radius = 1 } }\n",
+         "scene.toml:6: handles.0.region: no node"}}) {
     try {
       held(ball + text);
       ADD_FAILURE() << text;
@@ -272,9 +274,10 @@ TEST(Scene, EventsLeaveSceneAfterScene) {
   const auto event = [](const std::string& time, const std::string& key, const std::string& value) {
     return "[[events]]\ntime = " + time + "\nkey = \"" + key + "\"\nvalue = '" + value + "'\n";
   };
-  const Scene scene = read_scene(write_scene(text + event("0.5", "material.E", "2") +
-                                             event("1", "gravity", "[0, 3, 0]") + event("1", "material.E", "4")),
-                                 {"material.nu=0.25", "material.E=8"});
+  const Scene scene =
+      read_scene(write_scene(text + event("0.5", "material.E", "2") + event("1", "gravity", "[0, 3, 0]") +
+                             event("1", "material.E", "4")),
+                 {"material.nu=0.25", "material.E=8"});
   EXPECT_EQ(scene.material.E, 8);
   std::vector<double> E;
   for (const Event& e : scene.events) {
@@ -673,27 +676,29 @@ box = { low = [0, 0, 0], high = [4, 4, 4] }
 [[obstacles]]
 mesh = { file = "one.obj" }
 )";
-  const std::vector<std::string> from_shape{"supports.1.normal=[1, 2, 3]",
-                                            "network.phi=0.1",
-                                            "network.psi=0.2",
-                                            "reference.interior_size=0.1",
-                                            "reference.spectral_radius=0.7",
-                                            "self_contact.thickness=0.01",
-                                            "collapse.pivots.0.end=5",
-                                            "collapse.depth=0.2",
-                                            "load_scale.strain=0.01",
-                                            "load_scale.factor=3.0",
-                                            "playback.warp=custom",
-                                            "playback.points=[[0, 0], [0.3, 0.2]]",
-                                            "handles=[{ vertex = 3, stiffness = 2.0, motion = [[0, 1, 2, 3]], "
-                                            "start = 0.5, end = 5.0 }]",
-                                            "events=[{ time = 0.5, key = 'material.E', value = '0.25' }]",
-                                            "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
+  const std::vector<std::string> from_shape{
+      "supports.1.normal=[1, 2, 3]",
+      "network.phi=0.1",
+      "network.psi=0.2",
+      "reference.interior_size=0.1",
+      "reference.spectral_radius=0.7",
+      "self_contact.thickness=0.01",
+      "collapse.pivots.0.end=5",
+      "collapse.depth=0.2",
+      "load_scale.strain=0.01",
+      "load_scale.factor=3.0",
+      "playback.warp=custom",
+      "playback.points=[[0, 0], [0.3, 0.2]]",
+      "handles=[{ vertex = 3, stiffness = 2.0, motion = [[0, 1, 2, 3]], "
+      "start = 0.5, end = 5.0 }]",
+      "events=[{ time = 0.5, key = 'material.E', value = '0.25' }]",
+      "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
   std::vector<std::string> from_file(from_shape.begin() + 1, from_shape.end());
   from_file.push_back("initial=[{ velocity = [1, 0, -2], spin = [0, 3, 0] }]");  // which statics refuse
   from_file.push_back("supports.1.along=[1, 2, 3]");
   from_file.push_back("supports.1.end=2.0");
-  from_file.push_back("handles=[{ region = { sphere = { center = [0, 0, 0], radius = 1.0 } }, stiffness = 2.0 }]");
+  from_file.push_back(
+      "handles=[{ region = { sphere = { center = [0, 0, 0], radius = 1.0 } }, stiffness = 2.0 }]");
   from_file.push_back("surface.shape=''");
   from_file.push_back("surface.file=" + (test_folder() / "one.obj").string());
   std::set<std::string> keys, changed;

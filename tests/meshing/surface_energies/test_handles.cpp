@@ -56,7 +56,8 @@ TEST_F(HandleTest, HoldsFromItsStartToItsEnd) {
   EXPECT_TRUE(is_held_at(0.25));
   EXPECT_TRUE(is_held_at(1.875));
   EXPECT_FALSE(is_held_at(2));
-  EXPECT_GT((HandleSprings{held, X, Eigen::Matrix3d::Identity(), 0}.energy(x)), 0) << "its stiffness can be asked for";
+  EXPECT_GT((HandleSprings{held, X, Eigen::Matrix3d::Identity(), 0}.energy(x)), 0)
+      << "its stiffness can be asked for";
 }
 
 TEST_F(HandleTest, IsTheSameInOtherAxes) {
