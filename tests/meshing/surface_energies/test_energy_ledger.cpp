@@ -81,8 +81,8 @@ TEST(EnergyLedger, TellsTargetsFromObstaclesAndFrictionFromWhatIsStored) {
     given->done = 2;
     ledger.end_step(surface, kNowhere);
     EXPECT_EQ(column(ledger, surface, "given_energy"), 4);
-    EXPECT_EQ(column(ledger, surface, "work_of_targets"), is_contact ? 0 : 3);
-    EXPECT_EQ(column(ledger, surface, "work_of_obstacles"), 2);
+    EXPECT_EQ(column(ledger, surface, "work_of_targets"), is_contact ? 0 : 3 + 2);
+    EXPECT_EQ(column(ledger, surface, "work_of_obstacles"), is_contact ? 2 : 0);
     EXPECT_EQ(column(ledger, surface, "lost_to_friction"), 0.75);
     EXPECT_EQ(column(ledger, surface, "lost_to_scheme"), (is_contact ? 2 : 5) - 0.75 - 4);
   }
