@@ -131,38 +131,39 @@ def _at(run: Run, name: str, load_factor: float) -> float:
 _SKIN = 1e4  # N/m
 _BODY = 100.0  # Pa, of the soft body within it
 _TENSION = 30.0  # Pa
-_NU = 0.25
-_SPRINGS_NU = 1 / 3  # of the membrane that springs along even triangles are [Van Gelder 1998]
+NU = 0.25  #: of the body and its membrane
+NU_OF_SPRINGS = 1 / 3  #: of the membrane that springs along even triangles are [Van Gelder 1998]
 _RADIUS = 1.0  # m
 
 
 def stretch_of_balloon(nu: float) -> float:
     """Of a ball whose skin has this Poisson's ratio, small, in closed form."""
-    return _TENSION / (2 * _SKIN / (1 - nu) / _RADIUS + _BODY / (1 - 2 * _NU))
+    return _TENSION / (2 * _SKIN / (1 - nu) / _RADIUS + _BODY / (1 - 2 * NU))
+
+
+def inflate(store: Store, method: str, n_vertices: int) -> float:
+    """Stretch of a soft ball with a skin, by its volume. Raises RunError where it is not solved."""
+    program, own = METHODS[method]
+    words = (
+        f"surface.n_vertices={n_vertices}", f"material.E={_BODY}", f"material.nu={NU}", f"skin={{stiffness={_SKIN}}}",
+        f"loads=[{{pressure={-_TENSION},follower=true}}]", "time.load_steps=1", "time.residual=1e-8",
+    )  # fmt: skip
+    request = RunRequest(program, SCENES / "ball_pressure.toml", (*words, *own))
+    volumes = load_run(solved(store, request).folder).curves["volume"]
+    return float((volumes[-1] / volumes[0]) ** (1 / 3) - 1)
 
 
 def skin_table(store: Store, sizes: Sequence[int]) -> Table:
     """A membrane's stretch and that of a skin of springs over their closed forms, on finer and finer surfaces."""
-    scene = SCENES / "ball_pressure.toml"
-    words = (
-        f"material.E={_BODY}", f"material.nu={_NU}", f"skin={{stiffness={_SKIN}}}", "time.load_steps=1", "time.residual=1e-8",
-        f"loads=[{{pressure={-_TENSION},follower=true}}]",
-    )  # fmt: skip
     rows = []
     for n in sizes:
-        stretches = []
-        for method in (FEM_P1, "edge_coupled"):
-            program, own = METHODS[method]
-            request = RunRequest(program, scene, (f"surface.n_vertices={n}", *words, *own))
-            volumes = load_run(solved(store, request).folder).curves["volume"]
-            stretches.append((volumes[-1] / volumes[0]) ** (1 / 3) - 1)
-        membrane, springs = stretches
+        membrane, springs = (inflate(store, method, n) for method in (FEM_P1, "edge_coupled"))
         ratios = (
-            membrane / stretch_of_balloon(_NU),
-            springs / stretch_of_balloon(_NU),
-            springs / stretch_of_balloon(_SPRINGS_NU),
+            membrane / stretch_of_balloon(NU),
+            springs / stretch_of_balloon(NU),
+            springs / stretch_of_balloon(NU_OF_SPRINGS),
         )
-        rows.append([str(n), *(percent_signed(float(ratio) - 1) for ratio in ratios)])
+        rows.append([str(n), *(percent_signed(ratio - 1) for ratio in ratios)])
     return ["vertices", "membrane", "springs", "springs, beside nu = 1/3"], rows
 
 

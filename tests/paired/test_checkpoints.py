@@ -8,8 +8,8 @@ import time
 
 import numpy as np
 import pytest
+from programs import ended, words_of
 
-from analysis.paths import PROGRAMS
 from analysis.runs import load_run
 
 SCENE = """
@@ -61,17 +61,7 @@ SOLVED, NOT_OK = 0, 2
 
 
 def command(tmp_path, program, overrides, out, *words):
-    (tmp_path / "scene.toml").write_text(SCENE)
-    settings = [word for override in overrides for word in ("--set", override)]
-    return [
-        PROGRAMS / program,
-        tmp_path / "scene.toml",
-        "--quiet",
-        "--out",
-        tmp_path / out,
-        *settings,
-        *words,
-    ]
+    return words_of(tmp_path, program, SCENE, overrides, out, words)
 
 
 def record_of(folder):
@@ -139,8 +129,7 @@ def test_a_budget_stops_a_motion_that_goes_on_another_time(tmp_path, program):
     )
 
     def reached(budget, *more):
-        words = command(tmp_path, program, overrides, "out", "--budget", str(budget), *more)
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        done = ended(command(tmp_path, program, overrides, "out", "--budget", str(budget), *more))
         assert done.returncode == NOT_OK, done.stderr
         assert done.stderr.startswith("stopped_early: ")
         record = record_of(tmp_path / "out")
@@ -163,8 +152,7 @@ def test_a_budget_ends_what_does_not_come_to_the_end_of_a_step(tmp_path):
         "time.mode=static",
         "material.law=neo_hookean",
     )
-    words = command(tmp_path, "fem_reference", overrides, "out", "--budget", "0.2")
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
+    done = ended(command(tmp_path, "fem_reference", overrides, "out", "--budget", "0.2"))
     assert done.returncode == NOT_OK, done.stderr
     record = record_of(tmp_path / "out")
     assert record["status"] == "stopped_early"

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from programs import ended, words_of
 
 from analysis.compare import displacement_error
 from analysis.experiment import run_solvers
@@ -116,9 +117,7 @@ region = { box = { low = [0, 1, 0], high = [1, 1, 1] }, relative = true }
 
 
 def begun(program, folder, scene):
-    (folder / "scene.toml").write_text(scene)
-    command = [PROGRAMS / program, folder / "scene.toml", "--quiet", "--out", folder / "out"]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return ended(words_of(folder, program, scene))
 
 
 @pytest.mark.parametrize("program", ["massspring", "fem_reference"])

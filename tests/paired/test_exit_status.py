@@ -6,6 +6,7 @@ import subprocess
 import time
 
 import pytest
+from programs import ended, words_of
 
 from analysis.paths import PROGRAMS, SCENES
 
@@ -38,20 +39,8 @@ TORN = ("material.law=neo_hookean", "loads.0.traction=[-1e9, 1e9, 0]")
 
 @pytest.fixture
 def run(tmp_path):
-    (tmp_path / "scene.toml").write_text(SCENE)
-
     def run(program, *overrides, words=()):
-        command = [
-            PROGRAMS / program,
-            tmp_path / "scene.toml",
-            "--quiet",
-            "--out",
-            tmp_path / program,
-            *words,
-        ]
-        for override in overrides:
-            command += ["--set", override]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+        return ended(words_of(tmp_path, program, SCENE, overrides, program, words))
 
     return run
 
@@ -102,7 +91,7 @@ def test_of_a_result_tells_its_status_and_a_stored_one_gives_it_again(
 @pytest.mark.parametrize("program", BOTH)
 def test_of_an_error_is_1_and_leaves_no_result(run, tmp_path, program):
     for words in ([], ["--nonsense"], ["--frequencies", "many"]):
-        done = subprocess.run([PROGRAMS / program, *words], capture_output=True, text=True, check=False)
+        done = ended([PROGRAMS / program, *words])
         assert done.returncode == 1, done.stderr
     assert run(program, "material.nu=0.7").returncode == 1
     assert not (tmp_path / program / "run.json").exists()
@@ -136,14 +125,14 @@ def test_of_a_folder_that_cannot_be_made_is_1_and_the_folder_is_named(tmp_path, 
     (tmp_path / "file").write_text("")
     out = tmp_path / "file" / "out"
     words = [PROGRAMS / program, SCENES / "ball_pressure.toml", "--quiet", "--out", out]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    done = ended(words)
     assert done.returncode == 1
     assert done.stderr == f"error: {out}: cannot be made a folder: Not a directory\n"
 
 
 def test_of_meshings_command_line_is_1_where_it_is_wrong():
     for words, expected in (([], 1), (["--nonsense"], 1), (["shape", "egg"], 1), (["shape", "--help"], 0)):
-        done = subprocess.run([PROGRAMS / "meshing", *words], capture_output=True, text=True, check=False)
+        done = ended([PROGRAMS / "meshing", *words])
         assert done.returncode == expected, done.stderr
 
 

@@ -1,13 +1,13 @@
 """The scene that the README shows, as it stands there: what it says of it is what both programs find."""
 
 import re
-import subprocess
 
 import pytest
+from programs import ended, words_of
 
 from analysis.comparison import compare
 from analysis.experiment import run_solvers
-from analysis.paths import PROGRAMS, ROOT
+from analysis.paths import ROOT
 
 SCENE = re.search(r"```toml\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
 
@@ -48,8 +48,6 @@ def test_the_scene_bends_a_bar_by_a_thousandth_of_its_length(tmp_path):
     ],
 )
 def test_what_is_wrong_in_it_is_refused_with_file_and_line(wrong, words, program, tmp_path):
-    (tmp_path / "scene.toml").write_text(wrong)
-    command = [PROGRAMS / program, tmp_path / "scene.toml", "--quiet", "--out", tmp_path / "out"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = ended(words_of(tmp_path, program, wrong))
     assert done.returncode == 1 and words in done.stderr
     assert not (tmp_path / "out" / "run.json").exists()
