@@ -176,18 +176,20 @@ class Reader {
   }
 
   static std::string value_of(const toml::node& node) {
+    if (const auto* number = node.as_floating_point()) return toml_text(number->get());
+    if (const auto* text = node.as_string()) return toml_text(text->get());
+    const bool has_tables = node.is_table() || node.is_array_of_tables();
+    if (const toml::array* array = node.as_array(); array && !has_tables) {
+      std::vector<std::string> values;
+      for (const toml::node& value : *array) values.push_back(value_of(value));
+      return values.empty() ? "[]" : "[ " + joined(values) + " ]";
+    }
     std::ostringstream found;
-    if (const auto* number = node.as_floating_point())
-      found << toml_text(number->get());
-    else if (const auto* text = node.as_string())
-      found << toml_text(text->get());
-    else if (node.is_table() || node.is_array_of_tables())
+    if (has_tables)
       found << node.type();
     else
       node.visit([&](const auto& value) { found << value; });
-    std::string text = found.str();
-    std::replace(text.begin(), text.end(), '\n', ' ');  // long lists
-    return text;
+    return found.str();
   }
 
   [[noreturn]] static void wrong(const toml::node& node, const std::string& key,

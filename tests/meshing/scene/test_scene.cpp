@@ -396,6 +396,12 @@ TEST(Scene, AKeyThatBeginsWithAControlCharacterIsRefusedByItsLine) {
   EXPECT_NE(error_of("gravity = [0, -9.81, 0]\n[\x01material]\n").find("scene.toml:2: "), std::string::npos);
 }
 
+TEST(Scene, ListsAreRefusedAsTheyWereWritten) {
+  EXPECT_NE(error_of("gravity = [0.01, [1, \"a\"]]\n").find("gravity = [ 0.01, [ 1, \"a\" ] ], expected"),
+            std::string::npos)
+      << error_of("gravity = [0.01, [1, \"a\"]]\n");
+}
+
 TEST(Scene, KeysOfAMillionPartsAreRefusedByTheirLine) {
   const auto parts = [](const std::string& part, int n) {
     std::string key = part;
