@@ -263,13 +263,18 @@ class Reader {
   std::string chosen_;
 };
 
-/// Refuses keys of more parts than any scene has: the tables that they open are left by a recursion, which a million of
-/// them ends by a full stack. Lists and inline tables are bounded by the parser.
-void check_depth(const std::string& text, const std::string& source) {
+/// Refuses what the parser does not bear. Keys of more parts than any scene has open tables that are left by a recursion,
+/// which a million of them ends by a full stack; lists and inline tables it bounds itself. Whether a letter beyond ASCII is a
+/// blank it finds out by undefined behaviour.
+void check_text(const std::string& text, const std::string& source) {
   constexpr int kMostParts = 100;
+  const std::string byte_order_mark = "\xEF\xBB\xBF";
   int line = 1, n_dots = 0;
   char quote = 0;
-  for (size_t at = 0; at < text.size(); ++at) {
+  const auto fail = [&](const std::string& fault) {
+    throw std::runtime_error(source.substr(0, 100) + ":" + std::to_string(line) + ": " + fault);
+  };
+  for (size_t at = text.compare(0, 3, byte_order_mark) == 0 ? 3 : 0; at < text.size(); ++at) {
     const char c = text[at];
     if (c == '\n') {
       ++line;
@@ -284,17 +289,17 @@ void check_depth(const std::string& text, const std::string& source) {
       at = std::min(text.find('\n', at), text.size()) - 1;
     } else if (c == '.') {
       if (++n_dots >= kMostParts)
-        throw std::runtime_error(source.substr(0, 100) + ":" + std::to_string(line) +
-                                 ": a key of more than " + std::to_string(kMostParts) +
-                                 " parts, expected one of the scene");
+        fail("a key of more than " + std::to_string(kMostParts) + " parts, expected one of the scene");
     } else if (std::string("=,{}[]\n").find(c) != std::string::npos) {
       n_dots = 0;
+    } else if (static_cast<unsigned char>(c) > 127) {
+      fail("a letter beyond ASCII, expected such in quotes on one line and in comments alone");
     }
   }
 }
 
 toml::table parse(const std::string& text, const std::string& source) {
-  check_depth(text, source);
+  check_text(text, source);
   try {
     return toml::parse(text, source);
   } catch (const toml::parse_error& error) {
@@ -306,9 +311,9 @@ toml::table parse(const std::string& text, const std::string& source) {
 /// `{ value = ... }` of the text in TOML, or of the text itself where it is none.
 toml::table parse_override(const std::string& text, const std::string& source) {
   try {
-    toml::table table = toml::parse("value = " + text, source);
+    toml::table table = parse("value = " + text, source);
     if (table.size() == 1) return table;
-  } catch (const toml::parse_error&) {
+  } catch (const std::runtime_error&) {
   }
   return toml::parse("value = " + toml_text(text), source);
 }
@@ -319,7 +324,7 @@ void apply_override(toml::table& root, const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0)
     throw std::runtime_error(source + ": expected key=value, e.g. material.nu=0.3");
-  check_depth(text, source);
+  check_text(text.substr(0, equals), source);
   toml::table parsed = parse_override(text.substr(equals + 1), source);
 
   std::vector<std::string> keys;
