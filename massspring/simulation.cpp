@@ -18,6 +18,8 @@
 namespace testbed::massspring {
 namespace {
 
+constexpr int kMostUnsolved = 3;  // steps in a row of a motion
+
 SurfaceMesh surface_of(const SpringNetwork& network) {
   return {network.X.leftCols(network.n_surface), network.F, network.cuts};
 }
@@ -207,6 +209,7 @@ void Simulation::set_state(const State& state) {
     turn_to(state.n_events == 0 ? first_ : *first_.events.at(state.n_events - 1).after);
   state_ = state;
   report_.status = Status::Ok;
+  report_.n_unsolved = 0;
   begin_stepping();
   if (!is_static())
     remember(state.history.surface, stepper_->surface_at(state_));
@@ -264,6 +267,7 @@ void Simulation::turn_to(const Scene& scene) {
   }
   scene_ = scene;
   report_.status = Status::Ok;
+  report_.n_unsolved = 0;
   find_collapsing();
   if (!is_new_force) return;
   problem_ = discretise(scene_, surface_of(network_));
@@ -275,7 +279,7 @@ void Simulation::turn_to(const Scene& scene) {
 
 bool Simulation::has_ended() const {
   return state_.n_done >= report_.n_steps || report_.status >= Status::StrainTooLarge ||
-         (is_static() && report_.status == Status::NotConverged);
+         report_.n_unsolved >= (is_static() ? 1 : kMostUnsolved);
 }
 
 void Simulation::set_target_volume(double t) {
@@ -325,13 +329,19 @@ Status Simulation::advance() {
   report_.n_halved += step.is_halved;
   report_.residual = step.residual;
   report_.status = std::max(report_.status, step.status);
+  report_.n_unsolved = step.status == Status::NotConverged ? report_.n_unsolved + 1 : 0;
   if (report_.status != Status::Diverged && is_check_due()) {
     check_strain();
     if (!is_static()) check_energy();
   }
   if (step.status == Status::Ok) return report_.status;
-  if (!is_static()) return report_.status;
   std::ostringstream reason;
+  if (!is_static()) {
+    if (report_.n_unsolved < kMostUnsolved) return report_.status;
+    reason << "at " << state_.t << " s " << kMostUnsolved << " steps in a row have not converged";
+    report_.reason = reason.str();
+    return report_.status;
+  }
   reason << "load factor " << state_.t << ", step " << state_.n_done << " of " << report_.n_steps << ": "
          << (step.reason.empty() ? name_of(step.status) : step.reason);
   report_.reason = reason.str();

@@ -16,6 +16,7 @@ struct SimulationReport {
   std::string reason;  ///< why it ended early
   int n_steps = 0;
   int n_at_rest = 0, n_halved = 0;  ///< of the steps done
+  int n_unsolved = 0;               ///< steps in a row, to the last, that did not converge
   int newton_iterations = 0, linear_iterations = 0;
   double residual = 0;              ///< of the last step
   std::optional<double> tolerance;  ///< of the residual or, of schemes that minimise, of a step over the body
@@ -25,7 +26,7 @@ struct SimulationReport {
 
 /// How steps so far went.
 inline void archive(meshing::Archive& a, SimulationReport& r) {
-  a(r.status, r.n_at_rest, r.n_halved, r.newton_iterations, r.linear_iterations);
+  a(r.status, r.n_at_rest, r.n_halved, r.n_unsolved, r.newton_iterations, r.linear_iterations);
 }
 
 class Simulation {
@@ -37,7 +38,7 @@ class Simulation {
 
   /// Takes the next load step or time step. Returns how it ended; there is a state to show for it in any case.
   Status advance();
-  /// All steps are done, or one found no state to go on from.
+  /// All steps are done, or one found no state to go on from, as do three in a row of a motion that do not converge.
   bool has_ended() const;
 
   const MassSpringModel& model() const { return model_; }

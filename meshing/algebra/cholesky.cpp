@@ -5,6 +5,7 @@
 
 #include <Eigen/CholmodSupport>
 #include <algorithm>
+#include <new>
 
 namespace testbed::meshing {
 
@@ -14,6 +15,16 @@ namespace {
 struct Supernodal : Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> {
   const cholmod_factor& factor() const { return *m_cholmodFactor; }
 };
+
+/// OpenBLAS asks again and again, without end, where there is no room for its buffer, which it takes once.
+void check_memory_of_blas() {
+  constexpr std::size_t kBuffer = 136'000'000;  // byte
+  static const bool is_there = [] {
+    ::operator delete(::operator new(kBuffer));  // or throws
+    return true;
+  }();
+  (void)is_there;
+}
 
 }  // namespace
 
@@ -60,6 +71,7 @@ SparseCholesky::SparseCholesky(SparseCholesky&&) noexcept = default;
 SparseCholesky& SparseCholesky::operator=(SparseCholesky&&) noexcept = default;
 
 void SparseCholesky::update(const Eigen::SparseMatrix<double>& A) {
+  check_memory_of_blas();
   // CHOLMOD asks for four threads in its small loops whatever the machine and OMP_NUM_THREADS say; waiting
   // for each other they make a factorisation up to four times as long.
   const int levels = omp_get_max_active_levels();

@@ -176,18 +176,20 @@ class Reader {
   }
 
   static std::string value_of(const toml::node& node) {
+    if (const auto* number = node.as_floating_point()) return toml_text(number->get());
+    if (const auto* text = node.as_string()) return toml_text(text->get());
+    const bool has_tables = node.is_table() || node.is_array_of_tables();
+    if (const toml::array* array = node.as_array(); array && !has_tables) {
+      std::vector<std::string> values;
+      for (const toml::node& value : *array) values.push_back(value_of(value));
+      return values.empty() ? "[]" : "[ " + joined(values) + " ]";
+    }
     std::ostringstream found;
-    if (const auto* number = node.as_floating_point())
-      found << toml_text(number->get());
-    else if (const auto* text = node.as_string())
-      found << toml_text(text->get());
-    else if (node.is_table() || node.is_array_of_tables())
+    if (has_tables)
       found << node.type();
     else
       node.visit([&](const auto& value) { found << value; });
-    std::string text = found.str();
-    std::replace(text.begin(), text.end(), '\n', ' ');  // long lists
-    return text;
+    return found.str();
   }
 
   [[noreturn]] static void wrong(const toml::node& node, const std::string& key,
@@ -261,13 +263,18 @@ class Reader {
   std::string chosen_;
 };
 
-/// Refuses keys of more parts than any scene has: the tables that they open are left by a recursion, which a million of
-/// them ends by a full stack. Lists and inline tables are bounded by the parser.
-void check_depth(const std::string& text, const std::string& source) {
+/// Refuses what the parser does not bear. Keys of more parts than any scene has open tables that are left by a recursion,
+/// which a million of them ends by a full stack; lists and inline tables it bounds itself. Whether a letter beyond ASCII is a
+/// blank it finds out by undefined behaviour.
+void check_text(const std::string& text, const std::string& source) {
   constexpr int kMostParts = 100;
+  const std::string byte_order_mark = "\xEF\xBB\xBF";
   int line = 1, n_dots = 0;
   char quote = 0;
-  for (size_t at = 0; at < text.size(); ++at) {
+  const auto fail = [&](const std::string& fault) {
+    throw std::runtime_error(source.substr(0, 100) + ":" + std::to_string(line) + ": " + fault);
+  };
+  for (size_t at = text.compare(0, 3, byte_order_mark) == 0 ? 3 : 0; at < text.size(); ++at) {
     const char c = text[at];
     if (c == '\n') {
       ++line;
@@ -282,17 +289,17 @@ void check_depth(const std::string& text, const std::string& source) {
       at = std::min(text.find('\n', at), text.size()) - 1;
     } else if (c == '.') {
       if (++n_dots >= kMostParts)
-        throw std::runtime_error(source.substr(0, 100) + ":" + std::to_string(line) +
-                                 ": a key of more than " + std::to_string(kMostParts) +
-                                 " parts, expected one of the scene");
+        fail("a key of more than " + std::to_string(kMostParts) + " parts, expected one of the scene");
     } else if (std::string("=,{}[]\n").find(c) != std::string::npos) {
       n_dots = 0;
+    } else if (static_cast<unsigned char>(c) > 127) {
+      fail("a letter beyond ASCII, expected such in quotes on one line and in comments alone");
     }
   }
 }
 
 toml::table parse(const std::string& text, const std::string& source) {
-  check_depth(text, source);
+  check_text(text, source);
   try {
     return toml::parse(text, source);
   } catch (const toml::parse_error& error) {
@@ -304,9 +311,9 @@ toml::table parse(const std::string& text, const std::string& source) {
 /// `{ value = ... }` of the text in TOML, or of the text itself where it is none.
 toml::table parse_override(const std::string& text, const std::string& source) {
   try {
-    toml::table table = toml::parse("value = " + text, source);
+    toml::table table = parse("value = " + text, source);
     if (table.size() == 1) return table;
-  } catch (const toml::parse_error&) {
+  } catch (const std::runtime_error&) {
   }
   return toml::parse("value = " + toml_text(text), source);
 }
@@ -317,7 +324,7 @@ void apply_override(toml::table& root, const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0)
     throw std::runtime_error(source + ": expected key=value, e.g. material.nu=0.3");
-  check_depth(text, source);
+  check_text(text.substr(0, equals), source);
   toml::table parsed = parse_override(text.substr(equals + 1), source);
 
   std::vector<std::string> keys;

@@ -189,7 +189,7 @@ PolygonSoup read_ply(std::string_view bytes, const std::string& name) {
       if (!(v >= 0 && v < n_points) || v != std::floor(v))
         throw std::runtime_error(name + ": face " + std::to_string(f) + " has vertex " + as_text(v) +
                                  ", expected a whole number from 0 to " + std::to_string(n_points - 1));
-    soup.add_polygon({faces[f].begin(), faces[f].end()});
+    soup.add_polygon({faces[f].begin(), faces[f].end()}, name);
   }
   return soup;
 }

@@ -7,7 +7,8 @@
 
 namespace testbed::meshing {
 
-void PolygonSoup::add_polygon(const std::vector<int>& corners) {
+void PolygonSoup::add_polygon(const std::vector<int>& corners, const std::string& name) {
+  constexpr long kMostLooks = 200'000'000;
   std::vector<int> left = corners;
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // of the whole outline (Newell)
   for (size_t c = 0; c < corners.size(); ++c)
@@ -22,6 +23,7 @@ void PolygonSoup::add_polygon(const std::vector<int>& corners) {
     const Eigen::Vector3d &p = corner(c + n - 1), &q = corner(c), &r = corner(c + 1);
     if (turn(p, q, r) <= 0) return false;
     for (size_t o = c + 2; o < c + n - 1; ++o) {
+      ++n_looks_;
       const Eigen::Vector3d& x = corner(o);
       if (turn(p, q, x) >= 0 && turn(q, r, x) >= 0 && turn(r, p, x) >= 0) return false;
     }
@@ -34,6 +36,9 @@ void PolygonSoup::add_polygon(const std::vector<int>& corners) {
         ear = c % left.size();
         break;
       }
+    if (n_looks_ > kMostLooks)
+      throw std::runtime_error(name + ": a face of " + std::to_string(corners.size()) +
+                               " corners takes too long to be cut, expected fewer");
     const size_t n = left.size();
     triangles.emplace_back(left[(ear + n - 1) % n], left[ear], left[(ear + 1) % n]);
     left.erase(left.begin() + ear);
@@ -77,7 +82,7 @@ PolygonSoup read_obj(std::string_view text, const std::string& name) {
         throw std::runtime_error(name + ":" + std::to_string(face.line) + ": vertex " +
                                  std::to_string(v + 1) + ", expected 1 to " +
                                  std::to_string(soup.points.size()));
-    soup.add_polygon({face.corners.begin(), face.corners.end()});
+    soup.add_polygon({face.corners.begin(), face.corners.end()}, name);
   }
   return soup;
 }
@@ -122,7 +127,7 @@ PolygonSoup read_off(std::string_view text, const std::string& name) {
         lines.fail("vertex " + std::to_string(v) + ", expected 0 to " + std::to_string(n_vertices - 1));
       corners.push_back(static_cast<int>(v));
     }
-    soup.add_polygon(corners);
+    soup.add_polygon(corners, name);
   }
   return soup;
 }

@@ -18,7 +18,13 @@ class PolygonSoup {
 
   /// Cuts a polygon of existing points into triangles without
   /// leaving its outline, also where it is not convex.
-  void add_polygon(const std::vector<int>& corners);
+  /// @param name  of the file
+  /// @throws std::runtime_error where all of the file's take too long: outlines that cross themselves take the cube of
+  /// their corners
+  void add_polygon(const std::vector<int>& corners, const std::string& name);
+
+ private:
+  long n_looks_ = 0;  ///< at corners, whether they lie in an ear
 };
 
 /// Walks over the lines of a text: CRLF, byte-order mark and

@@ -197,6 +197,19 @@ def test_commands_that_are_named_exist(file):
     assert named - _commands() <= gone
 
 
+def test_the_tests_of_the_guarantees_exist():
+    named = set(re.findall(r"`(test_\w+|[A-Z]\w+\.[A-Z]\w+)`", (ROOT / ".github/GUARANTEES.md").read_text()))
+    files = [*(ROOT / "tests").rglob("*.cpp"), *(ROOT / "tests").rglob("*.py")]
+    text = "\n".join(file.read_text() for file in files)
+    there = set(re.findall(r"^def (test_\w+)", text, re.MULTILINE))
+    there |= {
+        f"{suite}.{name}"
+        for suite, name in re.findall(r"^TEST(?:_[FP])?\((\w+), (\w+)\)", text, re.MULTILINE)
+    }
+    assert len(named) > 30
+    assert named <= there, named - there
+
+
 def test_long_sentences_are_found_and_code_is_not():
     long = "word " * 30 + "word."
     page = f"# Head\n\nShort one. {long}\n\n- {long}\n\n| {long} |\n\n    {long}\n\n```\n{long}\n```\n"

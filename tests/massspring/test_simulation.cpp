@@ -107,6 +107,22 @@ TEST(InitialMotion, IsOverruledBySupports) {
   }
 }
 
+TEST(Motion, EndsWhereThreeStepsInARowDoNotConverge) {
+  FreeBox box;
+  box.scene.initial[0].spin = kSpin;
+  box.scene.time.integrator = "midpoint";
+  box.scene.time.tolerance = 1e-25;  // beyond what rounding leaves
+  Simulation simulation(box.scene, box.network);
+  for (int n = 1; n <= 3; ++n) {
+    EXPECT_FALSE(simulation.has_ended()) << n;
+    EXPECT_EQ(simulation.advance(), Status::NotConverged) << n;
+  }
+  EXPECT_TRUE(simulation.has_ended());
+  EXPECT_NE(simulation.report().reason.find("3 steps in a row have not converged"), std::string::npos);
+  simulation.set_state(simulation.state());
+  EXPECT_FALSE(simulation.has_ended()) << "it may be tried anew";
+}
+
 TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(M_PI / 4, Vector3d(1, 2, -1).normalized()).matrix();
   FreeBox box;

@@ -452,6 +452,21 @@ TEST(Scene, AKeyThatBeginsWithAControlCharacterIsRefusedByItsLine) {
   EXPECT_NE(error_of("gravity = [0, -9.81, 0]\n[\x01material]\n").find("scene.toml:2: "), std::string::npos);
 }
 
+TEST(Scene, ListsAreRefusedAsTheyWereWritten) {
+  EXPECT_NE(error_of("gravity = [0.01, [1, \"a\"]]\n").find("gravity = [ 0.01, [ 1, \"a\" ] ], expected"),
+            std::string::npos)
+      << error_of("gravity = [0.01, [1, \"a\"]]\n");
+}
+
+TEST(Scene, LettersBeyondAsciiStandInQuotesAndCommentsAlone) {
+  const std::string surface = "[surface]\nshape = \"ball\"\n";
+  EXPECT_EQ(error_of("\xEF\xBB\xBFname = \"\u039b\" # \u039b\n" + surface), "");
+  for (const std::string& text : {"coefficient = \u039b4\n", "\u039b = 1\n", "[\u00e9]\n"})
+    EXPECT_NE(error_of(surface + text).find("scene.toml:3: a letter beyond ASCII"), std::string::npos)
+        << text;
+  EXPECT_EQ(read_scene(write_scene(surface), {"name=\u039b"}).name, "\u039b");
+}
+
 TEST(Scene, KeysOfAMillionPartsAreRefusedByTheirLine) {
   const auto parts = [](const std::string& part, int n) {
     std::string key = part;

@@ -1,11 +1,14 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <limits>
 #include <map>
+#include <sstream>
 
+#include "meshing/base/random.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface/surface_io.h"
@@ -276,6 +279,24 @@ TEST(SurfaceIo, MergesEqualPositionsIntoTheFirst) {
   EXPECT_EQ(report.vertices, (std::vector<int>{0, 1, 2, 1, 3, 2}));
   EXPECT_EQ(report.points[3], Eigen::Vector3d(1, 0, 0));
   EXPECT_EQ(report.triangles[1], Eigen::Vector3i(3, 4, 5));
+}
+
+TEST(SurfaceIo, FacesThatTakeTooLongToCutAreRefusedAndLargeRoundOnesAreNot) {
+  const auto face_of = [](int n, const auto& point) {
+    std::ostringstream text;
+    text.precision(17);
+    text << "OFF\n" << n << " 1 0\n";
+    for (int i = 0; i < n; ++i) text << point(i).transpose() << " 0\n";
+    text << n;
+    for (int i = 0; i < n; ++i) text << ' ' << i;
+    return file_of("face.off", text.str());
+  };
+  Random random(1);
+  const auto anywhere = [&](int) { return Eigen::Vector2d(random.uniform(), random.uniform()); };
+  const auto round = [](int i) { return Eigen::Vector2d(std::cos(i * 2e-3), std::sin(i * 2e-3)); };
+  EXPECT_NE(complaint(face_of(20000, anywhere)).find("face.off: a face of 20000 corners takes too long"),
+            std::string::npos);
+  EXPECT_EQ(read_surface(face_of(3000, round)).F.cols(), 2998);
 }
 
 TEST(SurfaceIo, FilesOfMoreThanAGigabyteAreRefusedUnread) {
