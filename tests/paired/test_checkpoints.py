@@ -40,6 +40,7 @@ checkpoint_every = 0.001 # s
 FLOOR = "obstacles=[{ plane = { point = [0, -0.01, 0], normal = [0, 1, 0] }, friction = 0.3 }]"
 COLLAPSE = "collapse={ pivots = [{ point = [0, 0, 0] }], coefficient = 0.5 }"
 LET_GO = "supports.0.end=0.04"
+HELD = "volume={ exact = true, target = [[0, 1], [0.1, 1.1]] }"
 LINEAR = ("material.law=small_strain", "material.E=1e6")
 SPRINGS = {
     "linear": (*LINEAR, "time.integrator=midpoint"),
@@ -47,6 +48,7 @@ SPRINGS = {
     "collapse": (COLLAPSE, "time.integrator=symplectic_euler", "time.step=0.0002", FLOOR),
     "bdf2": ("time.integrator=bdf2", COLLAPSE, LET_GO),
     "barrier": ("time.integrator=minimising_euler", FLOOR, LET_GO, "self_contact.on=true"),
+    "held": ("time.integrator=minimising_euler", HELD, LET_GO),
     "linearised": ("time.integrator=implicit_euler", FLOOR),
 }
 REFERENCE = {
@@ -54,6 +56,7 @@ REFERENCE = {
     "collapse": (COLLAPSE,),
     "barrier": (FLOOR, LET_GO, "reference.integrator=minimising_euler"),
     "explicit": ("material.law=neo_hookean", "reference.integrator=central_differences", "time.step=0.0002"),
+    "held": (HELD, LET_GO, "reference.integrator=minimising_euler"),
 }
 CASES = [("massspring", name, words) for name, words in SPRINGS.items()]
 CASES += [("fem_reference", name, words) for name, words in REFERENCE.items()]

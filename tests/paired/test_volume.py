@@ -65,6 +65,18 @@ def test_a_held_volume_is_the_target_in_both_programs(mode, tmp_path):
     assert pressures[0][0] == 0 and quadratic > 1000
 
 
+# A body that nothing else loads is strained evenly, its cavity or not: the bulk modulus times the change of volume.
+@pytest.mark.parametrize("shape", ["ball", "hollow_ball"])
+def test_a_free_ball_takes_the_pressure_of_its_bulk_modulus(shape, tmp_path):
+    growth, nu = 1e-3, 0.3
+    words = "supports=[]", "gravity=[0, 0, 0]", f"surface.shape={shape}", f"material.nu={nu}"
+    for program in ("massspring", "fem_reference"):
+        target = f"volume.target=[[0, 1], [1, {1 + growth}]]"
+        pressure = run(tmp_path, program, *words, target).curves["volume_pressure"]
+        assert pressure[-1] == pytest.approx(2e4 / (3 * (1 - 2 * nu)) * growth, rel=0.005)
+        assert pressure == pytest.approx(np.linspace(0, pressure[-1], 5), rel=0.005)
+
+
 def test_what_cannot_hold_a_volume_says_so(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE)
 
