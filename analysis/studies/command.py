@@ -84,6 +84,7 @@ STUDIES = {
     "contact": Study(
         "contact beside closed forms and quadratic elements: a sphere on a half-space, plates, a skin under refinement",
         contact.study,
+        frozenset(),
     ),
     "reference": Study(
         "what elements lose by degree and refinement, what explicit ones cost, and frequencies beside the springs'",
