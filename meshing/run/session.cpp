@@ -65,7 +65,7 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
   } catch (const std::bad_alloc&) {
     std::cerr << "error: " << options.scene
               << ": takes more memory than there is, expected a coarser body or a smaller network\n";
-    return kError;
+    _exit(kError);  // else OpenBLAS waits for its threads, and they for memory
   } catch (const std::exception& error) {
     std::cerr << "error: " << error.what() << '\n';
     return kError;
