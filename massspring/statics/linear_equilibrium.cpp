@@ -19,7 +19,8 @@ bool QuasiStaticSolver::turn_to_factor() {
 }
 
 StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
-  constexpr int kMaxSolves = 5;  // later ones take what rounding left to the first
+  constexpr int kMaxSolves = 5;    // later ones take what rounding left to the first
+  constexpr int kPatience = 1000;  // iterations, before another factor is tried
   // Displacements are kept on their own: beside the positions of a stiff body they would lose their digits.
   const LoadPath::Equilibrium& last = state.loading->path.last.back();
   Matrix3Xd u = last.x;
@@ -49,9 +50,10 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   };
   const State rest = initial_state(model_);
   const LinearSystem A = system(rest);
-  const auto solve = [&] {
+  const auto solve = [&](int max_iterations) {
     measure();
-    for (int n = 0; n < kMaxSolves && report.residual > tolerance_; ++n) {
+    for (int n = 0;
+         n < kMaxSolves && report.residual > tolerance_ && report.linear_iterations < max_iterations; ++n) {
       const double tolerance = tolerance_ / report.residual / 2;
       du = Matrix3Xd::Zero(3, u.cols());
       report.linear_iterations += solver_.solve(A, r, du, tolerance).iterations;
@@ -62,11 +64,13 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   };
   const Matrix3Xd first = u;
   const double first_scale = scale;
-  solve();
-  if (!(report.residual <= tolerance_) && turn_to_factor()) {
-    u = first;
-    scale = first_scale;
-    solve();
+  solve(kPatience);
+  if (!(report.residual <= tolerance_)) {
+    if (turn_to_factor()) {
+      u = first;
+      scale = first_scale;
+    }
+    solve(std::numeric_limits<int>::max());
   }
   displace(u, state);
   state.loading->path.last = {{load_factor, u}};

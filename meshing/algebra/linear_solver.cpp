@@ -19,7 +19,7 @@ constexpr double kCyclesADigit = 4;  // iterations with it, a good one
 constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;       // iterations more than at first, at which a factor is made anew
 constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried
-constexpr int kMaxIterations = 5000;
+constexpr int kMaxIterations = 5000, kMaxWithFactor = 1000;
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
 
 double digits(double tolerance) {
@@ -214,7 +214,7 @@ SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, cons
     n += report.iterations;
   } else {
     const auto apply = [&](const PaddedField& r, PaddedField& z) { factor.single.solve(r, z); };
-    report = iterate(A, OfSystem{apply, A}, b, x, tolerance, kMaxIterations, n);
+    report = iterate(A, OfSystem{apply, A}, b, x, tolerance, is_hard_ ? kMaxWithFactor : kMaxIterations, n);
   }
   Service& service = factor.service;
   if (is_new) service = {report.iterations / digits(tolerance)};
