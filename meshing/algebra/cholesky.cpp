@@ -19,11 +19,11 @@ struct Supernodal : Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> {
 /// OpenBLAS asks again and again, without end, where there is no room for its buffer, which it takes once.
 void check_memory_of_blas() {
   constexpr std::size_t kBuffer = 136'000'000;  // byte
-  static const bool is_there = [] {
+  static const bool kIsThere = [] {
     ::operator delete(::operator new(kBuffer));  // or throws
     return true;
   }();
-  (void)is_there;
+  (void)kIsThere;
 }
 
 }  // namespace
