@@ -310,12 +310,13 @@ toml::table parse(const std::string& text, const std::string& source) {
 
 /// `{ value = ... }` of the text in TOML, or of the text itself where it is none.
 toml::table parse_override(const std::string& text, const std::string& source) {
+  const auto as_text = [&] { return toml::parse("value = " + toml_text(text), source); };
   try {
     toml::table table = parse("value = " + text, source);
-    if (table.size() == 1) return table;
+    return table.size() == 1 ? std::move(table) : as_text();
   } catch (const std::runtime_error&) {
+    return as_text();
   }
-  return toml::parse("value = " + toml_text(text), source);
 }
 
 /// Puts the value of "a.b.0.c=value" at its place, making tables on the way.
@@ -449,12 +450,13 @@ namespace {
 
 /// The file's name, where it is text that may name a folder.
 std::string default_name(const fs::path& file) {
-  const std::string stem = file.stem().string();
+  std::string stem = file.stem().string();
   try {
-    if (is_name(stem) && toml::parse("name = " + toml_text(stem)).contains("name")) return stem;
+    const bool is_text = is_name(stem) && toml::parse("name = " + toml_text(stem)).contains("name");
+    return is_text ? stem : "scene";
   } catch (const std::exception&) {  // not UTF-8
+    return "scene";
   }
-  return "scene";
 }
 
 /// The scenes that events leave, one by one.

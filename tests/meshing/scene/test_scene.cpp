@@ -704,8 +704,7 @@ mesh = { file = "one.obj" }
       "load_scale.factor=3.0",
       "playback.warp=custom",
       "playback.points=[[0, 0], [0.3, 0.2]]",
-      "handles=[{ vertex = 3, stiffness = 2.0, motion = [[0, 1, 2, 3]], "
-      "start = 0.5, end = 5.0 }]",
+      "handles=[{ vertex = 3, stiffness = 2.0, motion = [[0, 1, 2, 3]], start = 0.5, end = 5.0 }]",
       "events=[{ time = 0.5, key = 'material.E', value = '0.25' }]",
       "loads.0.stress=[[0, 1, 1, 1, 2, 3, 4, 5, 6]]"};
   std::vector<std::string> from_file(from_shape.begin() + 1, from_shape.end());

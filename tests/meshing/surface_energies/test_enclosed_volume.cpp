@@ -165,7 +165,8 @@ TEST_F(VolumeForce, IsFoundWhereItIsHeldThatBalancesABodysOwn) {
     Matrix3Xd minimum = X;
     int n = 0;
     const NewtonReport report = minimise_constrained(
-        {std::make_shared<HeldVolume>(held)}, [] { return NewtonReport{}; }, [&] { return X; });
+        {std::make_shared<HeldVolume>(held)}, [] { return NewtonReport{}; },
+        [&]() -> const Matrix3Xd& { return X; });
     EXPECT_EQ(report.status, Status::NotConverged) << "a body that does not move";
     bool is_renewed = true;
     for (; is_renewed && n < 10; ++n) {
