@@ -246,7 +246,6 @@ int main(int argc, char** argv) {
   try {
     return parse(app, argc, argv).value_or(kSolved);
   } catch (const std::exception& error) {
-    std::cerr << "error: " << error.what() << '\n';
-    return kError;
+    end_by(error.what());
   }
 }

@@ -1,7 +1,10 @@
 // How the programs end: what they return to the shell, the same in all of them.
 #pragma once
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -22,6 +25,15 @@ inline ExitStatus tell_status(const std::string& scene, const nlohmann::ordered_
   if (status == "ok") return kSolved;
   std::cerr << status << ": " << scene << (reason.empty() ? "" : ": ") << reason << '\n';
   return status == "not_solved" ? kNotModelled : kNotOk;
+}
+
+/// Tells an error and ends at once: where memory is short, threads of OpenBLAS ask for it without end, and a program that
+/// returns waits for them.
+[[noreturn]] inline void end_by(const std::string& error) {
+  std::cout.flush();
+  std::fflush(nullptr);
+  std::cerr << "error: " << error << '\n';
+  _exit(kError);
 }
 
 /// What a program is to return at once after its command line: help was asked for, or the line is wrong.

@@ -63,12 +63,9 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
   try {
     return run();
   } catch (const std::bad_alloc&) {
-    std::cerr << "error: " << options.scene
-              << ": takes more memory than there is, expected a coarser body or a smaller network\n";
-    _exit(kError);  // else OpenBLAS waits for its threads, and they for memory
+    end_by(options.scene + ": takes more memory than there is, expected a coarser body or a smaller network");
   } catch (const std::exception& error) {
-    std::cerr << "error: " << error.what() << '\n';
-    return kError;
+    end_by(error.what());
   }
 }
 

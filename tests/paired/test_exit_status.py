@@ -200,3 +200,13 @@ def test_of_a_run_without_memory_for_a_factor_is_1_and_one_line(tmp_path, progra
         refused += 1
     if refused == 0:
         pytest.skip("no limit lies between its libraries and its factor")
+
+
+def test_of_an_error_is_1_at_once_where_threads_have_no_memory(tmp_path):
+    words = f"ulimit -v 100000; exec {PROGRAMS / 'meshing'} check nothing.off"
+    done = subprocess.run(
+        ["sh", "-c", words], cwd=tmp_path, env={"OMP_NUM_THREADS": "2"}, capture_output=True, text=True,
+        check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr == "error: nothing.off: cannot be read, expected a file\n"

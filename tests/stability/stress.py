@@ -20,7 +20,7 @@ from analysis.paths import PROGRAMS
 from analysis.runs import NOT_MODELLED, NOT_OK, REFUSED, SOLVED, Run, load_frames, record_of
 
 BUDGET = 20  #: s of each run
-_PATIENCE = 3  # times the budget, after which a run hangs
+_PATIENCE = 15  # times the budget, after which a run hangs, however busy the machine is
 BOTH = ("massspring", "fem_reference")
 _GRAVITY = 9.81  # m/s2
 _ROUNDING = 1e-15  # m, of positions of half a metre, over ten steps
