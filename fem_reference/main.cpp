@@ -132,7 +132,6 @@ ExitStatus run(const Arguments& arguments) {
   TetMesh mesh;
   const SurfaceMesh surface = session.cut_surface([&](const SurfaceMesh& cut) {
     std::string refused;
-    tets.ends_when_stopped = cut.cuts.F.size() > 0;
     try {
       mesh = is_first ? tetrahedralize(cut, tets, &attempts) : TetMesh();
     } catch (const std::runtime_error& error) {

@@ -15,7 +15,6 @@ TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, b
   NodeReport& said = report ? *report : own;
   said = NodeReport();
   if (options.sampling == "mesher") {
-    tets.ends_when_stopped = surface.cuts.F.size() > 0;
     tets.size = interior_size(surface, options.spacing);
     return tetrahedralize(surface, tets, &said.tets);
   }
@@ -42,7 +41,7 @@ TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, b
     const std::vector<std::string> failures = said.tets.failures;
     tets.interior.resize(3, 0);
     tets.size = interior_size(surface, options.spacing);
-    tets.ends_when_stopped = surface.cuts.F.size() > 0;  // it may be cut less
+    tets.ends_when_stopped = false;
     TetMesh mesh = tetrahedralize(surface, tets, &said.tets);
     said.tets.failures.insert(said.tets.failures.begin(), failures.begin(), failures.end());
     return mesh;
