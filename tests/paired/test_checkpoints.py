@@ -159,7 +159,7 @@ def test_a_budget_ends_what_does_not_come_to_the_end_of_a_step(tmp_path):
     assert done.returncode == NOT_OK, done.stderr
     record = record_of(tmp_path / "out")
     assert record["status"] == "stopped_early"
-    assert "its budget of time was spent in the stage " in record["reason"]
+    assert "its budget of time was spent " in record["reason"]
 
 
 def test_a_damaged_or_foreign_checkpoint_is_not_gone_on_from(tmp_path):
