@@ -142,6 +142,7 @@ ALLOWED = {
         "methods",
         "outputs",
         "paths",
+        "remesh",
         "report",
         "reproduce",
         "results",

@@ -49,7 +49,7 @@ def tip(tmp_path, program, *overrides):
 
 
 def stiffness_of_beam():
-    """At its end, clamped at the other one (N/m) [Timoshenko 1921]."""
+    """At its end, clamped at the other one (N/m): Timoshenko's beam."""
     bends = LENGTH**3 / (3 * E * SIDE**4 / 12)
     shears = LENGTH / (5 / 6 * E / (2 * (1 + NU)) * SIDE**2)
     return 1 / (bends + shears)
