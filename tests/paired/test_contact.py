@@ -16,7 +16,9 @@ from analysis.runs import load_run
 
 
 def compared(name: str, folder: Path, *overrides: str):
-    experiment = run_solvers(SCENES / f"{name}.toml", folder, None, list(overrides), is_quiet=True)
+    experiment = run_solvers(
+        SCENES / f"{name}.toml", folder, None, list(overrides), is_quiet=True, time_limit=5
+    )
     comparison = write_results(experiment)
     assert comparison["status"] == "ok"
     assert "no_reference" not in comparison
