@@ -94,7 +94,7 @@ def test_tables_are_found_by_section_and_order():
 
 #: Copied to their pages before commands left figures. Each goes from here when its command is run with --write.
 COPIED = {
-    "explicit_elements", "growth", "kernels", "paper",
+    "growth", "kernels", "paper",
     "race", "regimes", "stability",
 }  # fmt: skip
 
