@@ -119,7 +119,7 @@ TEST_P(AmongObstacles, AThrownCubeBouncesByStepsThatGainNoEnergy) {
 TEST_P(AmongObstacles, TheStiffnessOfACubeThatTouchesAFloorIsThatOfTheCubeAlone) {
   ElasticSolid alone = cube(2), touching = cube(2);
   ElasticLoads loads;
-  loads.surface = {barrier_around({plate(0, 1, 0)}, touching.X(), touching.faces(), kMaterial.E,
+  loads.surface = {barrier_around({plate(-1e-4, 1, 0)}, touching.X(), touching.faces(), kMaterial.E,
                                   std::vector<char>(touching.X().cols(), false))};
   alone.assemble(kMaterial, ElasticLaw::NeoHookean, {}, {});
   touching.assemble(kMaterial, ElasticLaw::NeoHookean, loads, {});
