@@ -224,35 +224,19 @@ TEST(State, OfAnotherBodyIsRefused) {
   EXPECT_THROW(simulation.set_state(other), std::runtime_error);
 }
 
-struct Change {
-  std::string name;
-  std::function<void(Scene& scene)> make;
-};
+using meshing::Change;
 
 const std::vector<Change>& changes() {
-  static const std::vector<Change> kAll{
-      {"E", [](Scene& scene) { scene.material.E *= 2; }},
-      {"nu", [](Scene& scene) { scene.material.nu = 0.4; }},
-      {"gravity", [](Scene& scene) { scene.gravity = Vector3d(3, 1, 2); }},
-      {"no gravity", [](Scene& scene) { scene.gravity.reset(); }},
-      {"pressure", [](Scene& scene) { scene.loads[0].pressure = 500; }},
-      {"follower pressure", [](Scene& scene) { scene.loads[1].pressure = 300; }},
-      {"depletion", [](Scene& scene) { scene.collapse->coefficient = 0.9; }},
-      {"no collapse", [](Scene& scene) { scene.collapse.reset(); }},
-      {"pivot", [](Scene& scene) { scene.collapse->pivots[0].point.x() = 1; }},
-      {"another pivot",
-       [](Scene& scene) {
-         scene.collapse->pivots.push_back({Vector3d(1, 0, 0), {}, 0, {}});
-       }},
-      {"obstacle", [](Scene& scene) { std::get<HalfSpace>(scene.obstacles[0].shape).point.y() -= 0.01; }},
-      {"no obstacle", [](Scene& scene) { scene.obstacles.clear(); }},
-      {"handle",
-       [](Scene& scene) {
-         scene.handles.push_back({{}, {}, 50, {{0, 0, 0, 0}, {0.1, 0.1, 0, 0}}, 0, {}});
-       }},
-      {"explicit", [](Scene& scene) { scene.time.integrator = "symplectic_euler"; }},
-      {"implicit", [](Scene& scene) { scene.time.integrator = "bdf2"; }},
-      {"step", [](Scene& scene) { scene.time.step = kStep / 2; }}};
+  static const std::vector<Change> kAll = [] {
+    std::vector<Change> all = meshing::changes_of_values();
+    for (const Change& change : meshing::changes_of_obstacles()) all.push_back(change);
+    all.push_back({"handle", [](Scene& scene) {
+                     scene.handles.push_back({{}, {}, 50, {{0, 0, 0, 0}, {0.1, 0.1, 0, 0}}, 0, {}});
+                   }});
+    all.push_back({"explicit", [](Scene& scene) { scene.time.integrator = "symplectic_euler"; }});
+    all.push_back({"implicit", [](Scene& scene) { scene.time.integrator = "bdf2"; }});
+    return all;
+  }();
   return kAll;
 }
 

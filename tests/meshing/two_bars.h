@@ -2,6 +2,9 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <functional>
+#include <string>
+#include <vector>
 
 #include "meshing/scene/scene.h"
 #include "tests/meshing/box_tets.h"
@@ -48,5 +51,36 @@ struct BarsInContact {
     scene.time.end = 0.1;
   }
 };
+
+/// Another value of a scene, under which a run may go on.
+struct Change {
+  std::string name;
+  std::function<void(Scene& scene)> make;
+};
+
+/// Of a scene that bears a pressure and a follower, in this order, and shrinks around a pivot.
+inline std::vector<Change> changes_of_values() {
+  using Eigen::Vector3d;
+  return {{"E", [](Scene& scene) { scene.material.E *= 2; }},
+          {"nu", [](Scene& scene) { scene.material.nu = 0.4; }},
+          {"gravity", [](Scene& scene) { scene.gravity = Vector3d(3, 1, 2); }},
+          {"no gravity", [](Scene& scene) { scene.gravity.reset(); }},
+          {"pressure", [](Scene& scene) { scene.loads[0].pressure = 500; }},
+          {"follower pressure", [](Scene& scene) { scene.loads[1].pressure = 300; }},
+          {"depletion", [](Scene& scene) { scene.collapse->coefficient *= 1.8; }},
+          {"no collapse", [](Scene& scene) { scene.collapse.reset(); }},
+          {"pivot", [](Scene& scene) { scene.collapse->pivots[0].point.x() = 1; }},
+          {"another pivot",
+           [](Scene& scene) {
+             scene.collapse->pivots.push_back({Vector3d(1, 0, 0), {}, 0, {}});
+           }},
+          {"step", [](Scene& scene) { scene.time.step /= 2; }}};
+}
+
+/// What differs of obstacles, the first of which is a floor.
+inline std::vector<Change> changes_of_obstacles() {
+  return {{"obstacle", [](Scene& scene) { std::get<HalfSpace>(scene.obstacles[0].shape).point.y() -= 0.01; }},
+          {"no obstacle", [](Scene& scene) { scene.obstacles.clear(); }}};
+}
 
 }  // namespace testbed::meshing

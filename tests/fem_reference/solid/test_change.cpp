@@ -16,32 +16,17 @@ using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-struct Change {
-  std::string name;
-  std::function<void(Scene& scene)> make;
-};
+using meshing::Change;
 
 const std::vector<Change>& changes() {
-  static const std::vector<Change> kAll{
-      {"E", [](Scene& scene) { scene.material.E *= 2; }},
-      {"nu", [](Scene& scene) { scene.material.nu = 0.4; }},
-      {"gravity", [](Scene& scene) { scene.gravity = Vector3d(3, 1, 2); }},
-      {"no gravity", [](Scene& scene) { scene.gravity.reset(); }},
-      {"pressure", [](Scene& scene) { scene.loads[0].pressure = 500; }},
-      {"follower pressure", [](Scene& scene) { scene.loads[1].pressure = 300; }},
-      {"depletion", [](Scene& scene) { scene.collapse->coefficient *= 1.8; }},
-      {"no collapse", [](Scene& scene) { scene.collapse.reset(); }},
-      {"pivot", [](Scene& scene) { scene.collapse->pivots[0].point.x() = 1; }},
-      {"another pivot",
-       [](Scene& scene) {
-         scene.collapse->pivots.push_back({Vector3d(1, 0, 0), {}, 0, {}});
-       }},
-      {"fading collapse",
-       [](Scene& scene) {
-         scene.collapse->surface = false;
-         scene.collapse->depth = 0.1;
-       }},
-      {"step", [](Scene& scene) { scene.time.step = kStep / 2; }}};
+  static const std::vector<Change> kAll = [] {
+    std::vector<Change> all = meshing::changes_of_values();
+    all.push_back({"fading collapse", [](Scene& scene) {
+                     scene.collapse->surface = false;
+                     scene.collapse->depth = 0.1;
+                   }});
+    return all;
+  }();
   return kAll;
 }
 
@@ -52,9 +37,7 @@ const Change& change_of(const std::string& name) {
 const std::vector<Change>& changes_of_contact() {
   static const std::vector<Change> kAll = [] {
     std::vector<Change> all = changes();
-    all.push_back(
-        {"obstacle", [](Scene& scene) { std::get<HalfSpace>(scene.obstacles[0].shape).point.y() -= 0.01; }});
-    all.push_back({"no obstacle", [](Scene& scene) { scene.obstacles.clear(); }});
+    for (const Change& change : meshing::changes_of_obstacles()) all.push_back(change);
     all.push_back({"another integrator", [](Scene& scene) {
                      std::string& name = scene.reference.integrator;
                      name = name == "minimising_euler" ? "generalised_alpha" : "minimising_euler";
