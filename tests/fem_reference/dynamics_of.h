@@ -24,4 +24,13 @@ inline double momentum_of(const Dynamics& s, const Eigen::VectorXd& v, int c) {
   return Eigen::VectorXd(p(Eigen::seq(c, Eigen::last, 3))).sum();
 }
 
+/// Of a box whose faces x, y, z = 0 roll in their planes, so that its six rigid motions are held.
+inline std::vector<ConstrainedComponent> rollers(const Eigen::Matrix3Xd& X) {
+  std::vector<ConstrainedComponent> constrained;
+  for (int i = 0; i < X.cols(); ++i)
+    for (int c = 0; c < 3; ++c)
+      if (X(c, i) == 0) constrained.push_back({i, c, 0});
+  return constrained;
+}
+
 }  // namespace testbed::fem

@@ -48,15 +48,6 @@ std::shared_ptr<SurfaceEnergy> barrier_on_faces(const ElasticSolid& solid,
       std::make_shared<Barrier>(VectorXd::Ones(W.rows()), range, kappa, bodies), W);
 }
 
-/// What holds the six rigid motions of a box, and its lowest nodes above the floor.
-std::vector<ConstrainedComponent> rollers(const Matrix3Xd& X) {
-  std::vector<ConstrainedComponent> constrained;
-  for (int i = 0; i < X.cols(); ++i)
-    for (int c = 0; c < 3; ++c)
-      if (X(c, i) == 0) constrained.push_back({i, c, 0});
-  return constrained;
-}
-
 class OnSurfaces : public testing::TestWithParam<int> {
  protected:
   ElasticSolid box(int n) const { return {box_tets(n, n, n, 1. / n), GetParam()}; }

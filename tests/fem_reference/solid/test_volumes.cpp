@@ -36,15 +36,6 @@ Material with_more_bulk(double kappa) {
   return material;
 }
 
-/// Whose faces x, y, z = 0 roll in their planes.
-std::vector<ConstrainedComponent> rollers(const Matrix3Xd& X) {
-  std::vector<ConstrainedComponent> constrained;
-  for (int i = 0; i < X.cols(); ++i)
-    for (int c = 0; c < 3; ++c)
-      if (X(c, i) == 0) constrained.push_back({i, c, 0});
-  return constrained;
-}
-
 class Volumes : public testing::TestWithParam<int> {
  protected:
   ElasticSolid box(int n) const { return {box_tets(n, n, n, 1. / n), GetParam()}; }
