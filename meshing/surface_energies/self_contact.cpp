@@ -38,7 +38,7 @@ std::shared_ptr<SurfaceMemory> SurfaceContact::find_pairs(const Matrix3Xd& x) co
     pairs.push_back(pair);
   });
   std::sort(pairs.begin(), pairs.end(), order);  // CGAL's order is not the same everywhere
-  return std::make_shared<SurfaceMemory>(SurfaceMemory{x, std::move(pairs)});
+  return std::make_shared<SurfaceMemory>(SurfaceMemory{x, std::move(pairs), {}});
 }
 
 void SurfaceContact::begin_step(double, double, const Matrix3Xd& x) {
