@@ -114,7 +114,7 @@ STUDIES = {
         frozenset({"quick", "held_out", "bodies"}),
     ),
     "verdicts": Study(
-        "whether verdicts on the same bodies hold against a finer reference: an hour", verdicts.study
+        "whether verdicts on the same bodies hold against a finer reference: two hours", verdicts.study
     ),
 }
 
