@@ -41,6 +41,13 @@ _EXPLICIT = {
     "edge_coupled": ("massspring", ("network.calibration=edge_coupled", "time.integrator=symplectic_euler"), 2.0**-6),
     "node_averaged": ("massspring", ("network.calibration=node_averaged", "time.integrator=symplectic_euler"), 2.0**-6),
 }  # fmt: skip
+_SQUASHED = 1.0  # m, of the ball's 2
+#: Ends of a squashed ball -> degree, vertices and load steps, and how both ends are held.
+_SQUASHES = {
+    "clamped": ((2, 162, 8), (2, 162, 64), (2, 642, 8), (1, 162, 8), (1, 642, 8)),
+    "rolling": ((2, 162, 8), (1, 162, 8)),
+}
+_ENDS = {"clamped": '"xyz"', "rolling": '"y"'}
 _FEW_FILES = ("output.frames_every=0", "output.curves=false")  # of a run that is timed
 _FRAMES = 2.0  # ms, between two of a motion
 _IMPLICIT = 0.25  # ms, steps of the reference
@@ -124,6 +131,24 @@ def explicit(store: Store) -> Table:
     return ["explicit", "nodes", "step (us)", "seconds of all steps", "error"], rows
 
 
+def squashed(store: Store) -> Table:
+    """How far a ball between two ends is squashed, and the least det F there."""
+    rows = []
+    for ends, tries in _SQUASHES.items():
+        for degree, n_vertices, n_steps in tries:
+            keys = [f"supports.{n}.components={_ENDS[ends]}" for n in (0, 1)]
+            keys += [f"surface.n_vertices={n_vertices}", f"reference.degree={degree}", f"time.load_steps={n_steps}"]
+            keys.append(f"supports.1.displacement=[0, -{_SQUASHED}, 0]")
+            outcome = store.run(RunRequest("fem_reference", SCENES / "squash.toml", tuple(keys)))
+            run = load_run(outcome.folder, may_stop=True)
+            least = [significant(float(run.curves[name][-1]), 2) for name in ("min_J", "min_J_nodes")]
+            reached = percent(run.times[-1] * _SQUASHED / 2)
+            rows.append(
+                [ends, f"{degree}", f"{n_vertices}", f"{n_steps}", reached, *least, outcome.message or "ok"]
+            )
+    return ["ends", "degree", "vertices", "load steps", "squashed by", "least det F", "at nodes", "ends with"], rows
+
+
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """--quick: locking on few vertices alone."""
     store = Store(folder / "runs")
@@ -133,6 +158,8 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     if not arguments.quick:
         say("frequencies", arguments.quiet)
         sections.append(Section("Frequencies", [], {}, {"frequencies": frequencies(store)}))
+        say("a ball squashed", arguments.quiet)
+        sections.append(Section("Squashed as far as it goes", [], {}, {"squashed": squashed(store)}))
         say("explicit steps", arguments.quiet)
         with alone(arguments.quiet):
             sections.append(Section("Explicit steps", [], {}, {"explicit": explicit(store)}))

@@ -349,10 +349,10 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
   meshing::Objective objective;
   objective.value = [&] { return potential(x, load_factor); };
   objective.negative_gradient = [&](Matrix3Xd& r) { find_residual(x, load_factor, r); };
-  bool is_definite = true;
+  report.is_definite = true;
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport& newton) {
     // Downhill of a saddle lies another path: shorter load steps keep to this one.
-    if (!is_definite && surface.empty()) newton.status = meshing::Status::NotConverged;
+    if (!report.is_definite && surface.empty()) newton.status = meshing::Status::NotConverged;
     if (newton.status != meshing::Status::Ok) return true;
     residual = r.norm();
     first = std::max(first, residual);
@@ -362,9 +362,9 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
     return newton.status != meshing::Status::Ok || is_balanced(x, residual);
   };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
-    is_definite =
+    report.is_definite =
         solve_direction(x, load_factor, r, std::clamp(kForcing * r.norm() / first, kDeepest, kForcing), dx);
-    return is_definite;
+    return report.is_definite;
   };
   objective.largest_step = [&](const Matrix3Xd& dx) {
     double part = 1;

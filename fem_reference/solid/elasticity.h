@@ -55,6 +55,7 @@ struct ElasticReport {
   double residual = 0;        ///< over load plus elastic forces, the largest met
   double tolerance = 0;       ///< of the residual
   bool is_converged = false;
+  bool is_definite = true;    ///< the tangent stiffness where Newton's iteration ended
   double elastic_energy = 0;  ///< J
   double max_strain = 0;      ///< largest |principal strain| (small strain) or |principal stretch - 1|
 };

@@ -88,6 +88,14 @@ def test_of_a_result_tells_its_status_and_a_stored_one_gives_it_again(
     assert file.stat().st_mtime_ns > written
 
 
+def test_of_a_ball_that_escapes_between_rolling_ends_says_that_no_equilibrium_is_stable(tmp_path):
+    squash = (SCENES / "squash.toml").read_text().replace('"xyz"', '"y"')
+    keys = ("surface.n_vertices=60", "supports.1.displacement=[0, -1, 0]")
+    done = ended(words_of(tmp_path, "fem_reference", squash, keys))
+    assert (done.returncode, record_of(tmp_path / "out")["status"]) == (2, "not_converged")
+    assert "no stable equilibrium was found in this load step: the body buckles" in done.stderr
+
+
 @pytest.mark.parametrize("program", BOTH)
 def test_of_an_error_is_1_and_leaves_no_result(run, tmp_path, program):
     for words in ([], ["--nonsense"], ["--frequencies", "many"]):
