@@ -137,7 +137,11 @@ def squashed(store: Store) -> Table:
     for ends, tries in _SQUASHES.items():
         for degree, n_vertices, n_steps in tries:
             keys = [f"supports.{n}.components={_ENDS[ends]}" for n in (0, 1)]
-            keys += [f"surface.n_vertices={n_vertices}", f"reference.degree={degree}", f"time.load_steps={n_steps}"]
+            keys += [
+                f"surface.n_vertices={n_vertices}",
+                f"reference.degree={degree}",
+                f"time.load_steps={n_steps}",
+            ]
             keys.append(f"supports.1.displacement=[0, -{_SQUASHED}, 0]")
             outcome = store.run(RunRequest("fem_reference", SCENES / "squash.toml", tuple(keys)))
             run = load_run(outcome.folder, may_stop=True)
@@ -146,7 +150,16 @@ def squashed(store: Store) -> Table:
             rows.append(
                 [ends, f"{degree}", f"{n_vertices}", f"{n_steps}", reached, *least, outcome.message or "ok"]
             )
-    return ["ends", "degree", "vertices", "load steps", "squashed by", "least det F", "at nodes", "ends with"], rows
+    return [
+        "ends",
+        "degree",
+        "vertices",
+        "load steps",
+        "squashed by",
+        "least det F",
+        "at nodes",
+        "ends with",
+    ], rows
 
 
 def study(arguments: argparse.Namespace, folder: Path) -> Result:

@@ -266,9 +266,9 @@ Status Simulation::advance() {
     if (!equilibrium_.is_converged) {
       reason_ = law_of(scene_) == MaterialLaw::SmallStrain
                     ? "the linear system's conjugate gradients stand still"
-                : equilibrium_.is_definite
-                    ? "no equilibrium was found in this load step"
-                    : "no stable equilibrium was found in this load step: the body buckles, or elements turn inside out";
+                : equilibrium_.is_definite ? "no equilibrium was found in this load step"
+                                           : "no stable equilibrium was found in this load step: the body "
+                                             "buckles, or elements turn inside out";
       return status_ = Status::NotConverged;
     }
     is_solved_ = is_proportional_;
