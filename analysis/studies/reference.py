@@ -148,7 +148,15 @@ def squashed(store: Store) -> Table:
             least = [significant(float(run.curves[name][-1]), 2) for name in ("min_J", "min_J_nodes")]
             reached = percent(run.times[-1] * _SQUASHED / 2)
             rows.append(
-                [ends, f"{degree}", f"{n_vertices}", f"{n_steps}", reached, *least, outcome.message or "ok"]
+                [
+                    ends,
+                    f"{degree}",
+                    f"{n_vertices}",
+                    f"{n_steps}",
+                    reached,
+                    *least,
+                    outcome.message.partition(" was found")[0] or "ok",
+                ]
             )
     return [
         "ends",
