@@ -24,6 +24,7 @@ from .drawing.warp import draw_playback
 from .methods import REFERENCE, label_of
 from .paths import THUMBNAIL, VIEW
 from .report import Row
+from .verdict import of_solution
 from .wording import listed, percent, significant, unit_of_length
 
 
@@ -140,7 +141,7 @@ def plot(comparison: Comparison) -> dict[str, Plot]:
             caption += " Grey: the reference's own, estimated."
         plots[caption] = plot_errors(errors, own)
     plots["Wall-clock time by stage."] = plot_times(
-        {name: run.record["seconds"] for name, run in methods.items()}
+        {name: of_solution(run.record["seconds"]) for name, run in methods.items()}
     )
     return plots
 

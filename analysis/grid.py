@@ -24,7 +24,7 @@ from .paths import ROOT, write_text
 from .report import html_table, page, svg_figure, text_table
 from .run_store import Outcome, Progress, RunRequest, Store, each, reminders
 from .runs import RunError, load_run, read_toml
-from .verdict import SERVES
+from .verdict import SERVES, total
 from .wording import percent
 
 _ERROR = "displacement_error_l2"
@@ -104,7 +104,7 @@ def measure(store: Store, scene: Path, settings: dict[str, str]) -> Row:
     except RunError as error:
         return {**settings, "status": "failed", "message": str(error)}
     for run in (springs, reference):
-        figures[f"seconds_{run.record['program']}"] = sum(run.record["seconds"].values())
+        figures[f"seconds_{run.record['program']}"] = total(run.record["seconds"])
     return {**settings, "status": "ok", "message": "", **{name: figures[name] for name in FIGURES}}
 
 

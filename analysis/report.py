@@ -79,14 +79,17 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
     if "no_reference" in comparison:
         return (_table_alone(comparison["models"]),)
     reference, models = comparison["reference"], comparison["models"]
-    stages = ["start-up", "mesh", "adapt", "estimate", "setup", "assemble", "solve", "output"]
+    stages = ["start-up", "mesh", "adapt", "setup", "assemble", "solve", "output"]
     used = {stage for of in (reference, *models.values()) for stage in of.get("seconds", {})}
-    stages = [stage for stage in stages if stage in used or stage not in ("adapt", "estimate")]
+    stages = [stage for stage in stages if stage in used or stage != "adapt"]
+    aside = ["estimate"] if "estimate" in used else []  # in no total
     unit, size_of_unit = unit_of_length(reference["largest_displacement"])
 
     def times(seconds: dict[str, float]) -> list[str]:
-        known = [f"{seconds[stage]:.2f}" if stage in seconds else "-" for stage in stages]
-        return [*known, f"{total(seconds):.2f}"]
+        def of(names: list[str]) -> list[str]:
+            return [f"{seconds[stage]:.2f}" if stage in seconds else "-" for stage in names]
+
+        return [*of(stages), f"{total(seconds):.2f}", *of(aside)]
 
     def length(metres: float | None) -> str:
         return "-" if metres is None or metres != metres else significant(metres / size_of_unit)
@@ -96,7 +99,7 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
     errors: Table = (["", *sizes, *figures], [])
     exact = ["pressure", "uniaxial", "bending", "torsion"]
     trust: Table = (["exact fields", *exact, "floppy motions", "estimated error"], [])
-    seconds: Table = (["seconds", *stages, "total"], [])
+    seconds: Table = (["seconds", *stages, "total", *aside], [])
     keys = ["displacement_error_l2", "displacement_error_max", "volume_change_error", "area_change_error"]
     for name, model in models.items():
         label = label_of(name)

@@ -17,10 +17,11 @@ from .drawing.bodies_aside import bodies_aside
 from .drawing.plots import figure_of
 from .methods import REFERENCE, label_of
 from .runs import Array, Frame, RunError
+from .verdict import total
 
 
 def table_of(comparison: Comparison) -> pd.DataFrame:
-    """A row for every model, the reference last, and a column for every figure; seconds are the sum of all stages."""
+    """A row for every model, the reference last, and a column for every figure; seconds leave out an estimate's."""
     values = comparison.as_json()
     rows = dict(values["models"]) | ({REFERENCE: values["reference"]} if comparison.reference else {})
     flat = {name: _flat(row) for name, row in rows.items()}
@@ -35,7 +36,7 @@ def table_of(comparison: Comparison) -> pd.DataFrame:
 def _flat(row: dict[str, Any]) -> dict[str, Any]:
     """Of a model, without tables in the table."""
     more = row.get("diagnostics") or {}
-    seconds = {"seconds": sum(row["seconds"].values())} if "seconds" in row else {}
+    seconds = {"seconds": total(row["seconds"])} if "seconds" in row else {}
     return {key: value for key, value in row.items() if key != "diagnostics"} | dict(more) | seconds
 
 

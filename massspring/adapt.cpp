@@ -5,11 +5,14 @@
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+#include <string>
+#include <utility>
 
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/base/geometry.h"
 #include "meshing/base/kd_tree.h"
 #include "meshing/network/build_network.h"
+#include "meshing/network/split_in_eight.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
 
@@ -20,36 +23,35 @@ using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::VectorXd;
 
+constexpr Eigen::Index kMostEstimated = 50000;  // nodes: eight times as many take some six gigabytes
+
 SpringNetwork network_on(const SurfaceMesh& surface, const Scene& scene) {
   return build_network(surface, scene.network, false, true);
 }
 
-struct Equilibrium {
-  Matrix3Xd u;
-  bool is_free;
-};
-
-Equilibrium solve(Scene scene, const SpringNetwork& network) {
-  scene.time.load_steps = 1;
-  Simulation simulation(scene, network);
+/// Throws where it has none.
+void balance(Simulation& simulation) {
   simulation.advance();
-  if (simulation.report().status != Status::Ok)
-    throw std::runtime_error("on " + std::to_string(network.X.cols()) +
+  if (simulation.status() != Status::Ok)
+    throw std::runtime_error("on " + std::to_string(simulation.model().network.X.cols()) +
                              " nodes, to estimate the error: " + simulation.report().reason);
-  return {simulation.snapshot().u, simulation.equilibrium()->n_free_rigid_motions() > 0};
 }
 
-/// The distance of two displacements at the vertices of a surface, the first of the other's, over the finer one.
-ErrorEstimate distance(const SurfaceMesh& surface, const Equilibrium& coarse, const Equilibrium& fine) {
-  const Eigen::Index n = surface.X.cols();
-  const VectorXd areas = vertex_areas(surface.X, surface.F);
-  const auto deformation = [&](const Matrix3Xd& u) -> Matrix3Xd {
-    return coarse.is_free ? without_rigid_motion(u, surface.X, areas) : u;
-  };
-  const auto norm = [&](const VectorXd& lengths) { return std::sqrt(lengths.cwiseAbs2().dot(areas)); };
-  const VectorXd difference =
-      deformation(coarse.u.leftCols(n) - fine.u.leftCols(n)).colwise().norm().transpose();
-  return {norm(difference) / norm(deformation(fine.u.leftCols(n)).colwise().norm().transpose()), difference};
+Scene in_one_step(Scene scene) {
+  scene.time.load_steps = 1;
+  return scene;
+}
+
+Matrix3Xd equilibrium(const Scene& scene, const SpringNetwork& network) {
+  Simulation simulation(in_one_step(scene), network);
+  balance(simulation);
+  return simulation.snapshot().u;
+}
+
+/// Whether what came before decides an equilibrium.
+bool has_friction(const Scene& scene) {
+  return std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
+                     [](const Obstacle& obstacle) { return obstacle.friction > 0; });
 }
 
 /// For each vertex of the surface, squared jumps of the displacement's gradient between the tetrahedra that are
@@ -98,43 +100,50 @@ SurfaceMesh cut_where_strain_jumps(const SurfaceMesh& surface, const VectorXd& j
   return cut_surface(surface, longest, std::numeric_limits<int>::max());
 }
 
-/// Part of a network's error that a finer one has, if errors fall with the square of the surface's edges.
-double left_of_error(const SpringNetwork& coarse, const SpringNetwork& finer) {
-  return static_cast<double>(coarse.n_surface) / finer.n_surface;
-}
-
-ErrorEstimate scaled(const ErrorEstimate& estimate, double factor) {
-  return {factor * estimate.error, factor * estimate.of_vertex};
-}
-
 }  // namespace
 
-ErrorEstimate estimate_error(const Scene& scene, const SurfaceMesh& surface, const SpringNetwork& network) {
-  const SpringNetwork finer =
-      network_on(cut_surface(surface, longest_edges(surface) / 2, std::numeric_limits<int>::max()), scene);
-  const ErrorEstimate apart = distance(surface, solve(scene, network), solve(scene, finer));
-  return scaled(apart, 1 / (1 - left_of_error(network, finer)));
+ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Matrix3Xd& u) {
+  constexpr double kResidual = 1e-4;  // of the finer network: an error of a hundredth to two digits
+  if (network.X.cols() > kMostEstimated)
+    throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " +
+                             std::to_string(kMostEstimated) + " whose error is estimated");
+  const auto [finer, between] = split_in_eight(network);
+  Scene loosely = in_one_step(scene);
+  loosely.time.residual = kResidual;
+  Simulation simulation(loosely, finer);
+  if (!has_friction(scene)) simulation.start_at(interpolated(u, between));
+  balance(simulation);
+
+  const Eigen::Index n = network.n_surface;
+  const Matrix3Xd X = network.X.leftCols(n);
+  const VectorXd areas = vertex_areas(X, network.F);
+  const bool is_free = simulation.equilibrium()->n_free_rigid_motions() > 0;
+  const auto deformation = [&](const Matrix3Xd& v) -> VectorXd {
+    return (is_free ? without_rigid_motion(v, X, areas) : v).colwise().norm().transpose();
+  };
+  const auto norm = [&](const VectorXd& lengths) { return std::sqrt(lengths.cwiseAbs2().dot(areas)); };
+  const Matrix3Xd of_finer = simulation.snapshot().u.leftCols(n);
+  const double left =
+      static_cast<double>(n) / finer.n_surface;  // part of the error that the finer network has
+  const VectorXd error = deformation(u.leftCols(n) - of_finer) / (1 - left);
+  return {norm(error) / norm(deformation(of_finer)), error};
 }
 
 AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, double target) {
-  constexpr Eigen::Index kMostNodes = 200000;
   AdaptedSurface adapted{surface, network_on(surface, scene), {}, {}, {}, false};
-  Equilibrium before = solve(scene, adapted.network);
-  adapted.n_nodes.push_back(static_cast<int>(adapted.network.X.cols()));
-  while (!adapted.is_reached && adapted.network.X.cols() < kMostNodes) {
-    const SurfaceMesh coarse = adapted.surface;
-    adapted.surface = cut_where_strain_jumps(coarse, jumps(adapted.network, before.u));
-    SpringNetwork finer = network_on(adapted.surface, scene);
-    const Equilibrium now = solve(scene, finer);
-    const double left = left_of_error(adapted.network, finer);
-    adapted.estimate = scaled(distance(coarse, before, now), left / (1 - left));
-    adapted.network = std::move(finer);
+  while (true) {
+    const Matrix3Xd u = equilibrium(scene, adapted.network);
+    adapted.estimate = estimate_error(scene, adapted.network, u);
     adapted.errors.push_back(adapted.estimate.error);
     adapted.n_nodes.push_back(static_cast<int>(adapted.network.X.cols()));
     adapted.is_reached = adapted.estimate.error <= target;
-    before = now;
+    if (adapted.is_reached) return adapted;
+    SurfaceMesh finer = cut_where_strain_jumps(adapted.surface, jumps(adapted.network, u));
+    SpringNetwork network = network_on(finer, scene);
+    if (network.X.cols() > kMostEstimated) return adapted;
+    adapted.surface = std::move(finer);
+    adapted.network = std::move(network);
   }
-  return adapted;
 }
 
 }  // namespace testbed::massspring

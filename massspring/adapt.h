@@ -1,4 +1,4 @@
-// Equilibria on finer triangles: how far coupled springs are off, and where they want more nodes.
+// How far coupled springs are off by their own account, and where they want more nodes.
 #pragma once
 
 #include <vector>
@@ -10,25 +10,26 @@ namespace testbed::massspring {
 /// Of the surface's displacement at full load.
 struct ErrorEstimate {
   double error;               ///< relative, in the L2 norm
-  Eigen::VectorXd of_vertex;  ///< m, at the surface's vertices that the coarser network has, which come first
+  Eigen::VectorXd of_vertex;  ///< m, at the surface's vertices
 };
 
-/// Of springs on a surface, by their distance to those on the same triangles cut in four, as if errors fell with
-/// the square of its edges.
-/// @throws std::runtime_error when one of them finds no equilibrium.
-ErrorEstimate estimate_error(const Scene& scene, const SurfaceMesh& surface, const SpringNetwork& network);
+/// Of an equilibrium of coupled springs under full load, by its distance to that of the same tetrahedra split in eight, as
+/// if errors fell with the square of their edges. The latter starts from the former and is solved to what an estimate
+/// needs.
+/// @param u  displacements (m), 3 x n
+/// @throws std::runtime_error when the finer network finds no equilibrium or is too large to be tried.
+ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Eigen::Matrix3Xd& u);
 
 struct AdaptedSurface {
   SurfaceMesh surface;
   SpringNetwork network;
   ErrorEstimate estimate;
   std::vector<int> n_nodes;    ///< of the networks on the way
-  std::vector<double> errors;  ///< of all but the first, as they were estimated
+  std::vector<double> errors;  ///< of each, as they were estimated
   bool is_reached;
 };
 
-/// Cuts the triangles near which strain jumps most, until the error falls below a target that is estimated, likewise,
-/// by the distance of the last two networks.
+/// Cuts the triangles near which strain jumps most, until the estimated error falls below a target.
 /// @throws std::runtime_error when a network finds no equilibrium.
 AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, double target);
 

@@ -85,7 +85,7 @@ void add_diagnostics(const MassSpringModel& model, Session& session) {
   }
 }
 
-/// Into the record, and at every vertex of the surface into the frames.
+/// Into the record, and at every vertex of the surface into the frames that follow.
 void add_estimate(const ErrorEstimate& estimate, const SpringNetwork& network, Session& session) {
   session.record["estimated_error"] = estimate.error;
   Eigen::MatrixXd of_node = Eigen::MatrixXd::Zero(1, network.X.cols());
@@ -97,6 +97,26 @@ void add_adapted(const AdaptedSurface& adapted, Session& session) {
   session.record["adapted"] = {
       {"n_nodes", adapted.n_nodes}, {"estimated_errors", adapted.errors}, {"is_reached", adapted.is_reached}};
   add_estimate(adapted.estimate, adapted.network, session);
+}
+
+/// Of the equilibrium under full load; where there is none, why.
+void estimate(const Simulation& simulation, const Scene& scene, const SpringNetwork& network,
+              const Arguments& arguments, Session& session) {
+  if (simulation.status() != Status::Ok) return;
+  std::string why_not = why_not_estimated(scene, find_calibration(scene.network.calibration));
+  if (why_not.empty() && arguments.budget) why_not = "a budget of time is spent on solutions alone";
+  if (why_not.empty() && !scene.obstacles.empty())
+    why_not = "contact of a finer surface is found anew, at many times the price of the run";
+  if (!why_not.empty()) {
+    session.record["not_estimated"] = why_not;
+    return;
+  }
+  session.start("estimate");
+  try {
+    add_estimate(estimate_error(scene, network, simulation.snapshot().u), network, session);
+  } catch (const std::runtime_error& error) {
+    session.record["not_estimated"] = error.what();
+  }
 }
 
 void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
@@ -204,7 +224,7 @@ ExitStatus run(const Arguments& arguments) {
   session.start("mesh");
   const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
   NodeReport found;
-  const bool is_adapted = scene.network.target_error > 0 && may_estimate(scene, calibration);
+  const bool is_adapted = scene.network.target_error > 0 && why_not_estimated(scene, calibration).empty();
   SpringNetwork network;
   const auto fill = [&](const SurfaceMesh& surface) {
     if (is_adapted) {
@@ -216,15 +236,10 @@ ExitStatus run(const Arguments& arguments) {
       network = build_network(surface, scene.network, needs_links, calibration.needs_tetrahedra, &found);
     }
   };
-  SurfaceMesh surface = session.surface;
   if (needs_links)
-    fill(surface);
+    fill(session.surface);
   else
-    surface = session.cut_surface(fill);
-  if (!is_adapted && scene.network.estimate && may_estimate(scene, calibration)) {
-    session.start("estimate");
-    add_estimate(estimate_error(scene, surface, network), network, session);
-  }
+    session.cut_surface(fill);
   session.foresee(network.X.cols(),
                   foreseen_seconds(scene, network.X.cols(), needs_links, !arguments.is_undiagnosed));
   session.start("setup");
@@ -244,7 +259,9 @@ ExitStatus run(const Arguments& arguments) {
     session.record["natural_frequencies"] = std::vector<double>(frequency.begin(), frequency.end());
     session.record["n_zero_frequencies"] = n_zero;
   }
-  take_steps(simulation, session);
+  take_steps(simulation, session, [&] {
+    if (scene.network.estimate && !is_adapted) estimate(simulation, scene, network, arguments, session);
+  });
   report(simulation, scene, session.record);
   return session.finish();
 }

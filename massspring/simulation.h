@@ -50,6 +50,8 @@ class Simulation {
   /// Goes on from a state of a simulation of the same scene and network, and forgets what is kept besides.
   /// @throws std::runtime_error for another number of nodes
   void set_state(const State& state);
+  /// Statics: the next step starts at these displacements (3 x n, m), as if they were the equilibrium under full load.
+  void start_at(const Eigen::Matrix3Xd& u) { equilibrium_->start_at(u, state_); }
   /// A motion's state, counts and what is kept from step to step, as bytes; of statics none.
   std::string saved() const;
   /// Goes on bit for bit from what a simulation of the same scene and network has saved.

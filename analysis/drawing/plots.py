@@ -23,7 +23,6 @@ _STAGES = {  # in the order of a report's table; Tol 2021, "Colour schemes"
     "start-up": "#AA4499",
     "mesh": "#BBBBBB",
     "adapt": "#999933",
-    "estimate": "#882255",
     "setup": "#DDCC77",
     "assemble": "#88CCEE",
     "solve": "#332288",

@@ -2,7 +2,7 @@
 
 Bodies and loads are those of the accuracy study, and so are errors: of the surface's displacement against quadratic
 elements on the same surface, refined once where a part is held. A target is met where the error is at most one and a half
-times as large. What is finished is kept.
+times as large. The price is the seconds of the estimate over all others. What is finished is kept.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from ..paths import write_text
 from ..report import Table
 from ..run_store import Progress, each
 from ..runs import Run, RunError
+from ..verdict import total
 from .accuracy import SPRINGS, Bench, Case, Row, cases, error_of
 from .result import Result, Section
 
@@ -52,7 +53,8 @@ def measure(bench: Bench, case: Case) -> list[Row]:
 def _figures(springs: Run, reference: Run) -> Row:
     return {
         "n_nodes": str(springs.record["n_nodes"]),
-        "seconds": f"{sum(springs.record['seconds'].values()):.3g}",
+        "seconds": f"{total(springs.record['seconds']):.3g}",
+        "price": f"{springs.record['seconds'].get(ESTIMATE, 0) / total(springs.record['seconds']):.3g}",
         "error": f"{error_of(springs, reference):.5g}",
         "estimate": f"{springs.record['estimated_error']:.5g}",
     }
@@ -61,7 +63,7 @@ def _figures(springs: Run, reference: Run) -> Row:
 def table(rows: list[Row]) -> Table:
     """A line for each kind of load and what was asked for."""
     ratio = ["estimate / error", "10 %", "90 %", "within two"]
-    head = ["kind", "asked", "cases", "no result", *ratio, "met", "error", "nodes", "seconds"]
+    head = ["kind", "asked", "cases", "no result", *ratio, "met", "error", "nodes", "seconds", "price"]
     lines = []
     for kind in ("free", "held"):
         for asked in _keys():
@@ -83,7 +85,7 @@ def _summary(rows: list[Row], asked: str) -> list[str]:
         f"{np.mean(is_near):.0%}",
         met,
         f"{100 * np.median(errors):.2g} %",
-        *(f"{median(float(row[key]) for row in rows):.3g}" for key in ("n_nodes", "seconds")),
+        *(f"{median(float(row[key]) for row in rows):.3g}" for key in ("n_nodes", "seconds", "price")),
     ]
 
 
@@ -112,4 +114,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     return Result("What the springs know of their error", finding(rows), sections)
 
 
-_HOW = "Medians, and the first and last tenth, over the cases; a target is met where the error is at most 1.5 times as large."
+_HOW = (
+    "Medians, and the first and last tenth, over the cases; a target is met where the error is at most 1.5 times as large. "
+    "The price is the seconds of the estimate over those of all other stages."
+)

@@ -259,7 +259,7 @@ class SceneStudy:
         vertices = f"surface.n_vertices={round(rung.size * self.scene['surface'].get('n_vertices', 642))}"
         surface = (vertices, "surface.across=0", *CHANGES.get(self.name, ()))
         if not is_dynamic(self.scene):
-            return (*surface, "output.frames_every=0")
+            return (*surface, "output.frames_every=0", "network.estimate=false")
         # All runs write frames at the same moments, one in each longest step of the ladder.
         longest = max(self.effort.steps)
         return (

@@ -48,6 +48,10 @@ void check_skin_and_volume(const Scene& scene, const Calibration& calibration) {
     refuse("material.stiffness_damping", scene.material.stiffness_damping, "0: only the reference has it");
 }
 
+bool is_estimated(const Scene& scene, const Calibration& calibration) {
+  return why_not_estimated(scene, calibration).empty();
+}
+
 /// A key that not every model reads, and which do.
 struct Reading {
   const char* key;
@@ -87,8 +91,8 @@ const Reading kReadings[] = {
        return has_springs(s, c) && law_of(s) != MaterialLaw::SmallStrain;
      }},
     {"network.spring_damping", has_springs},
-    {"network.estimate", may_estimate},
-    {"network.target_error", may_estimate},
+    {"network.estimate", is_estimated},
+    {"network.target_error", is_estimated},
     {"network.mass",
      [](const Scene& s, const Calibration& c) {
        return c.is_coupled && !(is_dynamic(s) && find_integrator(s.time.integrator).is_explicit);
@@ -105,9 +109,15 @@ const Reading kReadings[] = {
 
 }  // namespace
 
-bool may_estimate(const Scene& scene, const Calibration& calibration) {
-  return !is_dynamic(scene) && calibration.is_coupled && !has_links(scene, calibration) &&
-         scene.seams.empty();
+std::string why_not_estimated(const Scene& scene, const Calibration& calibration) {
+  if (is_dynamic(scene)) return "the errors of equilibria alone are estimated";
+  if (!calibration.is_coupled || has_links(scene, calibration))
+    return "the error of independent springs does not fall as nodes are added";
+  if (!scene.seams.empty()) return "stitches tie vertices, and a finer surface has others";
+  if (!scene.events.empty()) return "events are obeyed between load steps, and an estimate takes one";
+  if (scene.collapse && !scene.collapse->surface && !scene.collapse->depth)
+    return "the default of collapse.depth hangs on the triangles";
+  return "";
 }
 
 std::vector<std::string> models_of(const Scene& scene) {

@@ -9,9 +9,8 @@
 
 namespace testbed::massspring {
 
-/// Whether network.estimate and network.target_error serve the scene with this model: coupled springs alone, in
-/// statics.
-bool may_estimate(const Scene& scene, const Calibration& calibration);
+/// Why network.estimate and network.target_error do not serve the scene with this model; empty where they do.
+std::string why_not_estimated(const Scene& scene, const Calibration& calibration);
 
 /// The scene's own spring model and those of its comparison, each once.
 std::vector<std::string> models_of(const Scene& scene);

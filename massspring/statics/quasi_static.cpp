@@ -280,6 +280,12 @@ StepReport QuasiStaticSolver::solve(double load_factor, State& state) {
   return report;
 }
 
+void QuasiStaticSolver::start_at(const Matrix3Xd& u, State& state) const {
+  displace(u, state);
+  state.loading = rest_;
+  state.loading->path.last = {{1, u}};
+}
+
 void QuasiStaticSolver::displace(const Matrix3Xd& u, State& state) const {
   state.u = u;
   state.x = model_.network.X + u;

@@ -37,6 +37,9 @@ class QuasiStaticSolver {
   /// change a step within its tolerance.
   StepReport solve(double load_factor, State& state);
 
+  /// Makes of a state at rest one whose last equilibrium is u (3 x n, m), under the full loads.
+  void start_at(const Eigen::Matrix3Xd& u, State& state) const;
+
   /// How linear systems are solved, and why.
   const std::string& solver_choice() const { return solver_.choice(); }
 

@@ -136,10 +136,13 @@ class Session {
 
 /// Takes all steps of a simulation, each of which leaves a snapshot where it counts as done. A motion goes on from its
 /// checkpoint.
+/// @param at_end  is called once all steps are done, before the last snapshot is added
 template <class Simulation>
-void take_steps(Simulation& simulation, Session& session) {
+void take_steps(
+    Simulation& simulation, Session& session, const std::function<void()>& at_end = [] {}) {
   bool is_over = false;
   const auto add = [&] {
+    if (simulation.has_ended()) at_end();
     session.timer.start("output");
     const int n = simulation.n_done();
     const bool is_spent = !simulation.has_ended() && session.is_spent();

@@ -238,12 +238,10 @@ void check_scene(const Scene& scene, const std::string& file) {
       expect(false, "time.step", error.what());
     }
   }
-  const NetworkOptions& network = scene.network;
-  if ((network.estimate || network.target_error > 0) && scene.collapse)
+  if (scene.network.target_error > 0 && scene.collapse)
     expect(scene.collapse->surface || scene.collapse->depth, "collapse.surface",
-           "collapse.surface = false with an estimated error, expected collapse.depth, as its default hangs "
-           "on the "
-           "triangles");
+           "collapse.surface = false with network.target_error, expected collapse.depth, as its default "
+           "hangs on the triangles");
   if (scene.skin && scene.skin->relaxation > 0)
     expect(scene.skin->bending > 0, "skin.relaxation", "skin.relaxation = ", scene.skin->relaxation,
            ", expected skin.bending > 0 to drive it");

@@ -211,7 +211,7 @@ struct NetworkOptions {
   std::string calibration = "node_averaged";  ///< name of the spring model
   MassMatrix mass =
       MassMatrix::Consistent;  ///< of coupled springs in all but explicit steps; all else is lumped
-  bool estimate = false;       ///< the error of coupled springs in statics
+  bool estimate = true;        ///< the error of coupled springs in statics
   double target_error = 0;     ///< of theirs, until which nodes are added; 0: none are
 };
 

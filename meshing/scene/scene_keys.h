@@ -316,7 +316,8 @@ void describe(V& v, NetworkOptions& n) {
     "of the material's shear stiffness that the network's links have beside coupled springs");
   v("spring_damping", n.spring_damping, kNotNegative, "k_d of independent springs (N s/m)");
   v("estimate", n.estimate,
-    "static: estimate the error of coupled springs, by solving once more on triangles cut in four");
+    "static: estimate the error of coupled springs, by solving once more, roughly, on tetrahedra split in "
+    "eight");
   v("target_error", n.target_error, kFraction,
     "static: add nodes until the estimated error of coupled springs is below; 0: add none");
 }

@@ -405,15 +405,15 @@ def test_tables_hold_sizes_trust_and_seconds_of_each_method():
         "floppy_load_share": 0.03,
         "estimated_error": 0.04,
     }
-    more["seconds"] = {"start-up": 0.25, "mesh": 0.5, "solve": 1.5}
+    more["seconds"] = {"start-up": 0.25, "mesh": 0.5, "solve": 1.5, "estimate": 7.0}
     errors, trust, seconds = tables(comparison_of({"affine": model_of(**more)}))
     springs, elements = cells_of(errors), cells_of(errors, 1)
     assert [springs[part] for part in ("nodes", "springs", "dofs")] == ["10", "30", "30"]
     assert [springs[part] for part in ("displacement error", "at worst")] == ["20 %", "30 %"]
     assert [elements[part] for part in ("nodes", "springs", "dofs")] == ["11", "-", "33"]
     assert trust[1] == [["springs, affine", "1 %", "-", "25 %", "-", "2 (3 % of the load)", "4 %"]]
-    assert list(cells_of(seconds).values())[1:] == ["0.25", "0.50", "-", "-", "1.50", "-", "2.25"]
-    assert list(cells_of(seconds, 1).values())[1:] == ["-", "2.00", "-", "1.00", "3.00", "-", "6.00"]
+    assert list(cells_of(seconds).values())[1:] == ["0.25", "0.50", "-", "-", "1.50", "-", "2.25", "7.00"]
+    assert list(cells_of(seconds, 1).values())[1:] == ["-", "2.00", "-", "1.00", "3.00", "-", "6.00", "-"]
 
 
 @pytest.mark.parametrize("n, cell", [(None, "unknown"), (0, "0")])

@@ -14,7 +14,7 @@ from analysis.studies.estimate import ESTIMATE, finding, measure, table
 
 def row(asked, error, own, kind="free", status="ok"):
     place = {"body": "ball", "kind": kind, "load": "smooth", "nu": "0.25", "asked": asked, "status": status}
-    figures = {"n_nodes": "100", "seconds": "2", "error": str(error), "estimate": str(own)}
+    figures = {"n_nodes": "100", "seconds": "2", "price": "1.5", "error": str(error), "estimate": str(own)}
     return place | (figures if status == "ok" else {})
 
 
@@ -30,6 +30,7 @@ def test_estimates_are_summed_up_over_their_errors():
     line = line_of(rows, "free", ESTIMATE)
     assert (line["cases"], line["no result"], line["within two"], line["met"]) == ("4", "1", "75%", "-")
     assert (line["estimate / error"], line["error"], line["nodes"]) == ("1.25", "10 %", "100")
+    assert line["price"] == "1.5"
     assert finding(rows) == "Estimates are within a factor two of the error in 75% of 4 cases."
 
 
@@ -64,7 +65,7 @@ class StandIn:
         last = SimpleNamespace(X=X, u=size * np.diag([1.0, 2.0, 4.0]), F=np.array([[0, 1, 2]]))
         record = {
             "n_nodes": 3,
-            "seconds": {"solve": 1.0, "mesh": 0.5},
+            "seconds": {"solve": 1.0, "mesh": 0.5, "estimate": 3.0},
             "estimated_error": 0.06,
             "is_free": False,
         }
@@ -77,7 +78,8 @@ def test_each_question_is_a_row_and_held_bodies_have_a_refined_reference():
     rows = measure(bench, case)
     assert [row["asked"] for row in rows] == [ESTIMATE, "target 0.1", "target 0.05", "target 0.03"]
     assert set(bench.asked) == {1} and rows[-1]["status"] == "too large"
-    assert (rows[0]["error"], rows[0]["estimate"], rows[0]["seconds"]) == ("0.04", "0.06", "1.5")
+    assert (rows[0]["error"], rows[0]["estimate"]) == ("0.04", "0.06")
+    assert (rows[0]["seconds"], rows[0]["price"]) == ("1.5", "2")
 
 
 def test_quick_study_leaves_a_report(tmp_path, monkeypatch, capsys):

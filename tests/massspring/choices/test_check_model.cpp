@@ -143,6 +143,30 @@ TEST(CheckModel, AcceptsEveryModelOfShippedScenes) {
 
 using Keys = std::vector<std::string>;
 
+TEST(WhyNotEstimated, NamesLinksMotionSeamsEventsAndTheDefaultDepthOfACollapse) {
+  const auto why = [](const std::string& model, const auto& change) {
+    Scene scene;
+    change(scene);
+    return why_not_estimated(scene, find_calibration(model));
+  };
+  const auto nothing = [](Scene&) {};
+  EXPECT_EQ(why("node_averaged", nothing), "");
+  EXPECT_EQ(why("edge_coupled", [](Scene& s) { s.collapse.emplace(); }), "");
+  const std::string of_links = why("uniform", nothing);
+  EXPECT_NE(of_links.find("does not fall as nodes are added"), std::string::npos);
+  EXPECT_EQ(why("lloyd", nothing), of_links);
+  EXPECT_EQ(why("node_averaged", [](Scene& s) { s.network.link_share = 0.1; }), of_links);
+  EXPECT_NE(why("node_averaged", [](Scene& s) { s.time.mode = TimeMode::Dynamic; }).find("equilibria"),
+            std::string::npos);
+  EXPECT_NE(why("node_averaged", [](Scene& s) { s.seams.emplace_back(); }).find("stitches"),
+            std::string::npos);
+  EXPECT_NE(why("node_averaged", [](Scene& s) { s.events.emplace_back(); }).find("events"),
+            std::string::npos);
+  EXPECT_NE(
+      why("node_averaged", [](Scene& s) { s.collapse.emplace().surface = false; }).find("collapse.depth"),
+      std::string::npos);
+}
+
 TEST(UnusedKeys, AreThoseThatNoModelOfTheComparisonReads) {
   Scene scene;
   scene.network.multiplicity = 7;
