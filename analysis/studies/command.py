@@ -56,7 +56,9 @@ STUDIES = {
         frozenset({"scenes", "quick", "repetitions", "time_limit"}),
     ),
     "stability": Study(
-        "what becomes of a body let go from bad starts, over step and stiffness, as maps", stability.study
+        "what becomes of a body let go from bad starts, over step and stiffness, as maps",
+        stability.study,
+        frozenset({"quick", "seeds"}),
     ),
     "scaling": Study(
         "seconds, memory and non-zeros from a thousand nodes to a million",
@@ -154,6 +156,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="accuracy, estimate, survey: the bodies too that nothing was developed on",
     )
+    parser.add_argument(
+        "--seeds",
+        type=_seeds,
+        metavar="N,N...",
+        help="stability: coupled springs alone, from starts that these seeds draw",
+    )
     parser.add_argument("--bodies", type=Path, metavar="DIR", help="survey: a folder of closed surfaces")
     parser.add_argument(
         "--against", metavar="COMMIT", help="kernels: build this commit apart, and measure it in the same run"
@@ -163,10 +171,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 _TIME_LIMIT = 120  # s
 
 
+def _seeds(text: str) -> list[int]:
+    return [int(seed) for seed in text.split(",")]
+
+
 def check_options(arguments: argparse.Namespace) -> None:
     """Raises RunError for an option that means nothing to the study."""
     takes = STUDIES[arguments.name].takes
-    for name in ("scenes", "quick", "repetitions", "time_limit", "against", "held_out", "bodies"):
+    for name in ("scenes", "quick", "repetitions", "time_limit", "against", "held_out", "bodies", "seeds"):
         if getattr(arguments, name) and name not in takes:
             what = "scene" if name == "scenes" else f"--{name.replace('_', '-')}"
             known = ", ".join(sorted(study for study, entry in STUDIES.items() if name in entry.takes))

@@ -496,3 +496,9 @@ def test_runs_of_different_load_cases_are_refused(key, ball, tmp_path):
         compare_runs(*runs, is_free=True)
     (folders[0] / "scene.toml").write_text((folders[1] / "scene.toml").read_text())
     compare_runs(*runs, is_free=True)
+
+
+def test_largest_strain_of_the_reference_is_that_of_all_its_way(ball, tmp_path):
+    run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0.1 * X, program="fem_reference"))
+    run.curves["max_strain"] = np.array([0, 0.1, 0.3, 0.2, 0.1])
+    assert describe_reference(run).largest_strain == 0.3

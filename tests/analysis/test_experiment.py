@@ -24,6 +24,7 @@ from analysis.experiment import _command as command_of
 from analysis.experiment import default_folder, run_solvers, surface_overrides
 from analysis.experiment_folder import Experiment
 from analysis.paths import SCENES
+from analysis.references import refine
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
 from analysis.runs import RunError, StoppedEarlyError, load_run
@@ -134,6 +135,7 @@ def test_differences_near_the_error_of_the_reference_are_named(experiment, ball)
     assert as_in_scene["displacement_error_l2"] == pytest.approx(0.2)
     assert as_in_scene["reference"]["n_refinements"] == 0
     assert as_in_scene["reference"]["estimated_error_l2"] == pytest.approx(2 * (1 - 0.01 / 0.010249))
+    assert as_in_scene["reference"]["unrefined_error"] == pytest.approx(1 - 0.01 / 0.010249)
     page = (experiment.folder / "report.html").read_text()
     assert "more than a tenth of the difference from affine (14 % of it), which" in page
     assert "finite elements, unrefined" in page
@@ -148,6 +150,18 @@ def test_error_of_the_reference_is_stated(size, words, experiment, ball):
     experiment = replace(experiment, failed={"affine": "diverged"})
     write_results(refined(experiment, ball, *([size] if size else [])))
     assert words in (experiment.folder / "report.html").read_text()
+
+
+def test_a_reference_is_refined_beyond_what_its_scene_asks_for(experiment):
+    asked = []
+
+    def solve(_, words, __):
+        asked.append(words)
+        return 1, "too large"
+
+    scene = experiment.scene | {"reference": {"refine": 1}}
+    assert refine(replace(experiment, scene=scene), solve, 1e9, is_quiet=True).unrefined == "too large"
+    assert asked == [["reference.refine=2"]]
 
 
 def test_errors_of_references_are_those_of_a_limit(ball, tmp_path):

@@ -7,6 +7,7 @@ import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +16,14 @@ from IPython.core.formatters import DisplayFormatter
 from matplotlib.figure import Figure
 from PIL import Image
 from solvers import ERRORS, calls, make_solvers
+from synthetic import write_run
 
 import analysis
 from analysis import RunError, Scene
 from analysis import experiment as experiments
 from analysis.paths import PACKAGE, PROGRAMS, ROOT
+from analysis.runs import load_run
+from analysis.tables import nodes_of
 
 FILLED_IN = (
     'name = "synthetic"\n[surface]\nshape = "ball"\n[network]\ncalibration = "affine"\n[comparison]\ncalibrations = []\n'
@@ -124,6 +128,21 @@ def test_errors_of_the_nodes_have_the_displacement_error_as_their_mean(experimen
     assert nodes[["ux_reference", "uy_reference", "uz_reference"]].to_numpy() == pytest.approx(
         0.01 * X, abs=1e-9
     )
+
+
+def test_errors_of_the_nodes_are_over_a_mean_by_area(ball, tmp_path):
+    body = ball[0] * [4, 1, 1], ball[1]  # whose vertices at its ends have the least areas
+    runs = [
+        load_run(write_run(tmp_path / str(size), *body, lambda X, size=size: size * X * [1, 0, 0]))
+        for size in (0.12, 0.1)
+    ]
+    known = SimpleNamespace(
+        experiment=SimpleNamespace(calibration="affine", is_free=False),
+        runs={"affine": runs[0]},
+        reference=runs[1],
+    )
+    nodes = nodes_of(known)
+    assert np.average(nodes["error"] ** 2, weights=nodes["area"]) == pytest.approx(0.2**2)
 
 
 def test_model_without_a_result_is_named_with_those_that_have_one(experiment):

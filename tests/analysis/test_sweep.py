@@ -15,11 +15,12 @@ from types import SimpleNamespace
 import pytest
 from pages import fetched
 from solvers import ERRORS, calls, make_solvers, wait_for_calls
+from synthetic import write_run
 
 from analysis import grid as sweeps
 from analysis.__main__ import parse_arguments
-from analysis.grid import finding, parse_grid, settings_of, sweep
-from analysis.run_store import Progress, RunRequest, Store, reminders, say
+from analysis.grid import finding, measure, parse_grid, settings_of, sweep
+from analysis.run_store import Outcome, Progress, RunRequest, Store, reminders, say
 from analysis.runs import RunError
 
 GRID = {"material.nu": list(ERRORS), "network.multiplicity": ["3", "5"]}
@@ -405,3 +406,17 @@ def test_killed_sweep_continues_to_the_same_table(ball, scene, tmp_path):
     assert len(calls(programs)) <= 2 * n_points + n_killed
     assert not list((tmp_path / "killed" / "runs").glob("*.part*"))
     assert (tmp_path / "killed" / "sweep.csv").read_text() == (tmp_path / "whole" / "sweep.csv").read_text()
+
+
+def test_rigid_motion_of_a_free_body_is_no_error(ball, tmp_path):
+    write_run(tmp_path / "massspring", *ball, lambda X: 0.012 * X + [0.1, 0, 0])
+    more = {"program": "fem_reference", "is_free": True}
+    write_run(tmp_path / "fem_reference", *ball, lambda X: 0.01 * X, **more)
+    (tmp_path / "scene.toml").write_text("")
+
+    class Known:
+        def run(self, request):
+            return Outcome("ok", "", 1, 1, 0, folder=tmp_path / request.program)
+
+    row = measure(Known(), tmp_path / "scene.toml", {"material.nu": "0.3"})
+    assert row["displacement_error_l2"] == pytest.approx(0.2)

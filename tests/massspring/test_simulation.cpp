@@ -8,6 +8,7 @@
 #include <string>
 
 #include "massspring/simulation.h"
+#include "meshing/surface/surface.h"
 #include "tests/meshing/box_tets.h"
 #include "tests/meshing/rolling.h"
 
@@ -104,6 +105,50 @@ TEST(InitialMotion, IsOverruledBySupports) {
       EXPECT_EQ(simulation.state().v(0, c.node), 0) << integrator;
     }
     EXPECT_GT(simulation.snapshot().u.rightCols(1).norm(), 0) << integrator;
+  }
+}
+
+TEST(Motion, IsDampedByMaterialAndRatioTogether) {
+  FreeBox box;
+  box.scene.material.damping_ratio = 0.1;
+  const double of_ratio = Simulation(box.scene, box.network).forces().mass_damping;
+  EXPECT_GT(of_ratio, 0);
+  box.scene.material.damping = 3;
+  EXPECT_DOUBLE_EQ(Simulation(box.scene, box.network).forces().mass_damping, of_ratio + 3);
+}
+
+TEST(Motion, KeepsTheVolumeAtHandWhileRestLengthsCollapse) {
+  FreeBox box;
+  box.scene.material.law = MaterialLaw::NeoHookean;
+  box.scene.volume.emplace().coefficient = 1e4;
+  box.scene.collapse.emplace().coefficient = 0.9;
+  box.scene.collapse->pivots.push_back({Vector3d(0.5, 0.25, 0.25), {}, 0, {}});
+  Simulation simulation(box.scene, box.network);
+  const double at_rest = simulation.state().target_volume;
+  for (int n = 0; n < 50; ++n) simulation.advance();
+  const double at_hand = meshing::volume(simulation.state().x, box.mesh.F);
+  simulation.advance();
+  EXPECT_EQ(simulation.state().target_volume, at_hand);
+  EXPECT_LT(at_hand, 0.999 * at_rest);
+}
+
+// Where a support moves them, nodes have their masses to themselves.
+TEST(Motion, LumpsTheMassesOfNodesThatMoveAlongAnyAxis) {
+  for (int axis = 0; axis < 3; ++axis) {
+    FreeBox box;
+    Support face;
+    face.region.shape = HalfSpace{Vector3d(0.05, 0, 0), Vector3d(1, 0, 0)};
+    face.fixed = {{axis == 0, axis == 1, axis == 2}};
+    const Vector3d end = 0.1 * Vector3d::Unit(axis);
+    face.motion = {{0, 0, 0, 0}, {1, end.x(), end.y(), end.z()}};
+    box.scene.supports = {face};
+    const Simulation simulation(box.scene, box.network);
+    ASSERT_TRUE(simulation.model().consistent_mass);
+    const auto& [E, r] = *simulation.model().consistent_mass;
+    for (Eigen::Index e = 0; e < E.cols(); ++e) {
+      const bool is_driven = box.network.X(0, E(0, e)) < 0.05 || box.network.X(0, E(1, e)) < 0.05;
+      EXPECT_EQ(r(e) == 0, is_driven) << axis;
+    }
   }
 }
 

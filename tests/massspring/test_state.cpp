@@ -240,6 +240,22 @@ const std::vector<Change>& changes() {
   return kAll;
 }
 
+TEST(Relaxation, IsOfAStepByThePapersMethodAndElseOfASecond) {
+  TwoBars bars("symplectic_euler");
+  bars.scene.collapse.reset();
+  Scene paper = bars.scene;
+  paper.is_paper = true;
+  Simulation plain(bars.scene, bars.network), papers(paper, bars.network);
+  const State middle = after(kBefore, plain).state();
+  papers.set_state(middle);
+  const auto lost = [&](Simulation& simulation) -> Eigen::ArrayXd {
+    return (after(1, simulation).state().rest_length.array() / middle.rest_length.array()).log();
+  };
+  const Eigen::ArrayXd of_step = lost(papers), of_second = lost(plain);
+  EXPECT_LT(of_step.minCoeff(), -1e-3);
+  EXPECT_LT((of_second - kStep * of_step).matrix().norm(), 1e-9 * of_second.matrix().norm());
+}
+
 TwoBars loaded_bars(const std::string& integrator) {
   TwoBars bars(integrator);
   Load side, bag;

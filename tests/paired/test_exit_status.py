@@ -97,6 +97,26 @@ def test_of_a_ball_that_escapes_between_rolling_ends_says_that_no_equilibrium_is
 
 
 @pytest.mark.parametrize("program", BOTH)
+def test_a_stored_result_without_frequencies_that_are_asked_for_is_made_again(run, tmp_path, program):
+    run(program)
+    assert "natural_frequencies" not in record_of(tmp_path / program)
+    run(program, words=["--frequencies", "2"])
+    assert len(record_of(tmp_path / program)["natural_frequencies"]) == 2
+
+
+def test_of_finer_meshes_the_finest_is_off_by_least(run, tmp_path):
+    run("fem_reference", words=["--converge", "2"])
+    found = record_of(tmp_path / "fem_reference")["convergence"]
+    assert 0 < found["estimated_error_l2_finest"] < 0.9 * found["estimated_error_l2"]
+
+
+def test_finer_meshes_that_no_memory_holds_are_refused_before_the_first(run):
+    done = run("fem_reference", "reference.refine=4", words=["--converge", "6", "--budget", "30"])
+    assert done.returncode == 1
+    assert "tetrahedra need about" in done.stderr
+
+
+@pytest.mark.parametrize("program", BOTH)
 def test_of_an_error_is_1_and_leaves_no_result(run, tmp_path, program):
     for words in ([], ["--nonsense"], ["--frequencies", "many"]):
         done = ended([PROGRAMS / program, *words])

@@ -1,5 +1,6 @@
 """A body of one's own: at its true size by own_body.toml, and what is said where a scene scales it."""
 
+import json
 import subprocess
 
 import numpy as np
@@ -52,6 +53,14 @@ def test_a_unit_that_has_no_effect_is_warned_of_once(beam, program, words, tmp_p
     )
     again = subprocess.run([*command, "--checked"], capture_output=True, text=True, check=True)
     assert "warning" not in again.stderr
+
+
+def test_the_unit_of_a_scaled_body_is_that_of_its_file(beam):
+    command = [PROGRAMS / "massspring", SCENES / "sag.toml", "--check", "--checked"]
+    for override in (f"surface.file={beam}", "surface.shape=", "load_scale.factor=1", "surface.scale=5"):
+        command += ["--set", override]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert json.loads(told)["normalised_unit"] == pytest.approx(0.1)
 
 
 def test_the_report_says_by_what_a_body_was_scaled(beam, tmp_path, capfd):

@@ -62,6 +62,14 @@ TEST(Stability, AStiffMechanismFoldsInHalvedSteps) {
   }
 }
 
+TEST(StabilityMap, TellsPatchesThatAreInsideOut) {
+  // A millisecond in which nothing can turn: tetrahedra are what they were.
+  for (const char* method : {"minimising_edge_coupled", "minimising_node_averaged"}) {
+    EXPECT_NEAR(run_cell(find_method(method), find_start("squashed"), 1e3, 1e-4).least_patch, 0.5, 0.1);
+    EXPECT_NEAR(run_cell(find_method(method), find_start("mirrored"), 1e3, 1e-4).least_patch, -1, 0.1);
+  }
+}
+
 TEST(StabilityMap, TellsStableFromUnstableAndGainedEnergy) {
   // The body's stability limit is 4.4e-3 s.
   EXPECT_EQ(run_cell(find_method("symplectic_euler"), find_start("rest"), 1e4, 1e-3).name, "ok");

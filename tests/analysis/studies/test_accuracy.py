@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -272,6 +273,31 @@ def test_program_measures_each_case_once(tmp_path) -> None:
     assert abs(float(rows["uniform", "pressure"]["compliance"]) - 1) > 0.01
     fields = ("pressure", "uniaxial", "shear")  # linear
     assert max(float(rows["edge_coupled", load]["error_l2"]) for load in fields) < 1e-8
+
+
+@pytest.mark.skipif(not (PROGRAMS / "accuracy").exists(), reason="the program accuracy is not built")
+def test_every_seed_draws_a_network_of_its_own(tmp_path) -> None:
+    file = tmp_path / "accuracy.csv"
+    words = ["--out", file, "--surface", "ball:162", "--nu", "0.25", "--model", "uniform", "--seed", "1", "2"]
+    subprocess.run([PROGRAMS / "accuracy", *words], check=True, capture_output=True)
+    found = {
+        (row["load"], row["seed"]): row["error_l2"] for row in csv.DictReader(file.read_text().splitlines())
+    }
+    assert found["bending", "1"] != found["bending", "2"]
+
+
+def test_exact_fields_are_rows_of_their_mean_errors(tmp_path, monkeypatch):
+    lines = ["surface,n_nodes,nu,model,load,status,error_l2,error_max"]
+    lines += [
+        f"{name}.ply,12,0.25,affine,{load},ok,0.1,0.3"
+        for name, load in (("a", "bending"), ("a", "shear"), ("b", "bending"))
+    ]
+    (tmp_path / "exact_fields.csv").write_text("\n".join(lines))
+    monkeypatch.setattr(accuracy, "write_body", lambda *_: tmp_path / "a.ply")
+    monkeypatch.setattr(accuracy.subprocess, "run", lambda *_, **__: SimpleNamespace(returncode=0))
+    (found,) = accuracy.exact_rows(tmp_path, [CASE.body])
+    assert (found["kind"], found["load"], found["method"]) == (EXACT, "bending", "affine")
+    assert (found["error"], found["n_nodes"], found["reference_error"]) == ("0.1", "12", "0")
 
 
 def test_page_is_that_of_the_published_rows(tmp_path, monkeypatch):

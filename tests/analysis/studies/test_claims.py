@@ -87,6 +87,29 @@ def test_frames_count_until_the_body_is_far_away(ball, tmp_path):
     assert len(run.times) == len(run.curves["time"]) == 2
 
 
+@pytest.mark.parametrize(
+    "error, holding", [(lambda n: 1 / n, {"convincing", "accuracy"}), (lambda n: n, {"dense"})]
+)
+def test_links_and_nodes_are_worth_what_the_error_falls_by(error, holding, monkeypatch):
+    """Of runs whose error and springs follow from the number of links or of nodes inside."""
+
+    class Known:
+        store = None
+
+        def values(self, _, overrides, measure):
+            words = dict(word.split("=") for word in overrides)
+            n = float(words.get("network.multiplicity") or words.get("network.k") or 1)
+            return [error(n) if measure == "error" else n]
+
+    monkeypatch.setattr(claims, "reference_of", lambda *_: SimpleNamespace(folder=None))
+    monkeypatch.setattr(claims, "load_run", lambda _: None)
+    monkeypatch.setattr(claims, "error_against", lambda _: "error")
+    found = {claim.claim.split()[-1]: claim.verdict for claim in claims.of_network(Known())}
+    assert found["shell"] == claims.FAILS and found["slower"] == claims.HOLDS
+    for name in ("convincing", "accuracy", "dense"):
+        assert found[name] == (claims.HOLDS if name in holding else claims.FAILS), name
+
+
 def test_claims_of_other_studies_are_read_from_their_tables():
     page = claims.RESULTS.read_text()
     _, stored = tables_of((claims.PACKAGE / "CLAIMS.md").read_text(), "The PCP paper, claim by claim")[0][1]

@@ -3,8 +3,10 @@ from pathlib import Path
 import pytest
 from matplotlib.colors import to_hex
 
+from analysis.__main__ import parse_arguments
 from analysis.runs import RunError
 from analysis.studies import stability
+from analysis.studies.command import main
 
 
 def rows_of(*outcomes: str) -> list[stability.Row]:
@@ -31,6 +33,34 @@ CELLS = [
     "n,0,rest,1e3,1,ok,1,1",
     "n,0,rest,1e4,1,ok,1,1",
 ]
+
+
+def test_other_seeds_have_cells_of_their_own_and_are_counted_by_start(tmp_path: Path):
+    program = tmp_path / "program"
+    head = "method,is_papers,start,E,h,outcome,t,energy_ratio,least_patch"
+    program.write_text(
+        f"#!/bin/sh\n[ $1 = 0 ] || exit 0\necho {head}\necho n,0,rest,1,1,ok,1,1,0.5\n"
+        "echo n,0,random,1,1,inverted,1,1,0.$2\necho n,0,random,2,1,inverted,1,1,-1\n"
+    )
+    program.chmod(0o755)
+    rows = [row for seed in (1, 2, 1) for row in stability.measure(tmp_path, program, seed=seed)]
+    assert [row["least_patch"] for row in rows[1::3]] == ["0.1", "0.2", "0.1"]
+    assert stability.table_of_seeds(rows)[1] == [["n", "rest", "3", "0", "0"], ["n", "random", "6", "6", "3"]]
+    assert stability.measure(tmp_path, write_program(program))[0]["method"] == "m"
+
+
+def test_seeds_are_those_of_the_command_line(tmp_path: Path, monkeypatch):
+    asked = []
+
+    def measure(folder, program, n_cells, is_quiet, seed=None):
+        asked.append((seed, n_cells))
+        return [{**row, "least_patch": "1"} for row in rows_of("ok", "inverted")]
+
+    monkeypatch.setattr(stability, "measure", measure)
+    words = ["study", "stability", "--seeds", "3,11", "--quick", "--out", str(tmp_path)]
+    assert main(parse_arguments(words)) == 0
+    assert asked == [(3, 210), (11, 210)]
+    assert "m,rest,4,2,2" in (tmp_path / "seeds.csv").read_text()
 
 
 def write_program(file: Path, end: str = "exit 1") -> Path:

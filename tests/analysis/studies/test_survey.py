@@ -131,7 +131,9 @@ class Recording:
 def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_path, ball):
     X, F = ball
     file = tmp_path / "ball.obj"
-    lines = [f"v {x} {y} {z}" for x, y, z in 40 * X + 7] + [f"f {a} {b} {c}" for a, b, c in F + 1]
+    lines = [f"v {x} {y} {z}" for x, y, z in 40 * X * [1, 0.5, 0.25] + 7] + [
+        f"f {a} {b} {c}" for a, b, c in F + 1
+    ]
     file.write_text("\n".join(lines))
     store = Recording()
     bench = Bench(tmp_path, store)

@@ -1,7 +1,10 @@
 """The study of verdicts: which cases it draws, and what it counts as right."""
 
+from types import SimpleNamespace
+
 import pytest
 
+from analysis.studies import verdicts
 from analysis.studies.verdicts import drawn, finding, holds, table
 
 
@@ -44,3 +47,25 @@ def test_verdicts_are_counted_by_model():
     assert finding(rows) == (
         "1 of 2 verdicts hold, 1 of 4 cannot be decided, and 2 of 3 bodies have theirs within two minutes."
     )
+
+
+def test_a_verdict_is_judged_by_a_reference_refined_once_more_than_its_own(tmp_path, monkeypatch):
+    model = {"seconds": {}, "displacement_error_l2": 0.01, "is_linear": True}
+    reference = {"estimated_error_l2": 0.001, "law_error": None}
+    ended = SimpleNamespace(
+        experiment=SimpleNamespace(n_refinements=1),
+        runs={verdicts.SPRINGS: "run"},
+        as_json=lambda: {"models": {verdicts.SPRINGS: model}, "reference": reference},
+    )
+    asked = []
+    bench = SimpleNamespace(
+        folder=tmp_path,
+        scenes=lambda _: ("scene", None),
+        elements=lambda _, __, refine: asked.append(refine) or "truth",
+    )
+    monkeypatch.setattr(verdicts, "run_solvers", lambda _, folder, *__, **___: folder.mkdir(parents=True))
+    monkeypatch.setattr(verdicts, "compare", lambda _: ended)
+    monkeypatch.setattr(verdicts, "error_of", lambda run, truth: {("run", "truth"): 0.02}[run, truth])
+    (found,) = verdicts.measure(bench, drawn(1)[0])
+    assert asked == [2]
+    assert (found["verdict"], found["error"], found["holds"]) == ("use", "0.02", "True")

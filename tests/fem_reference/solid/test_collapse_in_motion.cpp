@@ -116,6 +116,20 @@ TEST(CollapseInMotion, IsAroundWhereTheBodyIs) {
   EXPECT_LT(logarithm, 2 * at_rest);
 }
 
+TEST(CollapseInMotion, IsAroundItsPivotThoughSupportsAreOblique) {
+  CollapsingBox box;
+  box.scene.time.step = box.scene.time.end = 0.05;
+  box.scene.supports.resize(1);
+  box.scene.supports[0].region.shape = HalfSpace{Vector3d(0, 0, 0), Vector3d(1, 0, 0)};
+  box.scene.supports[0].normal = Vector3d(1, 2, 0);
+  Simulation simulation = box.simulation();
+  const VectorXd length = to_end(simulation).state().length;
+  for (Eigen::Index i = 0; i < length.size(); ++i) {
+    const double distance = (box.mesh.X.col(i) - box.scene.collapse->pivots[0].point).norm();
+    EXPECT_NEAR(length(i), std::pow(1 - 0.3 / (1 + distance), 0.05), 1e-12) << i;
+  }
+}
+
 TEST(CollapseInMotion, HasAHistoryOfFirstOrderInTheStep) {
   CollapsingBox box;
   box.scene.reference.degree = 1;

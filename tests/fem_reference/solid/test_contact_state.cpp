@@ -27,12 +27,15 @@ TEST_P(StateInContact, IsAllThatDecidesHowAMotionGoesOn) {
              forgetful = bars.simulation();
   const State middle = after(kBefore, whole).state();
   const std::string saved = whole.saved();
+  const int n_newton = whole.integrator()->counts().newton_iterations;
+  EXPECT_GT(n_newton, 0);
   for (const char* column :
        {"barrier_energy", "self_contact_energy", "volume_energy", "membrane_energy", "lost_to_friction"})
     EXPECT_GT(column_of(whole, column), 0) << column;
   after(kAfter, whole);
   again.set_state(middle);
   restored.restore(saved);
+  EXPECT_EQ(restored.integrator()->counts().newton_iterations, n_newton);
   after(kBefore, forgetful).set_state(middle);
   for (Simulation* other : {&again, &restored, &forgetful}) {
     after(kAfter, *other);
@@ -58,6 +61,13 @@ TEST_P(StateInContact, WithoutWhatTheSurfaceRemembersGoesElsewhere) {
   middle.motion.surface = {};
   again.set_state(middle);
   EXPECT_GT(apart(after(kAfter, again), after(kAfter, whole)), 100 * kSolved);
+}
+
+TEST(SelfContact, HasTheScenesFriction) {
+  Bars rough("minimising_euler"), smooth("minimising_euler");
+  smooth.scene.self_contact.friction = 0;
+  Simulation first = rough.simulation(), second = smooth.simulation();
+  EXPECT_GT(apart(after(kBefore + kAfter, first), after(kBefore + kAfter, second)), 100 * kSolved);
 }
 
 // Bars are pressed down onto the floor and pushed along it.

@@ -188,6 +188,25 @@ TEST(Supports, LetGoAtTheirEnd) {
     }
 }
 
+TEST(Supports, LetGoOfNodesThatObstaclesThenHold) {
+  constexpr double kFloor = -0.01;
+  FreeBox box;
+  box.scene.initial.clear();
+  box.scene.gravity = Vector3d(0, 0, -9.81);
+  box.scene.material.law = MaterialLaw::NeoHookean;
+  box.scene.reference.degree = 1;
+  box.scene.reference.integrator = "minimising_euler";
+  box.scene.supports.resize(1);
+  box.scene.supports[0].end = 0.01;
+  box.scene.obstacles.emplace_back().shape = HalfSpace{Vector3d(0, 0, kFloor), Vector3d::UnitZ()};
+  Simulation simulation = box.simulation();
+  while (!simulation.has_ended()) simulation.advance();
+  EXPECT_EQ(simulation.status(), Status::Ok);
+  const double lowest = (simulation.X() + simulation.snapshot().u).row(2).minCoeff();
+  EXPECT_GT(lowest, kFloor);
+  EXPECT_LT(lowest, 0.5 * kFloor) << "it has fallen";
+}
+
 /// Clamped at one end, which moves; the other end is free from kEnd on. Gravity and a follower pressure act.
 FreeBox moved_box(const Scheme& scheme, MaterialLaw law) {
   FreeBox box;
@@ -329,12 +348,16 @@ TEST(Ledger, ReadsWhatDampingTakesOfARigidMotionAndOfAnOscillator) {
   }
   box.scene.material.law = MaterialLaw::SmallStrain;
   box.scene.supports = {held_face()};
-  Simulation simulation = box.simulation();
-  const double before = stored(simulation);
-  while (!simulation.has_ended()) simulation.advance();
-  const double lost = before - stored(simulation);
-  EXPECT_GT(lost, 0.3 * before);
-  EXPECT_NEAR(column_of(simulation, "lost_to_damping"), lost, 0.02 * lost);
+  for (const bool is_by_stiffness : {false, true}) {
+    box.scene.material.damping = is_by_stiffness ? 0 : 5;
+    box.scene.material.stiffness_damping = is_by_stiffness ? 5e-3 : 0;
+    Simulation simulation = box.simulation();
+    const double before = stored(simulation);
+    while (!simulation.has_ended()) simulation.advance();
+    const double lost = before - stored(simulation);
+    EXPECT_GT(lost, 0.3 * before);
+    EXPECT_NEAR(column_of(simulation, "lost_to_damping"), lost, (is_by_stiffness ? 0.2 : 0.02) * lost);
+  }
 }
 
 TEST(Ledger, ReadsTheWorkOfASupportThatMoves) {
@@ -345,12 +368,15 @@ TEST(Ledger, ReadsTheWorkOfASupportThatMoves) {
   end.region.shape = HalfSpace{Vector3d(0.95, 0, 0), Vector3d(-1, 0, 0)};
   end.displacement = Vector3d(0.01, 0, 0);
   box.scene.supports = {held_face(), end};
-  Simulation simulation = box.simulation();
-  const double before = stored(simulation);  // supports move at once
-  while (!simulation.has_ended()) simulation.advance();
-  const double work = column_of(simulation, "work_of_supports");
-  EXPECT_GT(work, 0);
-  EXPECT_NEAR(stored(simulation) - before, work, 0.02 * work);
+  for (const double damping : {0., 100.}) {
+    box.scene.material.damping = damping;
+    Simulation simulation = box.simulation();
+    const double before = stored(simulation);  // supports move at once
+    while (!simulation.has_ended()) simulation.advance();
+    const double work = column_of(simulation, "work_of_supports");
+    EXPECT_GT(work, 0);
+    EXPECT_NEAR(stored(simulation) + column_of(simulation, "lost_to_damping") - before, work, 0.02 * work);
+  }
 }
 
 TEST(Ledger, EndsARunThatMakesEnergy) {

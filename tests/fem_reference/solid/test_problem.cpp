@@ -6,6 +6,7 @@
 #include <set>
 
 #include "fem_reference/solid/problem.h"
+#include "meshing/scene/surface_problem.h"
 #include "tests/fem_reference/tets.h"
 #include "tests/meshing/box_tets.h"
 
@@ -145,6 +146,25 @@ TEST_P(Problem, SumsPressureTractionAndStressOverTheTrianglesOfTheirRegion) {
   const Vector3d arm(2, 0.5, 0.5), arm_of_shear(2, 2. / 3, 0.5);
   EXPECT_LT((force - 2 * (even + sheared)).norm(), kRounding * force.norm());
   EXPECT_LT((torque - 2 * (arm.cross(even) + arm_of_shear.cross(sheared))).norm(), kRounding * torque.norm());
+}
+
+TEST_P(Problem, TakesAStressWhereItIsThoughSupportsAreOblique) {
+  Load load;
+  load.region = far_end();
+  StressTerm shear = StressTerm::Zero();
+  shear(1) = 1;
+  shear(8) = 6;
+  load.stress = {shear};
+  scene.loads = {load};
+  const auto [force, torque] = resultant(assembled());
+  scene.supports.resize(1);
+  scene.supports[0].region.shape = HalfSpace{Vector3d(0, 0, 0), Vector3d(1, 0, 0)};
+  scene.supports[0].normal = Vector3d(1, 2, 0);
+  const Eigen::Matrix3d frame = frame_of(scene.supports).value();
+  EXPECT_GT((frame - Eigen::Matrix3d::Identity()).norm(), 0.1);
+  const auto [seen, turned] = resultant(assembled());
+  EXPECT_LT((frame * seen - force).norm(), kRounding * force.norm());
+  EXPECT_LT((frame * turned - torque).norm(), kRounding * torque.norm());
 }
 
 TEST_P(Problem, HoldsEveryNodeOfARegionAndNoOther) {

@@ -109,6 +109,9 @@ TEST(SameProblem, ItsBytesTellEveryNumberFromOthers) {
   others[5].supports[1].motion[1](3) = 0.25;
   others[6].supports[1].fixed[0] = true;
   for (const Scene& other : others) EXPECT_NE(bytes_of(discretise(other, box.surface)), bytes);
+  Scene follows = others[3];
+  follows.loads[1].pressure = 12;
+  EXPECT_NE(bytes_of(discretise(follows, box.surface)), bytes_of(discretise(others[3], box.surface)));
 }
 
 }  // namespace

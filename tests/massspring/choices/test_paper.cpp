@@ -12,11 +12,15 @@ TEST(PaperMethod, TakesPrecedenceOverWhatThePaperHasNot) {
   scene.network.spring_law = SpringLaw::Definite;
   scene.network.link_share = 0.2;
   scene.collapse.emplace().least = 0.1;
+  scene.time.tolerance = 1e-3;
+  scene.time.sleep_below = 1e-3;
   scene.comparison.calibrations = {"affine"};
   Scene explicit_scene = scene;
   set_paper_method(scene);
   EXPECT_EQ(scene.time.integrator, "implicit_euler");
   EXPECT_EQ(scene.time.linear_solver, Krylov::BiCg);
+  EXPECT_EQ(scene.time.tolerance, 0);
+  EXPECT_EQ(scene.time.sleep_below, 0);
   EXPECT_EQ(scene.network.spring_law, SpringLaw::Hooke);
   EXPECT_EQ(scene.network.connectivity, "pcp");
   EXPECT_EQ(scene.network.calibration, "uniform");

@@ -76,6 +76,25 @@ TEST(BuildNetwork, PcpLinksTheMeshersNodes) {
   EXPECT_NO_THROW(check_tetrahedra({network.X, network.T, network.F, network.n_surface}, surface));
 }
 
+TEST(BuildNetwork, PcpTakesTheTablesWeights) {
+  const SurfaceMesh surface = make_shape("bar", 100, {2, 1, 0.5});
+  NetworkOptions options;
+  options.degree_weight = 0.2;  // of the smallest side, 0.5 m
+  options.depth_weight = 0.5;
+  const SpringNetwork network = build_network(surface, options, true, false);
+  const auto is_linked_by = [&](double degree_weight, double depth_weight) {
+    PcpOptions weights;
+    weights.degree_weight = degree_weight;
+    weights.depth_weight = depth_weight;
+    const auto n_inner = network.X.cols() - network.n_surface;
+    const Eigen::Matrix2Xi E = link_pcp(surface, network.X.rightCols(n_inner), weights).E;
+    return E.cols() == network.E.cols() && E == network.E;
+  };
+  EXPECT_TRUE(is_linked_by(0.1, 0.5));
+  EXPECT_FALSE(is_linked_by(0.4, 0.5));
+  EXPECT_FALSE(is_linked_by(0.1, 0));
+}
+
 TEST(BuildNetwork, SpringsAloneTakeTheMeshersNodesToo) {
   const SurfaceMesh surface = make_shape("ball", 162);
   NetworkOptions options;

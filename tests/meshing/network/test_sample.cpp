@@ -87,6 +87,7 @@ TEST(SampleInterior, AThinMatTakesNoMoreThanThreeNodesForEachOfTheSurface) {
   ASSERT_TRUE(report.most_nodes);
   EXPECT_EQ(*report.most_nodes, most);
   EXPECT_GE(smallest_distance(bounded), report.phi * 0.02);
+  EXPECT_GT(report.phi, 1.1 * *fill_spacing(mat, {}).phi) << "what was taken, not what fits the surface";
   EXPECT_EQ(report.psi, *fill_spacing(mat, {}).psi);
 
   // who asks for more gets it

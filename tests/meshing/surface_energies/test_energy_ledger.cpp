@@ -88,6 +88,19 @@ TEST(EnergyLedger, TellsTargetsFromObstaclesAndFrictionFromWhatIsStored) {
   }
 }
 
+TEST(EnergyLedger, CountsWhatAnEventChangesOfAllEnergies) {
+  const auto given = std::make_shared<Given>();
+  const SurfaceEnergies surface{given};
+  given->value = 1;
+  EnergyLedger ledger;
+  ledger.begin(0, 0, surface, kNowhere, 0);
+  given->value = 4;
+  ledger.change(2, surface, kNowhere, 0);
+  EXPECT_EQ(column(ledger, surface, "work_of_events"), 2 + 3);
+  ledger.settle(0, 2);
+  EXPECT_EQ(ledger.gain(), 0);
+}
+
 TEST(EnergyLedger, BeginsAfterTheFirstStepOfABodyThatTouches) {
   const auto given = std::make_shared<Given>();
   const SurfaceEnergies surface{given};
