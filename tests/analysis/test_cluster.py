@@ -262,6 +262,51 @@ def test_sweep_that_is_stopped_by_hand_ends_at_once(ball, scene, tmp_path):
     assert "Traceback" not in said
 
 
+_REPRODUCE = """
+import sys
+from pathlib import Path
+from analysis import cluster, experiment, reproduce, run_store
+home, programs = Path(sys.argv[1]), Path(sys.argv[2])
+cluster.PROGRAMS = experiment.PROGRAMS = programs
+cluster.LOCK, run_store.Store.__init__.__defaults__ = home / "lock", (3600, programs)
+reproduce.ROOT = reproduce.SCENES = home
+reproduce.OUT, reproduce.STORED = home / "out", home / "stored.json"
+rows = tuple({"label": [nu], "scene": "scene.toml", "set": [f"material.nu={nu}"]} for nu in ("0.25", "0.3", "0.45"))
+column = "models.affine.displacement_error_l2"
+entry = reproduce.Entry("pairs", "PAGE.md", "Pairs", 1, (1,), head=("nu", "error"), columns=(column,), rows=rows)
+reproduce.entries = lambda: {"pairs": entry}
+from analysis.__main__ import main
+sys.argv[1:] = ["reproduce", "--workers", "2"]
+sys.exit(main())
+"""
+
+
+def test_a_published_table_of_pairs_is_made_by_the_engine_and_goes_on_after_a_kill(ball, tmp_path):
+    programs = make_solvers(tmp_path / "solvers", ball, seconds=2)
+    filled_in = (
+        '[network]\ncalibration = ""\n[comparison]\n[time]\nmode = "static"\n[reference]\nrefine = 0\n'
+    )
+    more = 'name = "a"\n[surface]\nshape = "ball"\n[material]\nlaw = "small_strain"\n'
+    (tmp_path / "solvers" / "fem_reference" / "scene.toml").write_text(more + filled_in)
+    (tmp_path / "scene.toml").write_text("")
+    page = "## Pairs\n\n| nu | error |\n|---|---|\n| 0.25 | 10 % |\n| 0.3 | 21 % |\n| 0.45 | 50 % |\n"
+    (tmp_path / "PAGE.md").write_text(page)
+    command = [sys.executable, "-c", _REPRODUCE, tmp_path, programs]
+    runs = tmp_path / "out" / "reproduce" / "pairs" / "runs"
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) as killed:
+        while len(there := list(runs.glob("*/outcome.json"))) < 2:
+            time.sleep(0.01)
+        killed.kill()
+    written = {file: file.stat().st_mtime_ns for file in there}
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert {file: file.stat().st_mtime_ns for file in there} == written
+    assert len(list(runs.glob("*/outcome.json"))) == 6 <= len(calls(programs)) <= 6 + 2, "two were at work"
+    assert "  0.45: 50 % -> 40 %" in done.stdout and done.returncode == 1
+    assert "[3/3] pairs: 0.45" in done.stderr and "left] pairs: 0.25" in done.stderr
+    report = (tmp_path / "out" / "reproduce" / "report.html").read_text()
+    assert "<td>6</td><td>1</td><td>20 %</td><td>differ</td>" in report
+
+
 def test_one_worker_loads_no_engine():
     code = (
         "import sys; from argparse import Namespace; import analysis.__main__ as m\n"

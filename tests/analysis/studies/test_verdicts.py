@@ -1,8 +1,14 @@
 """The study of verdicts: which cases it draws, and what it counts as right."""
 
+import csv
+from argparse import Namespace
+from types import SimpleNamespace
+
 import pytest
 
-from analysis.studies.verdicts import drawn, finding, holds, table
+from analysis.run_store import Here, made_by
+from analysis.studies import verdicts as module
+from analysis.studies.verdicts import drawn, finding, holds, measure, study, table
 
 
 def test_a_case_is_drawn_for_each_of_twenty_bodies():
@@ -44,3 +50,56 @@ def test_verdicts_are_counted_by_model():
     assert finding(rows) == (
         "1 of 2 verdicts hold, 1 of 4 cannot be decided, and 2 of 3 bodies have theirs within two minutes."
     )
+
+
+class Backwards(Here):
+    """An engine that makes the last first."""
+
+    def each(self, function, items):
+        return reversed([function(item) for item in reversed(list(items))])
+
+
+def test_cases_are_made_by_the_engine_and_listed_as_drawn(tmp_path, monkeypatch):
+    made = []
+
+    def stand_in(bench, case):
+        made.append(case.body.name)
+        return [row("node_averaged", "use", case.body.name)]
+
+    monkeypatch.setattr(module, "measure", stand_in)
+    with made_by(Backwards()):
+        study(Namespace(quick=True, quiet=True), tmp_path)
+    bodies = [case.body.name for case in drawn(3)]
+    with (tmp_path / "rows.csv").open() as file:
+        assert [line["body"] for line in csv.DictReader(file)] == bodies
+    assert made == bodies[::-1]
+
+
+def test_a_pair_is_made_by_the_store_and_its_seconds_are_those_of_its_runs(tmp_path, monkeypatch):
+    """Not those in which it waited for others."""
+    case, bench = (
+        drawn(1)[0],
+        SimpleNamespace(folder=tmp_path, store=object(), scenes=lambda _: ("scene", None)),
+    )
+    model = {"status": "ok", "displacement_error_l2": 0.01}
+    values = {"models": {"node_averaged": model}, "reference": {"estimated_error_l2": None}}
+    pair = SimpleNamespace(seconds=7.5, n_refinements=2)
+    comparison = SimpleNamespace(experiment=pair, as_json=lambda: values, runs={"node_averaged": "springs"})
+
+    def stand_in(*_, store, **more):
+        assert store is bench.store
+        return pair
+
+    bench.elements = lambda scene, nu, refine: {3: "finer"}[refine]
+    for name, made in {
+        "run_solvers": stand_in,
+        "compare": lambda found: {pair.seconds: comparison}[found.seconds],
+        "has_figures": lambda _: True,
+        "verdict_on": lambda *_: "use",
+        "error_of": lambda springs, truth: {("springs", "finer"): 0.06}[springs, truth],
+    }.items():
+        monkeypatch.setattr(module, name, made)
+    (tmp_path / "cases" / f"{case.body.name}-{case.load}-{case.nu}").mkdir(parents=True)
+    (found,) = measure(bench, case)
+    assert (found["seconds"], found["error"], found["holds"]) == ("7.5", "0.06", "False")
+    assert measure(SimpleNamespace(folder=tmp_path, scenes=bench.scenes), case) == [found], "it is kept"
