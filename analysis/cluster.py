@@ -38,10 +38,12 @@ _RUN, _PROGRAMS, _MACHINE = "run", "programs", "machine"
 _RETRIES = 2  # of a run whose worker has died
 _AT_ONCE = 64  # runs asked for beside each other, at least: those that wait cost nothing
 _PAUSE = 2.0  # s, between looks at the workers
-#: Of the engine. It takes no samples of Python's stack, which waits for programs, and what fails is told by us.
+#: Of the engine. It takes no samples of Python's stack, which waits for programs, leaves the variables of threads as they
+#: are, on which a run depends, and what fails is told by us.
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": _RETRIES,
     "distributed.worker.profile.enabled": False,
+    "distributed.nanny.pre-spawn-environ": {},
     "distributed.admin.tick.interval": "1s",
     "logging": {"distributed": "critical", "distributed.client": "critical"},
 }

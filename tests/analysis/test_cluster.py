@@ -7,6 +7,8 @@ import sys
 import threading
 import time
 from argparse import Namespace
+from contextlib import nullcontext
+from dataclasses import replace
 
 import pytest
 from solvers import calls, make_solvers, wait_for_calls
@@ -14,9 +16,11 @@ from solvers import calls, make_solvers, wait_for_calls
 from analysis import cluster as module
 from analysis.cluster import engine_of, offered, perform, task_of
 from analysis.grid import sweep
-from analysis.paths import ROOT
+from analysis.machine import THREADS
+from analysis.paths import PROGRAMS, ROOT
 from analysis.run_store import Here, RunRequest, Store, each, hash_of_programs, made_by
 from analysis.runs import RunError
+from analysis.studies import cluster as study
 
 pytest.importorskip("distributed")
 
@@ -97,6 +101,18 @@ def test_sweep_gives_the_table_and_the_files_of_one_worker(cluster, scene, progr
     n_calls = len(calls(programs))
     sweep(scene, GRID, tmp_path / "two", is_quiet=True, store=store(tmp_path / "two" / "runs", programs))
     assert len(calls(programs)) == n_calls
+
+
+def test_a_run_has_the_same_key_with_and_without_a_cluster(scene, programs, tmp_path, monkeypatch):
+    """Where the variables of threads are not set, too."""
+    for name in THREADS:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(module, "PROGRAMS", programs)
+    with made_by(Here()):
+        key = store(tmp_path / "runs", programs).key(request(scene))
+    with engine_of(Namespace(workers=2, cluster=None, listen="127.0.0.1", quiet=True)):
+        assert store(tmp_path / "runs", programs).key(request(scene)) == key
 
 
 def test_inputs_travel_and_messages_name_those_asked_for(tmp_path):
@@ -305,6 +321,36 @@ def test_a_published_table_of_pairs_is_made_by_the_engine_and_goes_on_after_a_ki
     assert "[3/3] pairs: 0.45" in done.stderr and "left] pairs: 0.25" in done.stderr
     report = (tmp_path / "out" / "reproduce" / "report.html").read_text()
     assert "<td>6</td><td>1</td><td>20 %</td><td>differ</td>" in report
+
+
+def test_what_the_engine_costs_is_told_by_run_but_not_of_what_was_killed():
+    one = study.Measured("one", 1, wall=10, of_runs=9, cpu=0.5, n_runs=100, table=[{"a": "1"}])
+    two = replace(one, name="two", n_workers=2, wall=5.5, cpu=1.5)
+    killed = replace(two, name="killed", cpu=None, table=[{"a": "2"}])
+    head, lines = study.table([one, two, killed])
+    assert head[1:5] == ["runs", "seconds", "without a run (ms)", "processor (ms)"]
+    assert lines == [
+        ["one", "100", "10", "10.0", "5.0", "the same"],
+        ["two", "100", "6", "20.0", "15.0", "the same"],
+        ["killed", "100", "6", "-", "-", "another"],
+    ]
+    assert study.finding([one, two, killed]) == (
+        "1 of 2 sweeps on a cluster give the table of one worker, and the engine takes 10.0 ms of a processor for a run."
+    )
+
+
+@pytest.mark.skipif(not (PROGRAMS / "fem_reference").exists(), reason="needs the built programs")
+def test_sweeps_of_small_runs_give_one_table_whatever_is_killed(tmp_path, monkeypatch):
+    """By real programs. Asked again, they are made and measured again."""
+    monkeypatch.setattr(study, "alone", lambda _: nullcontext())
+    monkeypatch.setattr(study, "_N_QUICK", 3)
+    left = tmp_path / "sweeps" / "one" / "runs" / "left"
+    left.mkdir(parents=True)
+    found = study.study(Namespace(quick=True, quiet=True), tmp_path)
+    (section,) = found.sections
+    _, lines = section.tables["cluster"]
+    assert [line[1] for line in lines] == ["6"] * 4 and [line[-1] for line in lines] == ["the same"] * 4
+    assert found.sentence.startswith("3 of 3 sweeps") and not left.exists()
 
 
 def test_one_worker_loads_no_engine():
