@@ -5,8 +5,9 @@ from argparse import Namespace
 from types import SimpleNamespace
 
 import pytest
+from solvers import Backwards
 
-from analysis.run_store import Here, made_by
+from analysis.run_store import made_by
 from analysis.studies import verdicts as module
 from analysis.studies.verdicts import drawn, finding, holds, measure, study, table
 
@@ -50,13 +51,6 @@ def test_verdicts_are_counted_by_model():
     assert finding(rows) == (
         "1 of 2 verdicts hold, 1 of 4 cannot be decided, and 2 of 3 bodies have theirs within two minutes."
     )
-
-
-class Backwards(Here):
-    """An engine that makes the last first."""
-
-    def each(self, function, items):
-        return reversed([function(item) for item in reversed(list(items))])
 
 
 def test_cases_are_made_by_the_engine_and_listed_as_drawn(tmp_path, monkeypatch):
