@@ -18,6 +18,7 @@ import json
 import logging
 import os
 import platform
+import socket
 import tempfile
 import threading
 from collections import Counter
@@ -354,14 +355,24 @@ def _engine() -> Any:
     return distributed
 
 
+def _host_towards(host: str, port: int) -> str:
+    """This machine's address for those at another one: a worker listens there, and nowhere else. Raises OSError."""
+    (family, kind, _, _, place), *_ = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+    with socket.socket(family, kind) as probe:
+        probe.connect(place)  # nothing is sent
+        found: str = probe.getsockname()[0]
+        return found
+
+
 def serve(arguments: argparse.Namespace) -> int:
     """./testbed worker"""
     distributed = _engine()
 
     async def work(resources: dict[str, float]) -> None:
+        host = _host_towards(*distributed.comm.get_address_host_port(arguments.address))
         async with distributed.Worker(
             arguments.address, name=arguments.name, nthreads=arguments.cores, resources=resources, memory_limit=0,
-            dashboard=False, local_directory=str(arguments.out),
+            host=host, dashboard=False, dashboard_address=f"{host}:0", local_directory=str(arguments.out),
         ) as worker:  # fmt: skip
             print(
                 f"worker {arguments.name}: {arguments.cores} runs at once for {arguments.address}", flush=True

@@ -1,6 +1,7 @@
 """Runs on a cluster of this machine: the same table as one run after the other, whatever dies, is foreign or is timed."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,7 +10,9 @@ import time
 from argparse import Namespace
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 
+import psutil
 import pytest
 from solvers import calls, make_solvers, wait_for_calls
 
@@ -249,6 +252,46 @@ def test_workers_join_and_one_with_other_programs_is_refused_by_name(
     )
 
 
+def listening(process):
+    """Addresses at which a process and those that it has started listen."""
+    of = psutil.Process(process)
+    return {
+        connection.laddr.ip
+        for one in (of, *of.children(recursive=True))
+        for connection in one.net_connections("inet")
+        if connection.status == psutil.CONN_LISTEN
+    }
+
+
+def test_a_cluster_of_this_machine_listens_to_no_other(cluster):
+    assert listening(os.getpid()) == {"127.0.0.1"}
+
+
+def test_a_scheduler_started_as_the_page_says_gives_runs_to_workers(scene, programs, tmp_path, monkeypatch):
+    """From the project's folder, with nothing set. The worker listens where it reaches the scheduler."""
+    page = (ROOT / "analysis" / "CLUSTER.md").read_text()
+    (line,) = re.findall("^    (.*dask scheduler --host .*)$", page, re.MULTILINE)
+    words = re.sub("--host .*", "--host 127.0.0.1 --port 0 --dashboard-address 127.0.0.1:0", line)
+    words = "exec env " + words.replace(".venv/bin/dask", str(Path(sys.executable).parent / "dask"))
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    monkeypatch.setattr(module, "PROGRAMS", programs)
+    with subprocess.Popen(
+        words, shell=True, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True
+    ) as scheduler:
+        said = iter(scheduler.stderr.readline, "")
+        address = next(found[1] for text in said if (found := re.search(r"Scheduler at: *(tcp://\S+)", text)))
+        command = [sys.executable, "-c", _WORKER, address, programs, tmp_path / "a", tmp_path / "lock", "a"]
+        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as worker:
+            assert worker.stdout.readline().startswith("worker a: 1 runs at once")
+            assert listening(worker.pid) == {"127.0.0.1"}
+            with engine_of(Namespace(workers=1, cluster=address, quiet=True)):
+                made = store(tmp_path / "runs", programs)
+                assert made.run(request(scene, "a=1")).status == "ok"
+            worker.kill()
+        scheduler.kill()
+    assert list((tmp_path / "a").rglob("outcome.json"))
+
+
 def test_sweep_that_is_stopped_by_hand_ends_at_once(ball, scene, tmp_path):
     slow = make_solvers(tmp_path / "solvers", ball, seconds=100)
     code = (
@@ -318,6 +361,8 @@ def test_a_published_table_of_pairs_is_made_by_the_engine_and_goes_on_after_a_ki
     assert {file: file.stat().st_mtime_ns for file in there} == written
     assert len(list(runs.glob("*/outcome.json"))) == 6 <= len(calls(programs)) <= 6 + 2, "two were at work"
     assert "  0.45: 50 % -> 40 %" in done.stdout and done.returncode == 1
+    place = r"tcp://127\.0\.0\.1:\d+, its dashboard http://127\.0\.0\.1:\d+/status; to add a machine: ./testbed worker"
+    assert re.search(place, done.stderr)
     assert "[3/3] pairs: 0.45" in done.stderr and "left] pairs: 0.25" in done.stderr
     report = (tmp_path / "out" / "reproduce" / "report.html").read_text()
     assert "<td>6</td><td>1</td><td>20 %</td><td>differ</td>" in report
