@@ -39,6 +39,7 @@ _RUN, _PROGRAMS, _MACHINE = "run", "programs", "machine"
 _RETRIES = 2  # of a run whose worker has died
 _AT_ONCE = 64  # runs asked for beside each other, at least: those that wait cost nothing
 _PAUSE = 2.0  # s, between looks at the workers
+_THIS_MACHINE = "127.0.0.1"
 #: Of the engine. It takes no samples of Python's stack, which waits for programs, leaves the variables of threads as they
 #: are, on which a run depends, and what fails is told by us.
 _SETTINGS = {
@@ -293,7 +294,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of a Dask scheduler whose workers make the runs: analysis/CLUSTER.md",
     )
     parser.add_argument(
-        "--listen", metavar="HOST", default="127.0.0.1",
+        "--listen", metavar="HOST", default=_THIS_MACHINE,
         help="with --workers: where workers of other machines may join; default: this machine alone",
     )  # fmt: skip
 
@@ -337,6 +338,11 @@ def engine_of(arguments: argparse.Namespace) -> Iterator[Cluster | None]:
             f"to add a machine: ./testbed worker {cluster.address}",
             arguments.quiet,
         )
+        if not arguments.cluster and arguments.listen != _THIS_MACHINE:
+            say(
+                f"whoever reaches {arguments.listen} can run anything as you; TLS: analysis/CLUSTER.md, 'Who may connect'",
+                arguments.quiet,
+            )
         stack.callback(cluster.close)
         cluster.watch()
         with made_by(cluster):

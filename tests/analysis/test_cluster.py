@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -17,8 +18,9 @@ import pytest
 from solvers import calls, make_solvers, wait_for_calls
 
 from analysis import cluster as module
+from analysis.__main__ import parse_arguments
 from analysis.cluster import engine_of, offered, perform, task_of
-from analysis.grid import sweep
+from analysis.grid import parse_grid, settings_of, sweep
 from analysis.machine import THREADS
 from analysis.paths import PROGRAMS, ROOT
 from analysis.run_store import Here, RunRequest, Store, each, hash_of_programs, made_by
@@ -265,6 +267,35 @@ def listening(process):
 
 def test_a_cluster_of_this_machine_listens_to_no_other(cluster):
     assert listening(os.getpid()) == {"127.0.0.1"}
+
+
+@pytest.mark.parametrize("host, is_said", [("127.0.0.1", False), ("127.0.0.2", True)])
+def test_a_cluster_that_listens_to_others_says_what_they_can_do(
+    host, is_said, programs, tmp_path, monkeypatch, capfd
+):
+    monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(module, "PROGRAMS", programs)
+    with engine_of(Namespace(workers=2, cluster=None, listen=host, quiet=False)):
+        pass
+    said = capfd.readouterr().err
+    assert f"cluster tcp://{host}:" in said and f"dashboard http://{host}:" in said
+    assert (f"whoever reaches {host} can run anything as you; TLS: analysis/CLUSTER.md" in said) == is_said
+    assert "## Who may connect" in (ROOT / "analysis" / "CLUSTER.md").read_text()
+
+
+def test_the_example_for_job_arrays_makes_every_run_once():
+    """Its words are a sweep's, in a hundred parts."""
+    text = (ROOT / "analysis" / "examples" / "Snakefile").read_text()
+    known = {}
+    exec(text[: text.index("rule table:")], known)
+    shares = [
+        parse_arguments([*shlex.split(known["SWEEP"])[1:], "--part", f"{part}/{known['N']}"])
+        for part in range(1, known["N"] + 1)
+    ]
+    settings = settings_of(parse_grid(shares[0].overrides))
+    made = [values for of in shares for values in settings[of.part[0] - 1 :: of.part[1]]]
+    assert len(made) == len(settings) == 1400 and all(values in made for values in settings)
+    assert text.count("\nrule ") == 2 and 'SWEEP + " --part {wildcards.part}/" + str(N)' in text
 
 
 def test_a_scheduler_started_as_the_page_says_gives_runs_to_workers(scene, programs, tmp_path, monkeypatch):
