@@ -56,7 +56,7 @@ shared file system, or copy the machines' DIR/runs into one folder; then the sam
 
 
 _WORKER_EXAMPLES = """example, on two machines:
-  .venv/bin/dask scheduler --host 192.168.0.1
+  PYTHONPATH=. .venv/bin/dask scheduler --host 192.168.0.1
   ./testbed worker tcp://192.168.0.1:8786                              on each machine
   ./testbed study accuracy --cluster tcp://192.168.0.1:8786
 """

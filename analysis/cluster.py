@@ -18,6 +18,7 @@ import json
 import logging
 import os
 import platform
+import socket
 import tempfile
 import threading
 from collections import Counter
@@ -38,10 +39,13 @@ _RUN, _PROGRAMS, _MACHINE = "run", "programs", "machine"
 _RETRIES = 2  # of a run whose worker has died
 _AT_ONCE = 64  # runs asked for beside each other, at least: those that wait cost nothing
 _PAUSE = 2.0  # s, between looks at the workers
-#: Of the engine. It takes no samples of Python's stack, which waits for programs, and what fails is told by us.
+_THIS_MACHINE = "127.0.0.1"
+#: Of the engine. It takes no samples of Python's stack, which waits for programs, leaves the variables of threads as they
+#: are, on which a run depends, and what fails is told by us.
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": _RETRIES,
     "distributed.worker.profile.enabled": False,
+    "distributed.nanny.pre-spawn-environ": {},
     "distributed.admin.tick.interval": "1s",
     "logging": {"distributed": "critical", "distributed.client": "critical"},
 }
@@ -290,7 +294,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of a Dask scheduler whose workers make the runs: analysis/CLUSTER.md",
     )
     parser.add_argument(
-        "--listen", metavar="HOST", default="127.0.0.1",
+        "--listen", metavar="HOST", default=_THIS_MACHINE,
         help="with --workers: where workers of other machines may join; default: this machine alone",
     )  # fmt: skip
 
@@ -334,6 +338,11 @@ def engine_of(arguments: argparse.Namespace) -> Iterator[Cluster | None]:
             f"to add a machine: ./testbed worker {cluster.address}",
             arguments.quiet,
         )
+        if not arguments.cluster and arguments.listen != _THIS_MACHINE:
+            say(
+                f"whoever reaches {arguments.listen} can run anything as you; TLS: analysis/CLUSTER.md, 'Who may connect'",
+                arguments.quiet,
+            )
         stack.callback(cluster.close)
         cluster.watch()
         with made_by(cluster):
@@ -352,14 +361,24 @@ def _engine() -> Any:
     return distributed
 
 
+def _host_towards(host: str, port: int) -> str:
+    """This machine's address for those at another one: a worker listens there, and nowhere else. Raises OSError."""
+    (family, kind, _, _, place), *_ = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+    with socket.socket(family, kind) as probe:
+        probe.connect(place)  # nothing is sent
+        found: str = probe.getsockname()[0]
+        return found
+
+
 def serve(arguments: argparse.Namespace) -> int:
     """./testbed worker"""
     distributed = _engine()
 
     async def work(resources: dict[str, float]) -> None:
+        host = _host_towards(*distributed.comm.get_address_host_port(arguments.address))
         async with distributed.Worker(
             arguments.address, name=arguments.name, nthreads=arguments.cores, resources=resources, memory_limit=0,
-            dashboard=False, local_directory=str(arguments.out),
+            host=host, dashboard=False, dashboard_address=f"{host}:0", local_directory=str(arguments.out),
         ) as worker:  # fmt: skip
             print(
                 f"worker {arguments.name}: {arguments.cores} runs at once for {arguments.address}", flush=True

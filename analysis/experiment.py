@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
 import shutil
@@ -10,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
 from .paths import PROGRAMS, ROOT
 from .references import halve_step, refine
-from .run_store import say, value_of
+from .run_store import Outcome, RunRequest, Store, say, value_of
 from .runs import (
     LATE,
     NOT_MODELLED,
@@ -116,6 +118,18 @@ def _expect_end(folder: Path) -> None:
         raise StoppedEarlyError(f"{folder}: {outcome_of(record)}")
 
 
+def _placed(outcome: Outcome, out: Path) -> tuple[int, str]:
+    """Exit status and errors of a stored run, whose files then lie in a folder, too."""
+    if outcome.folder == Path():  # its makers have died
+        return REFUSED, outcome.message
+    shutil.rmtree(out, ignore_errors=True)
+    shutil.copytree(outcome.folder, out, copy_function=os.link)
+    if outcome.status == "failed" and (out / "run.json").exists():
+        return NOT_MODELLED, ""
+    status = {"ok": SOLVED, "time limit": LATE, "failed": REFUSED}.get(outcome.status, NOT_OK)
+    return status, outcome.message if status in (LATE, REFUSED) else ""
+
+
 def run_solvers(
     scene_file: Path,
     folder: Path,
@@ -125,22 +139,34 @@ def run_solvers(
     time_limit: float = TIME_LIMIT,
     is_refined_once: bool = False,
     budget: float | None = None,
+    store: Store | None = None,
 ) -> Experiment:
     """Checks the scene, then runs the reference and every spring model; each skips itself where its last result still holds.
 
     The reference is refined as references.refine does, which gives time_limit and is_refined_once their meaning. Where the
     scene has a part that the reference does not model, the springs run alone. budget: s of wall-clock time for all runs; what
-    is not solved by then is not compared, and goes on in another call. Raises RunError when a spring model refuses the scene,
-    and when the reference fails or carries no part of the load, StoppedEarlyError where that is for its budget.
+    is not solved by then is not compared, and goes on in another call. store: of the same file system, has all runs made by
+    its engine, without a budget. Raises RunError when a spring model refuses the scene, and when the reference fails or
+    carries no part of the load, StoppedEarlyError where that is for its budget.
     """
     end = None if budget is None else time.monotonic() + budget
+    walls = []  # s, of the runs
     command = _command(scene_file, surface, overrides)
     if surface:
         overrides = [*overrides, 'surface.shape=""', f"surface.file={surface.resolve()}"]
 
-    def run(program: str, out: Path, *more: str, options: tuple[str, ...] = ()) -> tuple[int, str]:
-        ended = _run(command_of(program, out, *more, options=options), is_quiet)
-        return ended.status, ended.errors
+    def run(
+        program: str, out: Path, *more: str, options: tuple[str, ...] = (), limit: float | None = None
+    ) -> tuple[int, str]:
+        if store:
+            request = RunRequest(program, scene_file, (*overrides, *more), options, is_of_pair=True)
+            within = Store(store.folder, limit or store.time_limit, store.programs)
+            outcome = within.run(request)
+            walls.append(outcome.wall)
+            return _placed(outcome, out)
+        ended = _run(command_of(program, out, *more, options=options), is_quiet, limit)
+        walls.append(ended.wall)
+        return LATE if ended.is_late else ended.status, ended.errors
 
     def command_of(program: str, out: Path, *more: str, options: tuple[str, ...] = ()) -> list[str]:
         left = () if end is None else ("--budget", f"{max(_LEAST, end - time.monotonic()):.3f}")
@@ -200,15 +226,17 @@ def run_solvers(
 
         def solve_by(program: str, *more: str) -> Callable[[Path, list[str], float], tuple[int, str]]:
             def solve(out: Path, words: list[str], limit: float) -> tuple[int, str]:
-                ended = _run(command_of(program, out, *more, *words, options=("--checked",)), is_quiet, limit)
-                return LATE if ended.is_late else ended.status, ended.errors
+                return run(program, out, *more, *words, options=("--checked",), limit=limit)
 
             return solve
 
         if unsolved:
             own = solve_by("massspring", f"network.calibration={experiment.calibration}")
-            return halve_step(experiment, own, time_limit, is_quiet)
-        return refine(experiment, solve_by("fem_reference"), time_limit, is_quiet, is_refined_once)
+            experiment = halve_step(experiment, own, time_limit, is_quiet)
+        else:
+            solve = solve_by("fem_reference")
+            experiment = refine(experiment, solve, time_limit, is_quiet, is_refined_once)
+        return replace(experiment, seconds=sum(walls))
 
 
 def _command(scene: Path, surface: Path | None, overrides: list[str]) -> str:

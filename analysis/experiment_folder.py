@@ -25,6 +25,7 @@ class Experiment:
     has_half_step: bool = (
         False  #: the scene's own springs, which have no reference, were run at half the step, too
     )
+    seconds: float = 0  #: of wall-clock time, of all runs together
 
     @property
     def name(self) -> str:

@@ -30,7 +30,8 @@ from .machine import describe
 from .outputs import forget
 from .paths import MESHES, OUT, PACKAGE, PROGRAMS, ROOT, SCENES, write_text
 from .report import Table, csv_table
-from .run_store import reminders, say
+from .reproduction import Compared, compare_files, compare_tables, keep, write_report
+from .run_store import Progress, Store, each, reminders, say
 from .runs import RunError
 from .wording import percent
 
@@ -38,7 +39,6 @@ MANIFEST, STORED, PUBLISHED = PACKAGE / "manifest.toml", PACKAGE / "reproduced.j
 _ROUNDING = 1e-8
 _TIME_LIMIT = 200.0  # s, of a reference that is refined for its error, where a table shows that
 _NAME = re.compile(r"[a-z_]+\.toml|[a-z]+(_[a-z]+)+")
-_NUMBER = re.compile(r"[-+]?\d[\d ]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -114,9 +114,9 @@ def _cells(line: str) -> list[str]:
     ]
 
 
-def on_page(entry: Entry, number: int) -> Table:
-    """A table as it stands on its page. Raises RunError where the section has fewer."""
-    tables = tables_of((ROOT / entry.page).read_text(), entry.heading)
+def on_page(entry: Entry, number: int, text: str = "") -> Table:
+    """A table as it stands on its page, or in a text of that. Raises RunError where the section has fewer."""
+    tables = tables_of(text or (ROOT / entry.page).read_text(), entry.heading)
     if len(tables) < number:
         raise RunError(f"{entry.page}: '{entry.heading}' has {len(tables)} tables, expected {number}")
     return tables[number - 1][1]
@@ -162,12 +162,13 @@ def _line(cells: list[str]) -> str:
 def fresh_cells(entry: Entry, row: dict[str, Any]) -> list[str]:
     """The cells of a row behind its label, by running its pair now; what has not changed is not run again."""
     surface = MESHES / row["surface"] if "surface" in row else None
-    folder = OUT / "reproduce" / entry.name / re.sub(r"\W+", "_", " ".join(row["label"]))
+    out = OUT / "reproduce" / entry.name
+    folder = out / re.sub(r"\W+", "_", " ".join(row["label"]))
     needs_error = any(column.startswith("reference.") for column in entry.columns)
     with locked(folder):
         experiment = run_solvers(
             SCENES / row["scene"], folder, surface, [*row.get("set", ())], is_quiet=True,
-            time_limit=_TIME_LIMIT if needs_error else 0, is_refined_once=True,
+            time_limit=_TIME_LIMIT if needs_error else 0, is_refined_once=True, store=Store(out / "runs"),
         )  # fmt: skip
         values = without_nan(compare(experiment, is_as_in_scene=True).as_json())
     return [cell_of(values, key) for key in entry.columns]
@@ -188,35 +189,8 @@ def cell_of(values: dict[str, Any], key: str) -> str:
     return "rounding" if value is not None and abs(value) < _ROUNDING else percent(value, 2)
 
 
-def differences(stored: list[str], fresh: list[str], tolerance: float) -> list[str]:
-    """ "a -> b" for cells whose words differ, or whose numbers differ by more than a share of them."""
-    found = []
-    for old, new in zip(stored, fresh, strict=True):
-        numbers = [[float(n.replace(" ", "")) for n in _NUMBER.findall(cell)] for cell in (old, new)]
-        words = [_NUMBER.sub("", cell).strip(" %") for cell in (old, new)]
-        is_same = words[0] == words[1] and len(numbers[0]) == len(numbers[1])
-        if not is_same or any(
-            abs(a - b) > tolerance * max(abs(a), abs(b)) for a, b in zip(*numbers, strict=True)
-        ):
-            found.append(f"{old or 'nothing'} -> {new or 'nothing'}")
-    return found
-
-
-def differences_of_tables(stored: Table, fresh: Table, tolerance: float) -> list[str]:
-    """Of the cells, each with its row's label; of heads; of the number of rows."""
-    if stored[0] != fresh[0]:
-        return [f"columns {', '.join(stored[0])} -> {', '.join(fresh[0])}"]
-    if len(stored[1]) != len(fresh[1]):
-        return [f"{len(stored[1])} rows -> {len(fresh[1])}"]
-    return [
-        f"{fresh_row[0]}: {text}"
-        for row, fresh_row in zip(stored[1], fresh[1], strict=True)
-        for text in differences(row, fresh_row, tolerance)
-    ]
-
-
-def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool, _cluster: str = "") -> list[str]:
-    """Differences of a table of runs; written anew where that is asked for.
+def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool) -> list[Compared]:
+    """A table of runs beside the stored one; written anew where that is asked for.
 
     Rows whose body is not on this machine are left out. Raises RunError where they would have to be written.
     """
@@ -231,58 +205,99 @@ def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool, _cluster: str
         (row, old) for row, old in zip(entry.rows, stored, strict=True) if row.get("surface") not in missing
     ]
     fresh = []
-    for row, _ in here:
-        say(f"{entry.name}: {', '.join(row['label'])}", is_quiet)
-        fresh.append([*row["label"], *fresh_cells(entry, row)])
-    made = (list(entry.head), fresh)
-    said = differences_of_tables((head, [old for _, old in here]), made, entry.tolerance)
+    progress = Progress(len(here), is_quiet)
+    made = each(lambda pair: fresh_cells(entry, pair[0]), here)
+    for (row, _), cells in zip(here, made, strict=True):
+        fresh.append([*row["label"], *cells])
+        progress.say(f"{entry.name}: {', '.join(row['label'])}")
+    table = (list(entry.head), fresh)
+    found = compare_tables(number, (head, [old for _, old in here]), table, entry.tolerance)
     if is_written:
-        publish(entry, number, made)
-    return said
+        publish(entry, number, table)
+    return [found]
 
 
-def reproduce_command(entry: Entry, is_written: bool, is_quiet: bool, cluster: str = "") -> list[str]:
-    """Runs a study, and names the cells and figures that have changed. Raises RunError where it fails.
+def reproduce_command(
+    entry: Entry, is_written: bool, cluster: str = "", has_ended: bool = False
+) -> list[Compared]:
+    """Tables and figures of a study beside the stored ones. Raises RunError where it fails.
 
-    cluster: address of the scheduler whose workers make the study's runs, if there is one.
+    cluster: address of the scheduler whose workers make the study's runs, if there is one; has_ended: another entry has run
+    the command just now.
     """
-    command = f"{entry.command} --cluster {cluster}" if cluster else entry.command
-    say(f"{entry.name}: {command}", is_quiet)
     out = OUT / "reproduce" / entry.name
     out.mkdir(parents=True, exist_ok=True)
-    page = (ROOT / entry.page).read_text()
-    with (out / "output.txt").open("w") as output:
-        done = subprocess.run(command, shell=True, cwd=ROOT, stdout=output, check=False)
-    if done.returncode:
-        raise RunError(
-            f"{entry.name}: '{entry.command}' ended with {done.returncode}, see {out / 'output.txt'}"
+    own = {} if entry.sources or entry.figures else {file: _committed(file) for file in _files_of(entry)}
+    if not has_ended:
+        _run(entry, out / "output.txt", cluster)
+    found = [
+        compare_tables(
+            number,
+            on_page(entry, number, (own[entry.page] or b"").decode()),
+            on_page(entry, number),
+            entry.tolerance,
         )
-    said = [f"{entry.page} has changed"] if (ROOT / entry.page).read_text() != page else []
+        for number in (entry.tables if own else ())
+    ]
+    found += [compare_files(file, stored, ROOT / file, out) for file, stored in own.items()]
     for number, source in zip(entry.tables, entry.sources, strict=bool(entry.sources)):
         fresh = read_table(ROOT / source, entry.columns)
-        said += differences_of_tables(on_page(entry, number), fresh, entry.tolerance)
+        found.append(compare_tables(number, on_page(entry, number), fresh, entry.tolerance))
         if is_written:
             publish(entry, number, fresh)
     for published, made in entry.figures.items():
         old, new = ROOT / published, ROOT / made
-        if not old.exists() or old.read_bytes() != new.read_bytes():
-            said.append(f"{published} has changed")
+        found.append(compare_files(published, old.read_bytes() if old.exists() else None, new, out))
         if is_written:
             shutil.copyfile(new, old)
-    return said
+    return found
 
 
-def reproduce(entry: Entry, is_written: bool, is_quiet: bool = False, cluster: str = "") -> list[str]:
-    """What differs from what is stored. With is_written the page is written anew, and what it is of is noted."""
+def _run(entry: Entry, output: Path, cluster: str) -> None:
+    command = f"{entry.command} --cluster {cluster}" if cluster else entry.command
+    with output.open("w") as said:
+        done = subprocess.run(command, shell=True, cwd=ROOT, stdout=said, check=False)
+    if done.returncode:
+        raise RunError(f"{entry.name}: '{entry.command}' ended with {done.returncode}, see {output}")
+
+
+def _files_of(entry: Entry) -> list[str]:
+    """A page that a command writes itself, and its pictures."""
+    page = ROOT / entry.page
+    pictures = re.findall(r"!\[[^]]*\]\(([^):]*)\)", page.read_text())
+    return [entry.page, *(str((page.parent / link).relative_to(ROOT)) for link in pictures)]
+
+
+def _committed(file: str) -> bytes | None:
+    """As git has it, since a command that was killed may have written it; without git as it is."""
+    shown = subprocess.run(["git", "-C", ROOT, "show", f"HEAD:./{file}"], capture_output=True, check=False)
+    if shown.returncode == 0:
+        return shown.stdout
+    return (ROOT / file).read_bytes() if (ROOT / file).exists() else None
+
+
+def reproduce(
+    entry: Entry, is_written: bool, is_quiet: bool = False, cluster: str = "", has_ended: bool = False
+) -> list[Compared]:
+    """What it makes beside what is stored. With is_written the page is written anew, and what it is of is noted."""
     start = time.monotonic()
-    said = (reproduce_runs if entry.rows else reproduce_command)(entry, is_written, is_quiet, cluster)
+    if entry.rows:
+        found = reproduce_runs(entry, is_written, is_quiet)
+    else:
+        found = reproduce_command(entry, is_written, cluster, has_ended)
     if is_written:
-        stored = json.loads(STORED.read_text()) if STORED.exists() else {}
+        stored = _stored()
         of = describe(PROGRAMS)
         minutes = round((time.monotonic() - start) / 60, 1)
         stored[entry.name] = {"commit": of["commit"], "machine": of["processor"], "minutes": minutes}
         write_text(STORED, json.dumps(dict(sorted(stored.items())), indent=2) + "\n")
-    return said
+    return found
+
+
+def _stored() -> dict[str, Any]:
+    """Entry -> what the stored figures are of."""
+    found: dict[str, Any] = json.loads(STORED.read_text()) if STORED.exists() else {}
+    return found
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -299,9 +314,9 @@ def _reproduce_all(arguments: argparse.Namespace, cluster: str) -> int:
     commit = describe(PROGRAMS)["commit"]
     if arguments.write and not re.fullmatch("[0-9a-f]+", commit):
         raise RunError(f"--write: the tree is {commit}, expected a commit without further changes")
-    minutes = sum(entry.minutes for entry in chosen)
+    minutes = {entry.command or entry.name: entry.minutes for entry in chosen}  # by what is run once
     say(
-        f"{len(chosen)} tables and figures, {minutes:.0f} min at most on two cores: what is kept takes none",
+        f"{len(chosen)} entries, {sum(minutes.values()):.0f} min at most on two cores: what is kept takes none",
         arguments.quiet,
     )
     missing = missing_meshes(chosen)
@@ -309,31 +324,47 @@ def _reproduce_all(arguments: argparse.Namespace, cluster: str) -> int:
         print(f"Rows of {len(missing)} bodies are left out until these files lie in {MESHES}:")
         for name, source in missing.items():
             print(f"  {name}: {source}")
-    stored = json.loads(STORED.read_text()) if STORED.exists() else {}
+    out = OUT / "reproduce"
+    stored = _stored()
     n_different = 0
     if arguments.force:
         for folder in {
             folder
             for entry in chosen
-            for folder in (
-                OUT / "reproduce" / entry.name,
-                *((ROOT / source).parent for source in entry.sources),
-            )
+            for folder in (out / entry.name, *((ROOT / source).parent for source in entry.sources))
         }:
             forget(folder)
-    for entry in chosen:
+    ended = set()
+    for number, entry in enumerate(chosen, 1):
+        place = f"[{number}/{len(chosen)}, {sum(minutes.values()):.0f} min left at most]"
+        say(f"{place} {entry.name}: {entry.command or entry.heading}", arguments.quiet)
+        found, error = [], ""
         try:
             with reminders(entry.name, arguments.quiet):
-                said = reproduce(entry, arguments.write, arguments.quiet, cluster)
-        except RunError as error:
-            said = [str(error)]
-        of = stored.get(entry.name, {}).get("commit", "an unknown commit")
+                found = reproduce(
+                    entry, arguments.write, arguments.quiet, cluster, has_ended=entry.command in ended
+                )
+            ended.add(entry.command)
+        except RunError as failure:
+            error = str(failure)
+        minutes.pop(entry.command or entry.name, None)
         n_left_out = sum(row.get("surface") in missing for row in entry.rows)
         left_out = f"{n_left_out} of {len(entry.rows)} rows left out" if n_left_out else ""
+        keep(out, entry.name, {"commit": commit, "error": error, "note": left_out}, found)
+        report = write_report(out, {name: _listing(of) for name, of in listed.items()}, _stored())
+        said = [error] if error else [line for item in found for line in item.differences]
+        of = stored.get(entry.name, {}).get("commit", "an unknown commit")
         print(
             f"{entry.name} (stored of {of}): {', '.join(filter(None, ['' if said else 'as stored', left_out]))}"
         )
         for line in said:
             print(f"  {line}")
         n_different += bool(said)
+    print(f"\nreport: {report}")
     return 1 if n_different else 0
+
+
+def _listing(entry: Entry) -> tuple[str, list[str]]:
+    """Its place, and the names of what it makes."""
+    names = [f"table {number}" for number in entry.tables] + list(entry.figures)
+    return f"{entry.page}, {entry.heading}", names or [entry.page]

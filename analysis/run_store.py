@@ -55,6 +55,7 @@ class RunRequest:
     prefix: tuple[str, ...] = ()  #: a command that runs the program, such as valgrind
     repetition: int = 0  #: of a timed run; only the first keeps its frames
     is_timed: bool = False  #: its seconds count: no other run shares its machine, and only those of one kind of machine are taken
+    is_of_pair: bool = False  #: every key of the scene counts, as the folder of a pair is read for them
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ class Store:
 
         Raises RunError when the scene or a program cannot be read.
         """
-        ignored = _IGNORED[request.program]
+        ignored = set() if request.is_of_pair else _IGNORED[request.program]
         scene = read_toml(request.scene)
         settings = _settings_of(request)
         parts = [

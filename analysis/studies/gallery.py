@@ -13,7 +13,7 @@ from pathlib import Path
 from ..experiment import run_solvers
 from ..paths import PACKAGE, SCENES, THUMBNAIL, write_text
 from ..results import results_of
-from ..run_store import say
+from ..run_store import Progress, Store, each
 from ..runs import RunError
 from .result import Result, Section
 
@@ -49,12 +49,18 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     scenes = sorted(SCENES.glob("*.toml"))
     pictures = PACKAGE / _PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
+    if not arguments.quick:
+        store, progress = Store(folder / "runs"), Progress(len(scenes), arguments.quiet)
+        pairs = each(
+            lambda scene: run_solvers(scene, folder / scene.stem, None, [], is_quiet=True, store=store),
+            scenes,
+        )
+        for scene, pair in zip(scenes, pairs, strict=True):
+            results_of(pair)
+            progress.say(scene.stem)
     rows = []
     for scene in scenes:
         out = folder / scene.stem
-        if not arguments.quick:
-            say(scene.stem, is_quiet=False)
-            results_of(run_solvers(scene, out, None, [], is_quiet=True))
         if not (out / THUMBNAIL).exists():
             raise RunError(f"{out / THUMBNAIL}: missing; leave out --quick to run {scene.name}")
         shutil.copyfile(out / THUMBNAIL, pictures / f"{scene.stem}.jpg")

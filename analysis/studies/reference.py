@@ -13,7 +13,7 @@ from pathlib import Path
 from ..compare import trajectory_error
 from ..paths import SCENES
 from ..report import Table
-from ..run_store import Outcome, RunRequest, Store, say
+from ..run_store import Outcome, RunRequest, Store, each, say
 from ..runs import RunError, load_run
 from ..wording import percent, percent_signed, significant
 from .result import Result, Section, alone
@@ -63,21 +63,21 @@ def solved(store: Store, point: RunRequest) -> Outcome:
 
 def locking(store: Store, n_vertices: int) -> Table:
     """Elastic energy that is missing, a row for each Poisson's ratio and a column for each mesh."""
+    requests = [
+        RunRequest(
+            "fem_reference", SCENES / "bar_sag.toml",
+            (
+                f"surface.n_vertices={n_vertices}", f"material.nu={nu}", f"reference.degree={degree}",
+                f"reference.refine={refine}",
+            ),
+        )
+        for nu in RATIOS
+        for degree, refine in MESHES
+    ]  # fmt: skip
+    made = each(lambda request: solved(store, request), requests)
     rows = []
     for nu in RATIOS:
-        runs = [
-            solved(
-                store,
-                RunRequest(
-                    "fem_reference", SCENES / "bar_sag.toml",
-                    (
-                        f"surface.n_vertices={n_vertices}", f"material.nu={nu}", f"reference.degree={degree}",
-                        f"reference.refine={refine}",
-                    ),
-                ),
-            )
-            for degree, refine in MESHES
-        ]  # fmt: skip
+        runs = [next(made) for _ in MESHES]
         *energies, all_of_it = (load_run(run.folder).curves["elastic_energy"][-1] for run in runs)
         rows.append([nu, *(percent(1 - energy / all_of_it, 2) for energy in energies)])
     sizes = [

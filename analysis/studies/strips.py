@@ -22,7 +22,7 @@ from ..drawing.style import style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES
 from ..report import Table
-from ..run_store import Outcome, RunRequest, Store, each, say
+from ..run_store import Outcome, Progress, RunRequest, Store, each, say
 from ..runs import Array, Run, RunError, load_frames, read_toml
 from ..shape_measures import (
     Surface,
@@ -163,8 +163,9 @@ class Strip:
         options = ("--no-diagnostics",) if program == "massspring" else ()
         return self.store.run(RunRequest(program, self.scene, (*self.overrides, *own, *overrides), options))
 
-    def measure(self, method: str) -> None:
-        outcome = self.outcomes[method] = self.run(method)
+    def take(self, method: str, outcome: Outcome) -> None:
+        """Of a method's run."""
+        self.outcomes[method] = outcome
         if (outcome.folder / "run.json").exists() and (outcome.folder / "frames.pvd").exists():
             run = sound_part(load_frames(outcome.folder))
             if len(run.times) > 1:
@@ -272,15 +273,22 @@ def compare(
     is_quiet: bool = True,
 ) -> tuple[Table, list[Section]]:
     """Scenes by every method but those left out: the table of differences, and a section of each scene with its film."""
-    rows: list[list[str]] = []
-    sections = []
+    strips = []
     for scene in scenes:
         has_shape = "shape" in read_toml(scene).get("surface", {})
-        strip = Strip(scene, store, [f"surface.n_vertices={_N_VERTICES}"] if has_shape else [])
-        for method in methods_of(scene):
-            if method not in without:
-                say(f"{scene.stem}, {method}", is_quiet)
-                strip.measure(method)
+        strips.append(Strip(scene, store, [f"surface.n_vertices={_N_VERTICES}"] if has_shape else []))
+    wanted = [
+        (strip, method) for strip in strips for method in methods_of(strip.scene) if method not in without
+    ]
+    progress = Progress(len(wanted), is_quiet)
+    outcomes = each(lambda of: of[0].run(of[1]), wanted)
+    for (strip, method), outcome in zip(wanted, outcomes, strict=True):
+        strip.take(method, outcome)
+        progress.say(f"{strip.scene.stem}, {method}: {outcome.status}")
+    rows: list[list[str]] = []
+    sections = []
+    for strip in strips:
+        scene = strip.scene
         rows += strip.rows()
         figures: Figures = {}
         if len(strip.runs) > 1:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from pathlib import Path
 
 from ..comparison import compare
@@ -17,7 +16,7 @@ from ..experiment import TIME_LIMIT, run_solvers
 from ..grid import csv_of
 from ..paths import write_text
 from ..report import Table
-from ..run_store import Store, say
+from ..run_store import Progress, Store, each
 from ..runs import RunError
 from ..verdict import FAILS, SERVES, has_figures, verdict_on
 from ..wording import percent
@@ -57,14 +56,14 @@ def measure(bench: Bench, case: Case) -> list[Row]:
     overrides = [
         f"material.nu={case.nu}", f"network.calibration={SPRINGS}", f"comparison.calibrations=[{models}]"
     ]  # fmt: skip
-    start = time.perf_counter()
     try:
         comparison = compare(
-            run_solvers(scene, folder, None, overrides, is_quiet=True, time_limit=TIME_LIMIT)
+            run_solvers(
+                scene, folder, None, overrides, is_quiet=True, time_limit=TIME_LIMIT, store=bench.store
+            )
         )
     except RunError as error:
         return [{**place, "model": SPRINGS, "verdict": "no result", "message": str(error)}]
-    spent = time.perf_counter() - start
     values = comparison.as_json()
     try:
         truth = bench.elements(scene, case.nu, comparison.experiment.n_refinements + 1)
@@ -72,7 +71,7 @@ def measure(bench: Bench, case: Case) -> list[Row]:
         truth, why = None, str(error)
     rows = []
     for name, model in values["models"].items():
-        row = {**place, "model": name, "seconds": f"{spent:.3g}"}
+        row = {**place, "model": name, "seconds": f"{comparison.experiment.seconds:.3g}"}
         if not has_figures(model):
             rows.append({**row, "verdict": "no result", "message": model["status"]})
             continue
@@ -127,9 +126,10 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     bench = Bench(folder, Store(folder / "runs", time_limit=_TRUTH_LIMIT))
     wanted = drawn(_N_QUICK if arguments.quick else _N_BODIES)
     rows: list[Row] = []
-    for number, case in enumerate(wanted, 1):
-        say(f"[{number}/{len(wanted)}] {case.body.name}, {case.load}, nu = {case.nu}", arguments.quiet)
-        rows += measure(bench, case)
+    progress = Progress(len(wanted), arguments.quiet)
+    for case, found in zip(wanted, each(lambda case: measure(bench, case), wanted), strict=True):
+        rows += found
+        progress.say(f"{case.body.name}, {case.load}, nu = {case.nu}")
         write_text(folder / "rows.csv", csv_of(rows))
     return Result(
         "Verdicts that hold", finding(rows), [Section("Verdicts", [_HOW], {}, {"verdicts": table(rows)})]

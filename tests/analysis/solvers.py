@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from synthetic import write_run
 
+from analysis.run_store import Here
+
 _PROGRAM = """#!{python} -SE
 import json, os, shutil, sys, time
 name, home = os.path.basename(sys.argv[0]), {home!r}
@@ -95,3 +97,10 @@ def wait_for_calls(programs: Path, n: int, more: float) -> None:
 def calls(programs: Path) -> list[str]:
     log = programs.parent / "log.txt"
     return log.read_text().splitlines() if log.exists() else []
+
+
+class Backwards(Here):
+    """An engine that makes the last first."""
+
+    def each(self, function, items):
+        return reversed([function(item) for item in reversed(list(items))])

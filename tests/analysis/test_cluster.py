@@ -1,22 +1,31 @@
 """Runs on a cluster of this machine: the same table as one run after the other, whatever dies, is foreign or is timed."""
 
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
 import threading
 import time
 from argparse import Namespace
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
 
+import psutil
 import pytest
 from solvers import calls, make_solvers, wait_for_calls
 
 from analysis import cluster as module
+from analysis.__main__ import parse_arguments
 from analysis.cluster import engine_of, offered, perform, task_of
-from analysis.grid import sweep
-from analysis.paths import ROOT
+from analysis.grid import parse_grid, settings_of, sweep
+from analysis.machine import THREADS
+from analysis.paths import PROGRAMS, ROOT
 from analysis.run_store import Here, RunRequest, Store, each, hash_of_programs, made_by
 from analysis.runs import RunError
+from analysis.studies import cluster as study
 
 pytest.importorskip("distributed")
 
@@ -97,6 +106,18 @@ def test_sweep_gives_the_table_and_the_files_of_one_worker(cluster, scene, progr
     n_calls = len(calls(programs))
     sweep(scene, GRID, tmp_path / "two", is_quiet=True, store=store(tmp_path / "two" / "runs", programs))
     assert len(calls(programs)) == n_calls
+
+
+def test_a_run_has_the_same_key_with_and_without_a_cluster(scene, programs, tmp_path, monkeypatch):
+    """Where the variables of threads are not set, too."""
+    for name in THREADS:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(module, "PROGRAMS", programs)
+    with made_by(Here()):
+        key = store(tmp_path / "runs", programs).key(request(scene))
+    with engine_of(Namespace(workers=2, cluster=None, listen="127.0.0.1", quiet=True)):
+        assert store(tmp_path / "runs", programs).key(request(scene)) == key
 
 
 def test_inputs_travel_and_messages_name_those_asked_for(tmp_path):
@@ -233,6 +254,75 @@ def test_workers_join_and_one_with_other_programs_is_refused_by_name(
     )
 
 
+def listening(process):
+    """Addresses at which a process and those that it has started listen."""
+    of = psutil.Process(process)
+    return {
+        connection.laddr.ip
+        for one in (of, *of.children(recursive=True))
+        for connection in one.net_connections("inet")
+        if connection.status == psutil.CONN_LISTEN
+    }
+
+
+def test_a_cluster_of_this_machine_listens_to_no_other(cluster):
+    assert listening(os.getpid()) == {"127.0.0.1"}
+
+
+@pytest.mark.parametrize("host, is_said", [("127.0.0.1", False), ("127.0.0.2", True)])
+def test_a_cluster_that_listens_to_others_says_what_they_can_do(
+    host, is_said, programs, tmp_path, monkeypatch, capfd
+):
+    monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(module, "PROGRAMS", programs)
+    with engine_of(Namespace(workers=2, cluster=None, listen=host, quiet=False)):
+        pass
+    said = capfd.readouterr().err
+    assert f"cluster tcp://{host}:" in said and f"dashboard http://{host}:" in said
+    assert (f"whoever reaches {host} can run anything as you; TLS: analysis/CLUSTER.md" in said) == is_said
+    assert "## Who may connect" in (ROOT / "analysis" / "CLUSTER.md").read_text()
+
+
+def test_the_example_for_job_arrays_makes_every_run_once():
+    """Its words are a sweep's, in a hundred parts."""
+    text = (ROOT / "analysis" / "examples" / "Snakefile").read_text()
+    known = {}
+    exec(text[: text.index("rule table:")], known)
+    shares = [
+        parse_arguments([*shlex.split(known["SWEEP"])[1:], "--part", f"{part}/{known['N']}"])
+        for part in range(1, known["N"] + 1)
+    ]
+    settings = settings_of(parse_grid(shares[0].overrides))
+    made = [values for of in shares for values in settings[of.part[0] - 1 :: of.part[1]]]
+    assert len(made) == len(settings) == 1400 and all(values in made for values in settings)
+    assert text.count("\nrule ") == 2 and 'SWEEP + " --part {wildcards.part}/" + str(N)' in text
+
+
+def test_a_scheduler_started_as_the_page_says_gives_runs_to_workers(scene, programs, tmp_path, monkeypatch):
+    """From the project's folder, with nothing set. The worker listens where it reaches the scheduler."""
+    page = (ROOT / "analysis" / "CLUSTER.md").read_text()
+    (line,) = re.findall("^    (.*dask scheduler --host .*)$", page, re.MULTILINE)
+    words = re.sub("--host .*", "--host 127.0.0.1 --port 0 --dashboard-address 127.0.0.1:0", line)
+    words = "exec env " + words.replace(".venv/bin/dask", str(Path(sys.executable).parent / "dask"))
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    monkeypatch.setattr(module, "PROGRAMS", programs)
+    with subprocess.Popen(
+        words, shell=True, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True
+    ) as scheduler:
+        said = iter(scheduler.stderr.readline, "")
+        address = next(found[1] for text in said if (found := re.search(r"Scheduler at: *(tcp://\S+)", text)))
+        command = [sys.executable, "-c", _WORKER, address, programs, tmp_path / "a", tmp_path / "lock", "a"]
+        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as worker:
+            assert worker.stdout.readline().startswith("worker a: 1 runs at once")
+            assert listening(worker.pid) == {"127.0.0.1"}
+            with engine_of(Namespace(workers=1, cluster=address, quiet=True)):
+                made = store(tmp_path / "runs", programs)
+                assert made.run(request(scene, "a=1")).status == "ok"
+            worker.kill()
+        scheduler.kill()
+    assert list((tmp_path / "a").rglob("outcome.json"))
+
+
 def test_sweep_that_is_stopped_by_hand_ends_at_once(ball, scene, tmp_path):
     slow = make_solvers(tmp_path / "solvers", ball, seconds=100)
     code = (
@@ -260,6 +350,83 @@ def test_sweep_that_is_stopped_by_hand_ends_at_once(ball, scene, tmp_path):
         said = stopped.communicate(timeout=60)[1]
     assert stopped.returncode == 130 and "stopped; to continue: ./testbed sweep" in said
     assert "Traceback" not in said
+
+
+_REPRODUCE = """
+import sys
+from pathlib import Path
+from analysis import cluster, experiment, reproduce, run_store
+home, programs = Path(sys.argv[1]), Path(sys.argv[2])
+cluster.PROGRAMS = experiment.PROGRAMS = programs
+cluster.LOCK, run_store.Store.__init__.__defaults__ = home / "lock", (3600, programs)
+reproduce.ROOT = reproduce.SCENES = home
+reproduce.OUT, reproduce.STORED = home / "out", home / "stored.json"
+rows = tuple({"label": [nu], "scene": "scene.toml", "set": [f"material.nu={nu}"]} for nu in ("0.25", "0.3", "0.45"))
+column = "models.affine.displacement_error_l2"
+entry = reproduce.Entry("pairs", "PAGE.md", "Pairs", 1, (1,), head=("nu", "error"), columns=(column,), rows=rows)
+reproduce.entries = lambda: {"pairs": entry}
+from analysis.__main__ import main
+sys.argv[1:] = ["reproduce", "--workers", "2"]
+sys.exit(main())
+"""
+
+
+def test_a_published_table_of_pairs_is_made_by_the_engine_and_goes_on_after_a_kill(ball, tmp_path):
+    programs = make_solvers(tmp_path / "solvers", ball, seconds=2)
+    filled_in = (
+        '[network]\ncalibration = ""\n[comparison]\n[time]\nmode = "static"\n[reference]\nrefine = 0\n'
+    )
+    more = 'name = "a"\n[surface]\nshape = "ball"\n[material]\nlaw = "small_strain"\n'
+    (tmp_path / "solvers" / "fem_reference" / "scene.toml").write_text(more + filled_in)
+    (tmp_path / "scene.toml").write_text("")
+    page = "## Pairs\n\n| nu | error |\n|---|---|\n| 0.25 | 10 % |\n| 0.3 | 21 % |\n| 0.45 | 50 % |\n"
+    (tmp_path / "PAGE.md").write_text(page)
+    command = [sys.executable, "-c", _REPRODUCE, tmp_path, programs]
+    runs = tmp_path / "out" / "reproduce" / "pairs" / "runs"
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) as killed:
+        while len(there := list(runs.glob("*/outcome.json"))) < 2:
+            time.sleep(0.01)
+        killed.kill()
+    written = {file: file.stat().st_mtime_ns for file in there}
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert {file: file.stat().st_mtime_ns for file in there} == written
+    assert len(list(runs.glob("*/outcome.json"))) == 6 <= len(calls(programs)) <= 6 + 2, "two were at work"
+    assert "  0.45: 50 % -> 40 %" in done.stdout and done.returncode == 1
+    place = r"tcp://127\.0\.0\.1:\d+, its dashboard http://127\.0\.0\.1:\d+/status; to add a machine: ./testbed worker"
+    assert re.search(place, done.stderr)
+    assert "[3/3] pairs: 0.45" in done.stderr and "left] pairs: 0.25" in done.stderr
+    report = (tmp_path / "out" / "reproduce" / "report.html").read_text()
+    assert "<td>6</td><td>1</td><td>20 %</td><td>differ</td>" in report
+
+
+def test_what_the_engine_costs_is_told_by_run_but_not_of_what_was_killed():
+    one = study.Measured("one", 1, wall=10, of_runs=9, cpu=0.5, n_runs=100, table=[{"a": "1"}])
+    two = replace(one, name="two", n_workers=2, wall=5.5, cpu=1.5)
+    killed = replace(two, name="killed", cpu=None, table=[{"a": "2"}])
+    head, lines = study.table([one, two, killed])
+    assert head[1:5] == ["runs", "seconds", "without a run (ms)", "processor (ms)"]
+    assert lines == [
+        ["one", "100", "10", "10.0", "5.0", "the same"],
+        ["two", "100", "6", "20.0", "15.0", "the same"],
+        ["killed", "100", "6", "-", "-", "another"],
+    ]
+    assert study.finding([one, two, killed]) == (
+        "1 of 2 sweeps on a cluster give the table of one worker, and the engine takes 10.0 ms of a processor for a run."
+    )
+
+
+@pytest.mark.skipif(not (PROGRAMS / "fem_reference").exists(), reason="needs the built programs")
+def test_sweeps_of_small_runs_give_one_table_whatever_is_killed(tmp_path, monkeypatch):
+    """By real programs. Asked again, they are made and measured again."""
+    monkeypatch.setattr(study, "alone", lambda _: nullcontext())
+    monkeypatch.setattr(study, "_N_QUICK", 3)
+    left = tmp_path / "sweeps" / "one" / "runs" / "left"
+    left.mkdir(parents=True)
+    found = study.study(Namespace(quick=True, quiet=True), tmp_path)
+    (section,) = found.sections
+    _, lines = section.tables["cluster"]
+    assert [line[1] for line in lines] == ["6"] * 4 and [line[-1] for line in lines] == ["the same"] * 4
+    assert found.sentence.startswith("3 of 3 sweeps") and not left.exists()
 
 
 def test_one_worker_loads_no_engine():

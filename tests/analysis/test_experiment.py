@@ -4,6 +4,7 @@ import html
 import json
 import os
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from analysis.paths import SCENES
 from analysis.references import refine
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
+from analysis.run_store import Outcome, Store
 from analysis.runs import RunError, StoppedEarlyError, load_run
 from analysis.verdict import conclusion, finding
 
@@ -192,7 +194,7 @@ def solve(ball, tmp_path, monkeypatch):
         (folder / "scene.toml").write_text(filled_in)
     (tmp_path / "scene.toml").write_text("")
 
-    def run(nu, time_limit=60, budget=None):
+    def run(nu, time_limit=60, **more):
         overrides = [f"material.nu={nu}"]
         return run_solvers(
             tmp_path / "scene.toml",
@@ -201,7 +203,7 @@ def solve(ball, tmp_path, monkeypatch):
             overrides,
             is_quiet=True,
             time_limit=time_limit,
-            budget=budget,
+            **more,
         )
 
     return run
@@ -210,6 +212,64 @@ def solve(ball, tmp_path, monkeypatch):
 def test_reference_that_did_not_converge_is_an_error_with_its_status(solve):
     with pytest.raises(RunError, match=r"did not converge: not_converged, see .*fem_reference"):
         solve("far")
+
+
+@pytest.mark.parametrize("nu", ["0.3", "far", "late", "touched", "diverge", "stuck", "0.6"])
+def test_runs_of_a_store_make_the_same_pair_and_are_made_once(nu, solve, tmp_path):
+    """Of references and springs that end in every way."""
+    programs = tmp_path / "home" / "bin"
+    shutil.copytree(tmp_path / "home" / "massspring_0.25", tmp_path / "home" / "massspring_touched")
+
+    def outcome(**more):
+        shutil.rmtree(tmp_path / "out", ignore_errors=True)
+        try:
+            found = solve(nu, **more)
+        except RunError as error:
+            return str(error)
+        assert found.seconds > 0
+        return replace(found, seconds=0)
+
+    def stored():
+        return outcome(store=Store(tmp_path / "runs", programs=programs))
+
+    plain, n_plain = outcome(), len(calls(programs))
+    assert stored() == plain
+    assert len(calls(programs)) == 2 * n_plain
+    assert stored() == plain
+    assert len(calls(programs)) == 2 * n_plain
+
+
+def test_a_pair_of_a_store_is_that_of_its_own_scene(solve, tmp_path):
+    """Its reference's run does not depend on the name, but the pair is told by it."""
+    made = Store(tmp_path / "runs", programs=tmp_path / "home" / "bin")
+    keys = []
+    for name in "ab":
+        (tmp_path / "scene.toml").write_text(f'name = "{name}"\n')
+        solve("0.3", store=made)
+        keys.append({folder.name for folder in made.folder.glob("*/")})
+    assert len(keys[1]) == 2 * len(keys[0])
+
+
+def test_a_stored_run_whose_makers_have_died_is_told_and_leaves_no_folder(solve, tmp_path, monkeypatch):
+    lost = Outcome("failed", "fem_reference: its worker died 3 times", 0, 0, 0)
+    monkeypatch.setattr(Store, "run", lambda *_: lost)
+    with pytest.raises(RunError, match="its worker died 3 times"):
+        solve("0.3", store=Store(tmp_path / "runs", programs=tmp_path / "home" / "bin"))
+    assert not (tmp_path / "out" / "fem_reference").exists()
+
+
+def test_a_stored_refinement_that_is_stopped_for_its_time_says_what_it_would_take(home, tmp_path):
+    record = home / "fem_reference" / "run.json"
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"seconds": {"solve": 0.02}}))
+    program = home / "bin" / "fem_reference"
+    slow = 'time.sleep(60 * ("reference.refine" in settings))\nsource = '
+    program.write_text(program.read_text().replace("source = ", slow, 1))
+    made = Store(tmp_path / "runs", programs=home / "bin")
+    experiment = run_solvers(
+        tmp_path / "scene.toml", tmp_path / "out", None, [], is_quiet=True, time_limit=0.2, store=made
+    )
+    assert experiment.n_refinements == 0 and experiment.next_reference_seconds == pytest.approx(1.2)
+    assert experiment.seconds > 0.6, "that one counts"
 
 
 def test_runs_share_a_budget(solve, tmp_path):

@@ -116,6 +116,7 @@ ALLOWED = {
         "verdict",
         "wording",
     },
+    "reproduction": {"paths", "report", "wording"},
     "reproduce": {
         "cluster",
         "comparison",
@@ -125,6 +126,7 @@ ALLOWED = {
         "outputs",
         "paths",
         "report",
+        "reproduction",
         "run_store",
         "runs",
         "wording",

@@ -1,11 +1,17 @@
 """Published tables and figures: all are in the manifest, and the cheapest come out as they are stored."""
 
+import base64
+import io
 import re
+import subprocess
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
-from pages import PAGES
+from pages import PAGES, fetched
+from PIL import Image
 
 from analysis import reproduce as module
 from analysis.__main__ import parse_arguments
@@ -13,7 +19,6 @@ from analysis.paths import PROGRAMS, ROOT
 from analysis.reproduce import (
     Entry,
     cell_of,
-    differences,
     entries,
     fresh_cells,
     main,
@@ -23,6 +28,7 @@ from analysis.reproduce import (
     stored_file,
     tables_of,
 )
+from analysis.reproduction import compare_files, compare_tables, differences, kept_in
 from analysis.runs import RunError
 
 PAGE = """# Title
@@ -170,19 +176,24 @@ def page(tmp_path, monkeypatch):
     return tmp_path / "PAGE.md"
 
 
+def said(entry, is_written=False, **more):
+    found = reproduce(entry, is_written, is_quiet=True, **more)
+    return [line for compared in found for line in compared.differences]
+
+
 ENTRY = Entry(
     "two", "PAGE.md", "Two", 1, (1,), head=("scene", "error"), columns=("e",), rows=({"label": ["x"]}, {"label": ["y"]})
 )  # fmt: skip
 
 
 def test_a_table_of_runs_is_compared_and_written_in_its_place(page):
-    assert reproduce(ENTRY, is_written=False, is_quiet=True) == ["x: 1.5 % -> 1.9 %"]
+    assert said(ENTRY) == ["x: 1.5 % -> 1.9 %"]
     assert page.read_text() == PAGE
     reproduce(ENTRY, is_written=True, is_quiet=True)
     assert on_page(ENTRY, 1) == (["scene", "error"], [["x", "1.9 %"], ["y", "rounding"]])
     assert on_page(ENTRY, 1) == read_table(stored_file(ENTRY, 1))
     assert on_page(ENTRY, 2) == (["c", "d"], [["z", "3"]]), "no other table is touched"
-    assert reproduce(ENTRY, is_written=False, is_quiet=True) == []
+    assert said(ENTRY) == []
     assert '"commit": "abc"' in module.STORED.read_text()
 
 
@@ -210,13 +221,13 @@ def on_its_own(page, monkeypatch):
 def test_rows_without_their_body_are_left_out_and_it_is_said_where_that_is(on_its_own, page, capsys):
     page.write_text(PAGE.replace("1.5 %", "1.9 %").replace("rounding", "7 %"))
     assert on_its_own() == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert re.search(
         rf"{page.parent}/meshes:\n  bunny.obj: objects/bunny/bunny.obj of https://github.com/odedstein/meshes at commit "
         r"83521327, SHA-256 [0-9a-f]{64}\n",
-        said,
+        printed,
     )
-    assert said.endswith("two (stored of an unknown commit): as stored, 1 of 2 rows left out\n")
+    assert "two (stored of an unknown commit): as stored, 1 of 2 rows left out\n" in printed
     (page.parent / "meshes").mkdir()
     (page.parent / "meshes" / "bunny.obj").write_text("of another commit")
     on_its_own()
@@ -244,7 +255,7 @@ def test_every_body_of_a_row_has_a_source():
 def test_figures_of_a_command_are_compared_and_copied(page):
     (page.parent / "old.svg").write_text("old")
     entry = Entry("f", "PAGE.md", "Two", 1, command="printf new > new.svg", figures={"old.svg": "new.svg"})
-    assert reproduce(entry, is_written=False, is_quiet=True) == ["old.svg has changed"]
+    assert said(entry) == ["old.svg has changed"]
     reproduce(entry, is_written=True, is_quiet=True)
     assert (page.parent / "old.svg").read_text() == "new"
     with pytest.raises(RunError, match="ended with 3"):
@@ -256,23 +267,116 @@ def test_tables_of_a_study_are_compared_and_written(page):
     made = page.parent / "made.csv"
     made.write_text("c,error,\n`bar_sag`,4,\nz,5,\n")
     entry = Entry("s", "PAGE.md", "Two", 1, (2,), command="true", sources=("made.csv",))
-    assert reproduce(entry, is_written=False, is_quiet=True) == ["columns c, d -> c, error"]
+    assert said(entry) == ["columns c, d -> c, error"]
     picked = replace(entry, columns=("c",))
-    assert reproduce(picked, is_written=False, is_quiet=True) == ["columns c, d -> c"]
+    assert said(picked) == ["columns c, d -> c"]
     reproduce(entry, is_written=True, is_quiet=True)
     assert "| c | error |\n| --- | --- |\n| `bar_sag` | 4 |\n| z | 5 |\n" in page.read_text()
     assert stored_file(entry, 2).read_text() == "c,error\nbar_sag,4\nz,5\n"
     made.write_text("c,error,\nbar_sag,4.2,\nz,7,\n")
-    assert reproduce(entry, is_written=False, is_quiet=True) == ["z: 5 -> 7"]
+    assert said(entry) == ["z: 5 -> 7"]
     made.write_text("c,error,\nz,5,\n")
-    assert reproduce(entry, is_written=False, is_quiet=True) == ["2 rows -> 1"]
+    assert said(entry) == ["2 rows -> 1"]
     with pytest.raises(RunError, match="no column 'd', expected one of c, error"):
         reproduce(replace(entry, columns=("d",)), is_written=False, is_quiet=True)
 
 
+@pytest.mark.parametrize("has_pictures", [False, True])
+def test_a_page_that_a_killed_study_has_written_is_compared_with_that_of_the_commit(has_pictures, page):
+    """And its pictures, which a second entry of the same command finds different, too."""
+    (page.parent / "ball.jpg").write_bytes(_picture(1))
+    page.write_text(PAGE.replace("Text.", "![ball](ball.jpg)"))
+    git = ["git", "-C", page.parent, "-c", "user.name=a", "-c", "user.email=a@b"]
+    for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "a"]):
+        subprocess.run([*git, *words], check=True)
+    entry = Entry("s", "PAGE.md", "Two", 1, (2,), command="exit 1")
+    page.write_text(page.read_text().replace("z | 3", "z | 4"))
+    (page.parent / "ball.jpg").write_bytes(_picture(2 if has_pictures else 1))
+    changed = ["z: 3 -> 4", "PAGE.md has changed", *["ball.jpg has changed"] * has_pictures]
+    assert said(entry, has_ended=True) == changed
+
+
+def _picture(grey):
+    """PNG of 4 pixels, the last of which is of that grey."""
+    file = io.BytesIO()
+    Image.fromarray(np.array([[0, 0], [0, grey]], dtype=np.uint8)).save(file, "PNG")
+    return file.getvalue()
+
+
 def test_a_page_that_a_study_writes_itself_is_told_of(page):
-    entry = Entry("s", "PAGE.md", "Two", 1, (2,), command="echo more >> PAGE.md")
-    assert reproduce(entry, is_written=False, is_quiet=True) == ["PAGE.md has changed"]
+    entry = Entry("s", "PAGE.md", "Two", 1, (2,), command="sed -i 's/z | 3/z | 4/' PAGE.md")
+    assert said(entry) == ["z: 3 -> 4", "PAGE.md has changed"]
+    assert said(replace(entry, command="true")) == [], "without git a page is compared with itself before"
+
+
+def test_how_far_a_table_is_off_counts_its_cells_and_names_the_largest_difference():
+    stored = (["a", "b"], [["x", "1.00 %"], ["y", "20 of 40"], ["z", "word"]])
+    fresh = (["a", "b"], [["x", "1.05 %"], ["y", "20 of 30"], ["z", "words"]])
+    found = compare_tables(3, stored, fresh, 0.1)
+    assert (found.name, found.n, found.largest) == ("table 3", 6, pytest.approx(0.25))
+    assert found.differences == ["y: 20 of 40 -> 20 of 30", "z: word -> words"]
+    assert compare_tables(3, stored, stored, 0.1).largest == 0
+
+
+def test_how_far_a_figure_is_off_is_a_part_of_its_pixels_or_lines(tmp_path):
+    new = tmp_path / "new.png"
+    new.write_bytes(_picture(7))
+    assert compare_files("old.png", _picture(7), new, tmp_path).differences == []
+    found = compare_files("old.png", _picture(6), new, tmp_path)
+    assert (found.largest, found.differences) == (0.25, ["old.png has changed"])
+    assert [Path(file).read_bytes() for file in found.pictures] == [_picture(6), _picture(7)]
+    drawn = tmp_path / "new.svg"
+    drawn.write_text("a\nb\nc\nd\n")
+    assert compare_files("old.svg", b"b\nc\nd\ne\nf\n", drawn, tmp_path).largest == 0.25
+    assert compare_files("old.svg", None, drawn, tmp_path).largest == 1
+
+
+def test_one_page_lists_all_that_is_published_over_several_calls(page, monkeypatch):
+    """What fails, what has not been made again, and figures that differ, which are both shown."""
+    (page.parent / "old.svg").write_text("<svg>old</svg>")
+    listed = {
+        "two": ENTRY,
+        "fails": Entry("fails", "PAGE.md", "Two", 1, (2,), command="exit 3", sources=("made.csv",)),
+        "drawn": Entry(
+            "drawn",
+            "PAGE.md",
+            "Two",
+            1,
+            command="echo '<svg>new</svg>' > new.svg",
+            figures={"old.svg": "new.svg"},
+        ),
+    }
+    monkeypatch.setattr(module, "entries", lambda: listed)
+    report = page.parent / "out" / "reproduce" / "report.html"
+
+    def after(name):
+        assert main(parse_arguments(["reproduce", name, "--quiet"])) == 1
+        text = report.read_text()
+        cells = [re.findall("<td>(.*?)</td>", row) for row in re.findall("<tr>(.*?)</tr>", text)]
+        return text, [[row[0], row[2], *row[5:9]] for row in cells if len(row) == 10]
+
+    text, rows = after("two")
+    assert rows == [
+        ["two", "table 1", "4", "1", "21.1 %", "differ"],
+        ["fails", "table 2", "-", "-", "-", "not made again"],
+        ["drawn", "old.svg", "-", "-", "-", "not made again"],
+    ]
+    assert "1 differ, 2 not made again" in text and "x: 1.5 % -&gt; 1.9 %" in text and not fetched(text)
+    _, rows = after("drawn")
+    assert rows[2] == ["drawn", "old.svg", "1", "1", "100 %", "differ"]
+    text, rows = after("fails")
+    assert [row[-1].partition(":")[0] for row in rows] == ["differ", "failed", "differ"]
+    shown = [base64.b64decode(data).decode().strip() for data in re.findall('svg.xml;base64,([^"]*)"', text)]
+    assert shown == ["<svg>new</svg>", "<svg>old</svg>"]
+    assert kept_in(report.parent)["two"]["commit"] == "abc"
+
+
+def test_a_command_of_several_entries_is_run_once(page, monkeypatch):
+    (page.parent / "made.csv").write_text("c,d\nz,3\n")
+    entry = Entry("a", "PAGE.md", "Two", 1, (2,), command="echo >> runs", sources=("made.csv",))
+    monkeypatch.setattr(module, "entries", lambda: {"a": entry, "b": replace(entry, name="b")})
+    assert main(parse_arguments(["reproduce", "--quiet"])) == 0
+    assert (page.parent / "runs").read_text() == "\n"
 
 
 @pytest.mark.skipif(not (PROGRAMS / "fem_reference").exists(), reason="needs the built programs")

@@ -4,10 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from solvers import Backwards
 from synthetic import write_run
 
-from analysis.methods import FEM_P1, FEM_P2
-from analysis.run_store import Outcome
+from analysis.methods import FEM_P1, FEM_P2, label_of
+from analysis.paths import SCENES
+from analysis.run_store import Outcome, made_by
 from analysis.runs import RunError, load_frames
 from analysis.studies import strips
 
@@ -83,3 +85,26 @@ def test_the_finest_elements_that_came_to_the_end_judge(ends, referee):
     strip = strips.Strip(SimpleNamespace(stem="scene"), None, [])
     strip.outcomes = {method: Outcome(status, "", 1, 1, 0) for method, status in ends.items()}
     assert strip.referee == referee
+
+
+def test_runs_of_all_strips_are_made_by_the_engine(tmp_path, monkeypatch):
+    """Beside each other, and listed scene by scene."""
+    made = []
+
+    def run(strip, method, overrides=()):
+        made.append((strip.scene.stem, label_of(method)))
+        return Outcome("time limit", str(overrides), 1, 1, 0, tmp_path)
+
+    monkeypatch.setattr(strips.Strip, "run", run)
+    scenes = [SCENES / f"{name}.toml" for name in ("torus_implodes", "ball_deflates")]
+    (_, rows), sections = strips.compare(scenes, None, tmp_path, without=(FEM_P2,))
+    in_order = [(row[0], row[1]) for row in rows]
+    assert made == in_order and label_of(FEM_P2) not in {method for _, method in made}
+    assert [name for name, _ in in_order] == sorted((name for name, _ in in_order), reverse=True)
+    assert {row[2] for row in rows} == {"time limit"} and [s.title for s in sections] == [
+        s.stem for s in scenes
+    ]
+    made.clear()
+    with made_by(Backwards()):
+        (_, again), _ = strips.compare(scenes, None, tmp_path, without=(FEM_P2,))
+    assert again == rows and made == in_order[::-1]

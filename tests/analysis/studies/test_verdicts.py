@@ -1,11 +1,15 @@
 """The study of verdicts: which cases it draws, and what it counts as right."""
 
+import csv
+from argparse import Namespace
 from types import SimpleNamespace
 
 import pytest
+from solvers import Backwards
 
-from analysis.studies import verdicts
-from analysis.studies.verdicts import drawn, finding, holds, table
+from analysis.run_store import made_by
+from analysis.studies import verdicts as module
+from analysis.studies.verdicts import drawn, finding, holds, measure, study, table
 
 
 def test_a_case_is_drawn_for_each_of_twenty_bodies():
@@ -49,23 +53,47 @@ def test_verdicts_are_counted_by_model():
     )
 
 
-def test_a_verdict_is_judged_by_a_reference_refined_once_more_than_its_own(tmp_path, monkeypatch):
-    model = {"seconds": {}, "displacement_error_l2": 0.01, "is_linear": True}
-    reference = {"estimated_error_l2": 0.001, "law_error": None}
-    ended = SimpleNamespace(
-        experiment=SimpleNamespace(n_refinements=1),
-        runs={verdicts.SPRINGS: "run"},
-        as_json=lambda: {"models": {verdicts.SPRINGS: model}, "reference": reference},
+def test_cases_are_made_by_the_engine_and_listed_as_drawn(tmp_path, monkeypatch):
+    made = []
+
+    def stand_in(bench, case):
+        made.append(case.body.name)
+        return [row("node_averaged", "use", case.body.name)]
+
+    monkeypatch.setattr(module, "measure", stand_in)
+    with made_by(Backwards()):
+        study(Namespace(quick=True, quiet=True), tmp_path)
+    bodies = [case.body.name for case in drawn(3)]
+    with (tmp_path / "rows.csv").open() as file:
+        assert [line["body"] for line in csv.DictReader(file)] == bodies
+    assert made == bodies[::-1]
+
+
+def test_a_pair_is_made_by_the_store_and_its_seconds_are_those_of_its_runs(tmp_path, monkeypatch):
+    """Not those in which it waited for others."""
+    case, bench = (
+        drawn(1)[0],
+        SimpleNamespace(folder=tmp_path, store=object(), scenes=lambda _: ("scene", None)),
     )
-    asked = []
-    bench = SimpleNamespace(
-        folder=tmp_path,
-        scenes=lambda _: ("scene", None),
-        elements=lambda _, __, refine: asked.append(refine) or "truth",
-    )
-    monkeypatch.setattr(verdicts, "run_solvers", lambda _, folder, *__, **___: folder.mkdir(parents=True))
-    monkeypatch.setattr(verdicts, "compare", lambda _: ended)
-    monkeypatch.setattr(verdicts, "error_of", lambda run, truth: {("run", "truth"): 0.02}[run, truth])
-    (found,) = verdicts.measure(bench, drawn(1)[0])
-    assert asked == [2]
-    assert (found["verdict"], found["error"], found["holds"]) == ("use", "0.02", "True")
+    model = {"status": "ok", "displacement_error_l2": 0.01}
+    values = {"models": {"node_averaged": model}, "reference": {"estimated_error_l2": None}}
+    pair = SimpleNamespace(seconds=7.5, n_refinements=2)
+    comparison = SimpleNamespace(experiment=pair, as_json=lambda: values, runs={"node_averaged": "springs"})
+
+    def stand_in(*_, store, **more):
+        assert store is bench.store
+        return pair
+
+    bench.elements = lambda scene, nu, refine: {3: "finer"}[refine]
+    for name, made in {
+        "run_solvers": stand_in,
+        "compare": lambda found: {pair.seconds: comparison}[found.seconds],
+        "has_figures": lambda _: True,
+        "verdict_on": lambda *_: "use",
+        "error_of": lambda springs, truth: {("springs", "finer"): 0.06}[springs, truth],
+    }.items():
+        monkeypatch.setattr(module, name, made)
+    (tmp_path / "cases" / f"{case.body.name}-{case.load}-{case.nu}").mkdir(parents=True)
+    (found,) = measure(bench, case)
+    assert (found["seconds"], found["error"], found["holds"]) == ("7.5", "0.06", "False")
+    assert measure(SimpleNamespace(folder=tmp_path, scenes=bench.scenes), case) == [found], "it is kept"
