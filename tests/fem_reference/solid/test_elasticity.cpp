@@ -208,7 +208,7 @@ TEST(ElasticSolid, TellsTheResidualOverTheLoad) {
     const StressField bending = [thin](const Vector3d& x) -> Matrix3d {
       return Vector3d(x.z() / thin - 0.5 / 12, 0, 0).asDiagonal();
     };
-    solid.assemble(kMaterial, ElasticLaw::SmallStrain, tractions(bending, mesh));
+    solid.assemble(kMaterial, ElasticLaw::SmallStrain, tractions(bending, mesh), {});
     const ElasticReport report = solid.solve();
     const Eigen::VectorXd load = solid.load();
     const double rest = (load - solid.linearise(solid.displacement(), 1, false).force).norm();
