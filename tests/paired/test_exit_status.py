@@ -111,7 +111,7 @@ def test_of_finer_meshes_the_finest_is_off_by_least(run, tmp_path):
 
 
 def test_finer_meshes_that_no_memory_holds_are_refused_before_the_first(run):
-    done = run("fem_reference", "reference.refine=4", words=["--converge", "6", "--budget", "30"])
+    done = run("fem_reference", "reference.refine=2", words=["--converge", "6", "--budget", "30"])
     assert done.returncode == 1
     assert "tetrahedra need about" in done.stderr
 
