@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
@@ -38,18 +37,8 @@ from ..runs import Array, Frame, Run, RunError, load_run, method_of, scene_of
 from ..surface_points import on_points_of
 from ..wording import percent, significant, unit_of_length
 from .error_scale import CLAY, COLOURS, LEAST, MOST, POWERS, TICKS, powers_of
-from .pictures import (
-    LOOK,
-    add_outline,
-    aim,
-    magnification,
-    round_length,
-    seen_size,
-    skin_of,
-    stage,
-    tiles,
-    view_axes,
-)
+from .obstacles import Obstacles
+from .pictures import LOOK, add_outline, aim, magnification, round_length, seen_size, skin_of, stage
 from .style import style_of
 
 _HEIGHT = 480  # pixels of a panel of a film, at most; half as many of a strip
@@ -114,46 +103,6 @@ def _shared_times(runs: dict[str, Run], n: int) -> Array:
     return np.linspace(first, last, min(n, max(len(run.times) for run in runs.values())))
 
 
-def _obstacle_mesh(obstacle: dict[str, Any], middle: Array, size: float) -> pv.PolyData:
-    """An obstacle of the scene where it starts; a plane as a square of twice the size, beside the body's middle."""
-    if plane := obstacle.get("plane"):
-        normal = np.array(plane["normal"], dtype=float)
-        normal /= np.linalg.norm(normal)
-        at = middle - (middle - plane["point"]) @ normal * normal
-        return tiles(at, normal, 2 * size)
-    if sphere := obstacle.get("sphere"):
-        return pv.Sphere(
-            radius=sphere["radius"], center=sphere["center"], theta_resolution=60, phi_resolution=60
-        )
-    if box := obstacle.get("box"):
-        return pv.Box(bounds=np.column_stack([box["low"], box["high"]]).ravel())
-    if capsule := obstacle.get("capsule"):
-        a, b = np.array(capsule["a"], dtype=float), np.array(capsule["b"], dtype=float)
-        axis = b - a
-        return pv.Capsule(
-            center=(a + b) / 2,
-            direction=axis,
-            radius=capsule["radius"],
-            cylinder_length=float(np.linalg.norm(axis)),
-        )
-    return pv.read(obstacle["mesh"]["file"])
-
-
-def _add_obstacle(plotter: pv.Plotter, mesh: pv.PolyData) -> pv.Actor:
-    """A floor is behind all that stands on it; what else there is must not hide a body."""
-    if "tile" in mesh.cell_data and mesh.point_normals[0] @ view_axes()[2] > 0:
-        return plotter.add_mesh(mesh, scalars="tile", rgb=True, lighting=False)
-    return plotter.add_mesh(mesh, color="lightgrey", opacity=0.5)
-
-
-def _translation(obstacle: dict[str, Any], time: float) -> Array:
-    """Of the obstacle's motion [[s, m, m, m], ...], linear in between and constant outside."""
-    if not obstacle.get("motion"):
-        return np.zeros(3)
-    times, *components = np.array(obstacle["motion"], dtype=float).T
-    return np.array([np.interp(time, times, component) for component in components])
-
-
 class _Camera:
     """Draws bodies from one fixed view, on one colour scale, so that frames and runs can be compared."""
 
@@ -202,9 +151,7 @@ class _Camera:
         aspect = float(np.clip(width / height, *_ASPECT))
         high = min(panel_height, int(_WIDTH / len(runs) / aspect))
         self.panel = (int(high * aspect), high)
-        middle = (self.shown.min(axis=0) + self.shown.max(axis=0)) / 2
-        size = float(np.linalg.norm(np.ptp(self.shown, axis=0)))
-        self.obstacles = [(o, _obstacle_mesh(o, middle, size)) for o in scene.get("obstacles", [])]
+        self.obstacles = scene.get("obstacles", [])
 
     def title(self, name: str) -> str:
         """Of a run's panels: its name and, of a motion beside a reference, the error that the report's table holds."""
@@ -227,15 +174,14 @@ class _Camera:
                 show_scalar_bar=False, **LOOK,
             )  # fmt: skip
         add_outline(plotter, body.X, body.F)
-        actors = [(o, _add_obstacle(plotter, m)) for o, m in self.obstacles]
+        obstacles = Obstacles(plotter, self.obstacles, self.shown)
         aim(plotter.camera, self.shown, self.panel)
         pictures = []
         for number in range(len(self.times)):
             skin.move(body.points(number, self.factor))
             if body.values is not None:
                 skin.mesh["value"] = body.values[number][skin.ids]
-            for obstacle, actor in actors:
-                actor.position = _translation(obstacle, self.times[number])
+            obstacles.move(self.times[number])
             plotter.render()
             picture = Image.fromarray(plotter.screenshot(None, return_img=True))
             _write_scale(picture, 2 * plotter.camera.parallel_scale / self.panel[1])

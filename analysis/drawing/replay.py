@@ -12,17 +12,18 @@ import numpy as np
 import pyvista as pv
 
 from ..compare import volume_change
-from ..methods import label_of
+from ..methods import REFERENCE, label_of
 from ..runs import SOLVED, Array, Run, RunError, method_of, scene_of
 from ..surface_points import on_points_of
 from ..time_warp import WARPS
 from .export import opened
+from .obstacles import Obstacles
 from .pictures import LOOK, Skin, aim, magnification, skin_of
 from .style import style_of
 from .window import Window, check_display
 
 _HELP = "space: play   left, right: a frame   b: backwards   w: warp   c: colour   f: faster   d: slower   q: close"
-_LEGEND = {
+LEGEND = {
     "vertical": True, "position_x": 0.86, "position_y": 0.15, "width": 0.07, "height": 0.6, "n_labels": 3, "fmt": "%.3g",
     "color": "black", "title_font_size": 13, "label_font_size": 12,
 }  # fmt: skip
@@ -46,6 +47,12 @@ def stretch(X: Array, F: Array, x: Array) -> Array:
     values = np.zeros(len(X))
     np.maximum.at(values, F.ravel(), np.repeat(np.maximum(*strains), 3))
     return values
+
+
+def entitle(legend: Any, title: str) -> None:
+    """A scalar bar of VTK."""
+    legend.SetTitle(title)
+    legend.SetVerticalTitleSeparation(8)
 
 
 def is_static(run: Run) -> bool:
@@ -83,6 +90,12 @@ def fields_of(run: Run, u: Array, other: Run | None) -> dict[str, Array]:
         theirs = np.array([at.frame(k).u for k in range(len(at.times))])
         fields["difference (m)"] = np.linalg.norm(u - in_time(theirs, at.times, run.times), axis=2)
     return fields
+
+
+def other_than(run: Run, runs: list[Run]) -> Run | None:
+    """Of the runs the one that a run is compared with: the reference, or else the first."""
+    others = [other for other in runs if other is not run]
+    return next((other for other in others if method_of(other) == REFERENCE), others[0] if others else None)
 
 
 def is_same_body(run: Run, other: Run) -> bool:
@@ -132,8 +145,8 @@ class Player:
 
 _CURVES: dict[str, Callable[[_Body], tuple[Array, Array]]] = {
     "volume (%)": lambda body: (body.run.curves["time"], 100 * volume_change(body.run)[1]),
-    "largest displacement (m)": lambda body: (body.run.times, body.fields["displacement (m)"].max(axis=1)),
-    "kinetic and elastic energy (J)": lambda body: (
+    "tip (m)": lambda body: (body.run.times, body.fields["displacement (m)"].max(axis=1)),
+    "energy (J)": lambda body: (
         body.run.curves["time"],
         np.sum(
             [body.run.curves[n] for n in ("kinetic_energy", "elastic_energy") if n in body.run.curves], axis=0
@@ -147,19 +160,18 @@ class Replay:
 
     def __init__(self, runs: dict[str, Run], player: Player) -> None:
         self.player = player
-        first, *others = runs.values()
+        first = next(iter(runs.values()))
         self.bodies = {}
         for name, run in runs.items():
             u = np.array([run.frame(k).u for k in range(len(run.times))])
-            other = (others[0] if others else None) if run is first else first
-            self.bodies[name] = _Body(run, u, fields_of(run, u, other))
+            self.bodies[name] = _Body(run, u, fields_of(run, u, other_than(run, list(runs.values()))))
         body = next(iter(self.bodies.values()))
         largest = body.u[np.unravel_index(np.linalg.norm(body.u, axis=2).argmax(), body.u.shape[:2])]
         self.factor = 1.0 if scene_of(first).get("obstacles") else magnification(body.X, largest[None])
         self.colours = list(dict.fromkeys(name for b in self.bodies.values() for name in b.fields))
         self.colour = self.colours[0]
         self.window = Window(
-            "replay", len(runs),
+            "replay", [min(700, 1500 // len(runs))] * len(runs),
             {
                 "space": self.toggle_play, "Right": lambda: player.step(1), "Left": lambda: player.step(-1),
                 "b": self.turn_back, "w": self.next_warp, "c": self.next_colour,
@@ -171,7 +183,7 @@ class Replay:
         self._add_curves()
         plotter = self.window.plotter
         plotter.subplot(1, 0)
-        self.text = plotter.add_text("", position="upper_left", font_size=9, color="black")
+        self.text = self.window.add_text(0.98)
         self.slider = plotter.add_slider_widget(
             self._scrub, (player.times[0], player.times[-1]), value=player.time, color="black",
             pointa=(0.5, 0.9), pointb=(0.97, 0.9), style="modern", interaction_event="always", fmt="%.4g",
@@ -183,14 +195,16 @@ class Replay:
         plotter = self.window.plotter
         shown = np.vstack([b.X + self.factor * v for b in self.bodies.values() for v in b.u])
         self.actors: dict[str, pv.Actor] = {}
+        self.obstacles: list[Obstacles] = []
         for panel, (name, body) in enumerate(self.bodies.items()):
             plotter.subplot(0, panel)
             enlarged = "" if self.factor == 1 else f", motion drawn {self.factor:g} times as large"
             plotter.add_text(f"{name}{enlarged}", font_size=10, color="black")
             body.skin.mesh["value"] = np.zeros(body.skin.mesh.n_points)
             self.actors[name] = plotter.add_mesh(
-                body.skin.mesh, scalars="value", cmap="viridis", scalar_bar_args={"title": name} | _LEGEND, **LOOK
+                body.skin.mesh, scalars="value", cmap="viridis", scalar_bar_args={"title": name} | LEGEND, **LOOK
             )  # fmt: skip
+            self.obstacles.append(Obstacles(plotter, scene_of(body.run).get("obstacles", []), shown))
             aim(plotter.camera, shown, self.window.panel, _ROOM)
 
     def _add_curves(self) -> None:
@@ -232,7 +246,7 @@ class Replay:
         largest = max(float(values.max()) for values in coloured)
         for name, actor in self.actors.items():
             actor.mapper.scalar_range = (0, largest or 1)
-            self.window.plotter.scalar_bars[name].SetTitle(self.colour)
+            entitle(self.window.plotter.scalar_bars[name], self.colour)
 
     def _scrub(self, time: float) -> None:
         if abs(time - self.player.time) > 1e-9 * abs(self.player.times[-1]):
@@ -247,16 +261,17 @@ class Replay:
             if self.colour in body.fields:
                 (value,) = in_time(body.fields[self.colour], body.run.times, now)
                 body.skin.mesh["value"][:] = value[body.skin.ids]
+        for obstacles in self.obstacles:
+            obstacles.move(self.player.time)
         for line, times, values in self.curves:
             until = np.append(times[times < self.player.time], self.player.time)
             line.update(until, np.interp(until, times, values))
         player = self.player
         direction = "backwards" if player.is_reversed else "forwards"
         state = "playing" if player.is_playing else "paused"
-        self.text.set_text(
-            "upper_left",
+        self.text.input = (
             f"{player.time:.4g} of {player.times[-1]:.4g}, {state} {direction}, warp {player.warp}, {player.seconds:.3g} s,"
-            f" {self.window.frames_per_second:.0f} frames/s\n{_HELP}",
+            f" {self.window.frames_per_second:.0f} frames/s\n{_HELP}"
         )
         self.slider.GetRepresentation().SetValue(player.time)
 

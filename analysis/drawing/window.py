@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
+import numpy as np
 import pyvista as pv
 
-from ..runs import RunError
+from ..runs import Array, RunError
 from .pictures import light
 
 _FRAME = 1 / 30  # s, at least, from one picture to the next
+_HEIGHT = 600  # pixels of a panel, at first
 _CURVES = 0.78  # of the height of their panel, below text and slider
 _SMOOTHED = 0.9  # share of the former rate in the one that is shown
 
@@ -23,28 +25,44 @@ def check_display(instead: str) -> None:
         raise RunError(f"no display: start this in a desktop session or by ssh -X; without one, {instead}")
 
 
+class Hold(Protocol):
+    """What the left button does in the first panel."""
+
+    def take(self, x: int, y: int) -> Array | None:
+        """The point (m) that is taken hold of at a pixel; None: the camera turns."""
+
+    def drag(self, point: Array) -> None:
+        """To another point of the plane of view."""
+
+    def drop(self) -> None: ...
+
+
 class Window:
     """A lit pyvista window of panels in a row, above one for curves; is_linked: all seen from one place.
 
-    keys: as VTK names them -> what each does; the window has no other keys but q, which closes it.
+    widths: of the panels, in pixels at first; keys: as VTK names them -> what each does; the window has no other keys but q,
+    which closes it.
     """
 
     def __init__(
-        self, title: str, n_panels: int, keys: dict[str, Callable[[], None]], is_linked: bool = True
+        self, title: str, widths: list[int], keys: dict[str, Callable[[], None]], is_linked: bool = True
     ) -> None:
-        self.panel = (min(700, 1500 // n_panels), 600)  #: pixels of a body's, at first
+        self.panel = (widths[0], _HEIGHT)  #: pixels of the first, at first
         self.plotter = pv.Plotter(
-            shape=(2, n_panels), row_weights=[3, 1], groups=[(1, slice(None))], border=False, lighting="none",
-            window_size=[n_panels * self.panel[0], self.panel[1] * 4 // 3], title=title, off_screen=False,
+            shape=(2, len(widths)), row_weights=[3, 1], col_weights=widths, groups=[(1, slice(None))], border=False,
+            lighting="none", window_size=[sum(widths), _HEIGHT * 4 // 3], title=title,
         )  # fmt: skip
         self.plotter.set_background("white", all_renderers=True)
-        self._linked = list(range(n_panels)) if is_linked else []
-        for panel in range(n_panels):
+        self._linked = list(range(len(widths))) if is_linked else []
+        for panel in range(len(widths)):
             self.plotter.subplot(0, panel)
             light(self.plotter)
         self.is_open = True
         self.frames_per_second = 0.0
         self._keys = keys | {"q": self.close}
+        self.hold: Hold | None = None
+        self._depth: float | None = None  # of what is held
+        self._tags: dict[str, int] = {}  # of observers
 
     def add_curves(self, charts: list[pv.Chart2D]) -> None:
         """Side by side below the bodies."""
@@ -54,21 +72,68 @@ class Window:
             chart.border_color = chart.background_color = "white"
             self.plotter.add_chart(chart)
 
+    def add_text(self, height: float, text: str = "") -> pv.Text:
+        """Of a fixed size in the plotter's present panel, from that share of its height downwards."""
+        written = self.plotter.add_text(
+            text, position=(0.005, height), viewport=True, font_size=7, color="black"
+        )
+        written.prop.justification_vertical = "top"
+        return written
+
     def open(self) -> None:
         if self._linked:
             self.plotter.link_views(self._linked)
         self.plotter.show(interactive_update=True, auto_close=False)
+        if "llvmpipe" in self.plotter.render_window.ReportCapabilities():
+            self.plotter.render_window.SetMultiSamples(0)  # smooth edges take a processor three times as long
         interactor = self.plotter.iren.interactor
         style = interactor.GetInteractorStyle()
         style.AddObserver("CharEvent", lambda *_: None)  # in place of VTK's own keys
         interactor.AddObserver("KeyPressEvent", self._press, 1.0)
         interactor.AddObserver("ExitEvent", lambda *_: self.close())
+        if self.hold:
+            for event in ("LeftButtonPressEvent", "MouseMoveEvent", "LeftButtonReleaseEvent"):
+                self._tags[event] = interactor.AddObserver(
+                    event, self._move_mouse, 1.0
+                )  # before the camera's
 
     def _press(self, interactor: Any, _: str) -> None:
         key = interactor.GetKeySym()
         action = self._keys.get(key) or self._keys.get(key.lower())
         if action:
             action()
+
+    def _move_mouse(self, interactor: Any, event: str) -> None:
+        assert self.hold
+        x, y = interactor.GetEventPosition()
+        if (
+            event == "LeftButtonPressEvent"
+            and interactor.FindPokedRenderer(x, y) is self.plotter.renderers[0]
+        ):
+            point = self.hold.take(x, y)
+            self._depth = None if point is None else float(self.pixels_of(point)[2])
+        if self._depth is None:
+            return
+        if event == "MouseMoveEvent":
+            self.hold.drag(self.point_at(x, y, self._depth))
+        elif event == "LeftButtonReleaseEvent":
+            self._depth = None
+            self.hold.drop()
+        interactor.GetCommand(self._tags[event]).SetAbortFlag(1)
+
+    def pixels_of(self, point: Array) -> Array:
+        """Where the first panel shows a point (m): x, y and its depth."""
+        renderer = self.plotter.renderers[0]
+        renderer.SetWorldPoint(*point, 1)
+        renderer.WorldToDisplay()
+        return np.array(renderer.GetDisplayPoint())
+
+    def point_at(self, x: int, y: int, depth: float) -> Array:
+        renderer = self.plotter.renderers[0]
+        renderer.SetDisplayPoint(x, y, depth)
+        renderer.DisplayToWorld()
+        *point, scale = renderer.GetWorldPoint()
+        return np.array(point) / scale
 
     def close(self) -> None:
         self.is_open = False

@@ -50,8 +50,9 @@ SpringNetwork network_of(const Scene& scene) {
                        scene.network, needs_links, calibration.needs_tetrahedra);
 }
 
-void write_values(const Eigen::MatrixXd& values) {
-  const Eigen::MatrixXf narrow = values.cast<float>();
+template <class Matrix>
+void write_values(const Matrix& values) {
+  const Eigen::MatrixXf narrow = values.template cast<float>();
   std::cout.write(reinterpret_cast<const char*>(narrow.data()),
                   static_cast<std::streamsize>(narrow.size() * sizeof(float)));
 }
@@ -59,7 +60,7 @@ void write_values(const Eigen::MatrixXd& values) {
 /// What a window shows of a moment.
 struct Picture {
   Json head;
-  Eigen::Matrix3Xd u, v;  ///< of the surface (m, m/s)
+  Eigen::Matrix3Xd u, v;  ///< of all nodes (m, m/s)
 };
 
 class Preview {
@@ -72,20 +73,29 @@ class Preview {
       begin_ = scene_ = values_.scene();
     }
     const SpringNetwork network = network_of(scene_);
+    n_uncut_ = network.cuts.F.size() > 0 ? network.cuts.F.maxCoeff() + 1 : network.n_surface;
     simulation_ = std::make_unique<Simulation>(scene_, network);
     at_rest_ = simulation_->state();
     publish();
   }
 
-  /// Tells triangles and positions at rest, then answers until stdin ends.
+  /// Tells the network at rest, then answers until stdin ends.
   void listen() {
-    const Eigen::Matrix3Xi& F = simulation_->model().network.F;
-    std::cout << Json{{"n_surface", n_surface()},
-                      {"n_triangles", F.cols()},
+    const MassSpringModel& model = simulation_->model();
+    const TetMesh& network = model.network;
+    const Eigen::Matrix2Xi springs = model.springs ? model.springs->E : Eigen::Matrix2Xi();
+    std::cout << Json{{"n_nodes", network.X.cols()},
+                      {"n_surface", network.n_surface},
+                      {"n_uncut", n_uncut_},
+                      {"n_triangles", network.F.cols()},
+                      {"n_springs", springs.cols()},
+                      {"n_tetrahedra", network.T.cols()},
                       {"is_static", simulation_->is_static()}}
               << '\n';
-    write_values(simulation_->model().network.X.leftCols(n_surface()));
-    write_values(F.cast<double>());
+    write_values(network.X);
+    write_values(network.F);
+    write_values(springs);
+    write_values(network.T);
     std::cout.flush();
     std::thread([this] { step_until_the_end(); }).detach();  // a step that takes long holds up no answer
     for (std::string line; std::getline(std::cin, line);) {
@@ -94,13 +104,18 @@ class Preview {
         continue;
       }
       const std::scoped_lock lock(mutex_);
+      // A hand that moves faster than steps are taken pulls from where it is, not from where it was.
+      if (!commands_.empty() && is_of_one_key(commands_.back(), line)) commands_.pop_back();
       commands_.push_back(line);
       is_told_.notify_one();
     }
   }
 
  private:
-  Eigen::Index n_surface() const { return simulation_->model().network.n_surface; }
+  /// Whether both set a value of the same key.
+  static bool is_of_one_key(const std::string& a, const std::string& b) {
+    return a.rfind("set ", 0) == 0 && a.substr(0, a.find('=')) == b.substr(0, b.find('='));
+  }
 
   void show() {
     const std::scoped_lock lock(mutex_);
@@ -116,15 +131,14 @@ class Preview {
   void publish() {
     const Snapshot snapshot = simulation_->snapshot();
     const State& state = simulation_->state();
-    const Eigen::Matrix3Xi& F = simulation_->model().network.F;
-    const Eigen::Index n = n_surface();
+    const TetMesh& network = simulation_->model().network;
     Picture picture;
-    picture.u = snapshot.u.leftCols(n);
-    picture.v = state.v.leftCols(n);
+    picture.u = snapshot.u;
+    picture.v = state.v;
     picture.head = {{"time", state.t},
                     {"n_steps", simulation_->n_done()},
                     {"step", simulation_->step()},
-                    {"volume", volume(state.x.leftCols(n), F)},
+                    {"volume", volume(state.x.leftCols(network.n_surface), network.F)},
                     {"kinetic_energy", snapshot.kinetic_energy},
                     {"elastic_energy", snapshot.elastic_energy},
                     {"status", name_of(simulation_->status())},
@@ -252,6 +266,7 @@ class Preview {
   Scene begin_;  ///< as it was at rest, with all changes since as events
   std::unique_ptr<Simulation> simulation_;
   State at_rest_;
+  Eigen::Index n_uncut_ = 0;  ///< vertices of the surface before its triangles were cut: regions hold these
   bool is_running_ = false;
   double speed_ = 1;  ///< of the scene's time over the wall's
   Clock::time_point resumed_ = Clock::now();

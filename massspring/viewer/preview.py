@@ -8,105 +8,57 @@ The program `preview` steps; this draws, and sends it what keys and sliders say.
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import subprocess
 import sys
-import threading
 import time
 import tomllib
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyvista as pv
+from PIL import Image
+from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from analysis.compare import volume
-from analysis.drawing.pictures import LOOK, aim, skin_of, tiles
-from analysis.drawing.replay import stretch
+from analysis.drawing.obstacles import Obstacles, translation
+from analysis.drawing.pictures import LOOK, aim, skin_of
+from analysis.drawing.replay import LEGEND, entitle, stretch
 from analysis.drawing.window import Window, check_display
 from analysis.paths import PROGRAMS
 from analysis.runs import Array, RunError, built
 from analysis.scene import toml_of
+from massspring.viewer.engine import Engine, Moment
+from massspring.viewer.inside import Inside
 
-_ASKED = 1 / 40  # s between two pictures that are asked for
+_WIDTHS = [900, 450]  # pixels of the body's panel and of that of sliders
 _KEPT = 2000  # points of a curve
 _RATED = 2.0  # s, over which rates are counted
 _LATE = 0.5  # s: a step that takes longer is told of
 _ROOM = (0.5, 0.5)  # of the panel, left to the body at rest
-_PULL = 0.02  # stiffness of the spring that pulls a vertex, over E times the body's diagonal
-_KEYS = (
-    "space: run   Right: a step   r: reset   g: grab or let go   i: integrator   m: model   o: floor   c: colour   "
-    "f, d: faster, slower   s: save the session   p: picture   q: close"
-)
-
-
-class Moment(NamedTuple):
-    """What the engine tells of a moment: its head, u (n, 3) in m and v (n, 3) in m/s of the surface."""
-
-    head: dict[str, Any]
-    u: Array
-    v: Array
-
-
-class Engine:
-    """The program that steps, which is spoken to by a thread of its own: no window waits for it.
-
-    X: (n, 3) at rest in m; F: (m, 3) triangles; latest: the last moment that it told of.
-    """
-
-    def __init__(self, scene: Path, overrides: list[str]) -> None:
-        """Raises RunError where the program refuses the scene, which it has told then."""
-        words = [str(built(PROGRAMS, "preview")), str(scene)]
-        words += [word for value in overrides for word in ("--set", value)]
-        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        assert self._process.stdin and self._process.stdout
-        self._in, self._out = self._process.stdin, self._process.stdout
-        self._lock = threading.Lock()
-        first = self._out.readline()
-        if not first:
-            raise RunError(f"{scene}: cannot be previewed", is_told=True)
-        head = json.loads(first)
-        self.is_static: bool = head["is_static"]
-        self.X = self._read(head["n_surface"])
-        self.F = self._read(head["n_triangles"]).astype(int)
-        self.latest = self._ask()
-        self._thread = threading.Thread(target=self._listen, daemon=True)
-        self._thread.start()
-
-    def _read(self, n: int) -> Array:
-        return np.frombuffer(self._out.read(12 * n), "<f4").reshape(n, 3).astype(float)
-
-    def _ask(self) -> Moment:
-        self.say("picture")
-        head = json.loads(self._out.readline())
-        return Moment(head, self._read(len(self.X)), self._read(len(self.X)))
-
-    def _listen(self) -> None:
-        try:
-            while True:
-                time.sleep(_ASKED)
-                self.latest = self._ask()
-        except (OSError, ValueError):  # it has ended
-            return
-
-    def say(self, command: str) -> None:
-        """Raises OSError or ValueError once the program has ended."""
-        with self._lock:
-            self._in.write(f"{command}\n".encode())
-            self._in.flush()
-
-    @property
-    def has_died(self) -> bool:
-        return self._process.poll() is not None
-
-    def end(self) -> None:
-        """Whatever step is under way."""
-        with self._lock:
-            self._in.close()
-        self._process.wait()
+_PULL = 0.05  # stiffness of the spring that pulls, over E times the body's diagonal
+_FINGER = 0.06  # of the diagonal: so far about a vertex it pulls
+_BRIGHT = 95  # per cent of nodes whose colours are told apart
+_NEAR = 12  # pixels: a pivot is taken hold of from here
+_BEFORE_ALL = -66000  # units of depth: what is drawn so is hidden by nothing
+_FILMED = 0.5  # size of a film's pictures, over the window's
+_PARTS = ("springs", "patches", "nodes")
+_KEYS = """\
+drag the body: pull it; beside it: turn it
+g: hold what is pulled, or let go of all
+1, 2, 3: springs, patches, inner nodes
+x: cutting plane across z, x, y, none
+space: run     Right: a step     r: reset
+f, d: faster, slower     c: colour
+i: integrator     m: model     o: floor
+s: save session     p: picture     v: film
+q: close"""
 
 
 @dataclass(frozen=True)
@@ -158,6 +110,26 @@ class Rates:
         return ((n_steps - first[1]) / passed, (scene_time - first[2]) / passed) if passed > 0 else (0.0, 0.0)
 
 
+def strain_of_springs(X: Array, E: Array, x: Array) -> Array:
+    """At nodes (n,): the largest |l/L - 1| of their springs E (k, 2), of lengths L at X and l at x (n, 3)."""
+    lengths, now = (np.linalg.norm(np.diff(points[E], axis=1)[:, 0], axis=1) for points in (X, x))
+    values = np.zeros(len(X))
+    np.maximum.at(values, E.ravel(), np.repeat(np.abs(now / lengths - 1), 2))
+    return values
+
+
+@functools.lru_cache(1)
+def _parsed(scene: str) -> dict[str, Any]:
+    return tomllib.loads(scene)
+
+
+def write_film(file: Path, pictures: list[Image.Image], seconds: float) -> None:
+    """A film (.webp) that shows each picture for so long."""
+    first, *others = pictures
+    duration = round(1000 * seconds)
+    first.save(file, save_all=True, append_images=others, duration=duration, loop=0, quality=75, method=4)
+
+
 class Preview:
     """The window of a scene."""
 
@@ -170,19 +142,23 @@ class Preview:
         self.changed: set[str] = set()
         self.speed = 1.0
         self.note = ""
+        self.is_holding = False
+        self.plane, self.axes, self.share = vtkPlane(), deque([None, 2, 0, 1]), 0.5
+        self.film: list[Image.Image] | None = None
         keys = {
             "space": self.toggle, "Right": lambda: self.say("step"), "r": lambda: self.say("reset"),
-            "g": self.grab, "i": self.next_integrator, "m": self.next_model, "o": self.toggle_floor, "c": self.next_colour,
-            "f": lambda: self.set_speed(2), "d": lambda: self.set_speed(0.5),
-            "s": lambda: self.say(f"save {Path('preview.toml').resolve()}"), "p": self.save_picture,
-        }  # fmt: skip
-        self.window = Window("preview", 2, keys, is_linked=False)
+            "f": lambda: self.set_speed(2), "d": lambda: self.set_speed(0.5), "c": self.next_colour, "x": self.next_cut,
+            "g": self.toggle_holding, "i": self.next_integrator, "m": self.next_model, "o": self.toggle_floor,
+            "s": lambda: self.say(f"save {Path('preview.toml').resolve()}"), "p": self.save_picture, "v": self.toggle_film,
+        } | {str(n): functools.partial(self.toggle_part, part) for n, part in enumerate(_PARTS, 1)}  # fmt: skip
+        self.window = Window("preview", _WIDTHS, keys, is_linked=False)
+        self.window.hold = self
         plotter = self.window.plotter
         plotter.subplot(1, 0)
-        self.text = plotter.add_text("", position="upper_left", font_size=9, color="black")
+        self.text = self.window.add_text(0.98)
         self.charts = {
             title: pv.Chart2D(x_label="time (s)", y_label=title)
-            for title in ("volume (%)", "largest displacement (m)", "kinetic and elastic energy (J)")
+            for title in ("volume (%)", "tip (m)", "energy (J)")
         }
         self.lines = {
             title: chart.line([0], [0], color="#0072B2", width=2) for title, chart in self.charts.items()
@@ -193,41 +169,73 @@ class Preview:
 
     @property
     def scene(self) -> dict[str, Any]:
-        return tomllib.loads(self.engine.latest.head["scene"])
+        return _parsed(self.engine.latest.head["scene"])
 
     def _begin(self) -> None:
         """Draws the engine's body, in place of another one's."""
         plotter, engine = self.window.plotter, self.engine
         plotter.subplot(0, 0)
-        self.skin = skin_of(engine.X, engine.F)
+        plotter.renderer.clear_actors()
+        X = engine.X[: engine.n_surface]
+        self.skin = skin_of(X, engine.F)
         self.skin.mesh["value"] = np.zeros(self.skin.mesh.n_points)
         self.largest = dict.fromkeys(self.colours, 0.0)
         self.actor = plotter.add_mesh(
-            self.skin.mesh, scalars="value", cmap="viridis", name="body", show_scalar_bar=False, **LOOK
+            self.skin.mesh,
+            scalars="value",
+            cmap="viridis",
+            scalar_bar_args={"title": "body"} | LEGEND,
+            **LOOK,
         )
-        aim(plotter.camera, engine.X, self.window.panel, _ROOM)
+        self.plane.SetOrigin(*X.mean(axis=0))
+        self.inside = Inside(plotter, engine, self.plane)
+        aim(plotter.camera, X, self.window.panel, _ROOM)
         self.points: deque[tuple[float, ...]] = deque(maxlen=_KEPT)
         self.rates = Rates()
-        self.volume_at_rest = volume(engine.X, engine.F)
+        self.volume_at_rest = volume(X, engine.F)
         self.shown: Moment | None = None
-        self._add_pivots()
-        self.handle: Any = None
-        self._draw_floor()
+        self.pulled: dict[int, Array] = {}  # vertex -> where a hand holds its spring's other end (m)
+        self.own_handles = self.scene.get("handles", [])
+        self.obstacles = Obstacles(plotter, [], X)
+        self.dragged: Callable[[Array], None] | None = None
+        self.marks: dict[str, pv.PolyData] = {}
 
     def _add_sliders(self) -> None:
         plotter = self.window.plotter
         plotter.subplot(0, 1)
-        self.sliders = {}
+        self.sliders: dict[str, Any] = {}
         for row, slider in enumerate(sliders_of(self.scene, self.engine.latest.head["step"])):
             ends = [slider.low, slider.high, slider.value]
             low, high, value = np.log10(ends) if slider.is_log else ends
-            height = 0.92 - 0.13 * row
             label = f"log10 of {slider.label}" if slider.is_log else slider.label
-            self.sliders[slider.key] = plotter.add_slider_widget(
-                lambda moved, slider=slider: self.slide(slider, moved), (low, high), value=value, title=label,
-                pointa=(0.1, height), pointb=(0.9, height), style="modern", color="black", title_height=0.022,
-                interaction_event="end", fmt="%.3g",
-            )  # fmt: skip
+            self._add_slider(
+                row, slider.key, label, (low, high, value), functools.partial(self.slide, slider), "end"
+            )
+        self._add_slider(
+            len(self.sliders), "cut", "cutting plane", (0, 1, self.share), self.move_cut, "always"
+        )
+        self.window.add_text(0.31, _KEYS)
+
+    def _add_slider(
+        self,
+        row: int,
+        key: str,
+        label: str,
+        ends: tuple[float, float, float],
+        told: Callable[[float], None],
+        when: str,
+    ) -> None:
+        low, high, value = ends
+        height = 0.93 - 0.11 * row
+        slider = self.window.plotter.add_slider_widget(
+            told, (low, high), value=value, title=label, pointa=(0.08, height), pointb=(0.92, height), color="grey",
+            title_height=0.02, title_color="black", slider_width=0.025, tube_width=0.004, interaction_event=when, fmt="%.3g",
+        )  # fmt: skip
+        look = slider.GetRepresentation()
+        look.SetLabelHeight(0.02)
+        look.SetEndCapLength(0.004)
+        look.SetEndCapWidth(0.015)
+        self.sliders[key] = slider
 
     def slide(self, slider: Slider, moved: float) -> None:
         value = 10**moved if slider.is_log else moved
@@ -237,63 +245,127 @@ class Preview:
         else:
             self.set(slider.key, str(float(value)))
 
-    def _add_pivots(self) -> None:
-        """Handles on the body, which are dragged."""
-        plotter = self.window.plotter
-        plotter.clear_sphere_widgets()
-        radius = 0.03 * float(np.linalg.norm(np.ptp(self.engine.X, axis=0)))
-        for number, pivot in enumerate(self.scene.get("collapse", {}).get("pivots", [])):
-            plotter.add_sphere_widget(
-                lambda at, number=number: self.set(
-                    f"collapse.pivots.{number}.point", str([float(x) for x in at])
-                ),
-                center=pivot["point"], radius=radius, color="#D55E00", test_callback=False, interaction_event="end",
-            )  # fmt: skip
+    def _pivots(self) -> list[Array]:
+        """Where they are now (m)."""
+        now = self.engine.latest.head["time"]
+        pivots = self.scene.get("collapse", {}).get("pivots", [])
+        return [np.array(pivot["point"]) + translation(pivot, now) for pivot in pivots]
 
-    def grab(self) -> None:
-        """The vertex under the mouse by a spring whose other end is dragged; or lets go of it."""
-        plotter = self.window.plotter
-        if self.handle is not None:
-            self.handle.Off()
-            self.handle = None
-            self.set("handles", "[]")
-            return
+    def take(self, x: int, y: int) -> Array | None:
+        """A pivot, or else the vertex under the mouse."""
+        for number, at in enumerate(self._pivots()):
+            if np.hypot(*(self.window.pixels_of(at)[:2] - (x, y))) < _NEAR:
+                self.dragged = functools.partial(self._move_pivot, number)
+                return at
         picker = vtkCellPicker()
-        body = plotter.renderers[0]
-        x, y = plotter.iren.get_event_position()
-        if not picker.Pick(x, y, 0, body):
-            self.note = "no surface under the mouse"
-            return
-        engine = self.engine
-        at_hand = engine.X + engine.latest.u
+        picker.PickFromListOn()
+        picker.AddPickList(self.actor)
+        if not picker.Pick(x, y, 0, self.window.plotter.renderers[0]):
+            return None
+        at_hand = (self.engine.X + self.engine.latest.u)[: self.engine.n_uncut]
         vertex = int(np.argmin(np.linalg.norm(at_hand - picker.GetPickPosition(), axis=1)))
-        size = float(np.linalg.norm(np.ptp(engine.X, axis=0)))
+        self.dragged = functools.partial(self._pull, vertex)
+        self._pull(vertex, at_hand[vertex])
+        return at_hand[vertex]
+
+    def drag(self, point: Array) -> None:
+        assert self.dragged
+        self.dragged(point)
+
+    def drop(self) -> None:
+        self.dragged = None
+        if not self.is_holding:
+            self._let_go()
+
+    def _move_pivot(self, number: int, at: Array) -> None:
+        way = at - self.scene["collapse"]["pivots"][number]["point"]
+        self.set(f"collapse.pivots.{number}.motion", str([[0.0, *map(float, way)]]))
+
+    def _pull(self, vertex: int, at: Array) -> None:
+        self.pulled[vertex] = at
+        X = self.engine.X
+        size = float(np.linalg.norm(np.ptp(X, axis=0)))
         stiffness = _PULL * float(self.scene["material"]["E"]) * size
+        hands = [
+            {
+                "region": {"sphere": {"center": X[held], "radius": _FINGER * size}},
+                "stiffness": stiffness,
+                "motion": [[0.0, *(end - X[held])]],
+            }
+            for held, end in self.pulled.items()
+        ]
+        self.set("handles", toml_of([*self.own_handles, *hands], "handles"))
+        self.note = f"what is about vertex {vertex} is pulled by {stiffness:.3g} N/m"
 
-        def drag(at: Any) -> None:
-            way = ", ".join(str(float(c)) for c in np.asarray(at) - engine.X[vertex])
-            self.set("handles", f"[{{vertex = {vertex}, stiffness = {stiffness}, motion = [[0.0, {way}]]}}]")
+    def _let_go(self) -> None:
+        if self.pulled:
+            self.pulled.clear()
+            self.set("handles", toml_of(self.own_handles, "handles"))
 
-        drag(at_hand[vertex])
-        plotter.subplot(0, 0)
-        self.handle = plotter.add_sphere_widget(
-            drag, center=at_hand[vertex], radius=0.02 * size, color="#009E73", test_callback=False, interaction_event="always",
-        )  # fmt: skip
-        self.note = f"vertex {vertex} is pulled by {stiffness:.3g} N/m"
+    def toggle_holding(self) -> None:
+        self.is_holding = not self.is_holding
+        self.note = "what is pulled is held" if self.is_holding else "what is pulled is let go"
+        if not self.is_holding:
+            self._let_go()
 
-    def _draw_floor(self) -> None:
+    def _draw_marks(self, x: Array, now: float) -> None:
+        """Pivots, and a thread from each vertex that a handle pulls to where it is pulled."""
+        X = self.engine.X
+        own = {h["vertex"]: X[h["vertex"]] + translation(h, now) for h in self.own_handles if "vertex" in h}
+        threads = [point for vertex, end in (own | self.pulled).items() for point in (x[vertex], end)]
         plotter = self.window.plotter
         plotter.subplot(0, 0)
-        plotter.remove_actor("floor")
-        planes = [o["plane"] for o in self.scene.get("obstacles", []) if "plane" in o]
-        for plane in planes[:1]:
-            normal = np.array(plane["normal"], dtype=float)
-            normal /= np.linalg.norm(normal)
-            middle = self.engine.X.mean(axis=0)
-            at = middle - (middle - plane["point"]) @ normal * normal
-            size = 3 * float(np.ptp(self.engine.X, axis=0).max())
-            floor = tiles(at, normal, size)
-            plotter.add_mesh(floor, scalars="tile", rgb=True, lighting=False, name="floor", opacity=0.7)
+        for name, points, colour in (("pivots", self._pivots(), "#D55E00"), ("hands", threads, "#009E73")):
+            if name in self.marks and self.marks[name].n_points == len(points):
+                self.marks[name].points = np.array(points).reshape(-1, 3)
+                continue
+            plotter.remove_actor(name, render=False)
+            mesh = self.marks[name] = pv.PolyData(np.array(points).reshape(-1, 3))
+            if not points:
+                continue
+            if name == "hands":
+                mesh.lines = np.insert(np.arange(len(points)).reshape(-1, 2), 0, 2, axis=1).ravel()
+                mesh.verts = np.insert(np.arange(len(points)).reshape(-1, 1), 0, 1, axis=1).ravel()
+            mapper = plotter.add_mesh(
+                mesh, color=colour, name=name, point_size=16, line_width=4, render_points_as_spheres=True,
+                lighting=False, reset_camera=False, render=False,
+            ).mapper  # fmt: skip
+            mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0, _BEFORE_ALL)
+            mapper.SetRelativeCoincidentTopologyPointOffsetParameter(_BEFORE_ALL)
+
+    def toggle_part(self, part: str) -> None:
+        """Shown where the body is cut, which it is then."""
+        if not self.inside.has(part):
+            self.note = f"{self.scene['network']['calibration']} has no {part}"
+            return
+        self.inside.show(part, not self.inside.is_shown(part))
+        if self.inside.is_shown(part) and self.axes[0] is None:
+            self.next_cut()
+        self.shown = None
+
+    def next_cut(self) -> None:
+        """Across another axis, or none; then nothing inside is seen."""
+        self.axes.rotate(-1)
+        self.actor.mapper.RemoveAllClippingPlanes()
+        if self.axes[0] is None:
+            for part in _PARTS:
+                self.inside.show(part, False)
+        else:
+            self.actor.mapper.AddClippingPlane(self.plane)
+        self.shown = None
+
+    def move_cut(self, share: float) -> None:
+        self.share = share
+        self.shown = None
+
+    def _cut(self, x: Array) -> None:
+        if self.axes[0] is None:
+            return
+        normal = -np.eye(3)[self.axes[0]]
+        low, high = x.min(axis=0), x.max(axis=0)
+        self.plane.SetNormal(*normal)
+        self.plane.SetOrigin(*(low + self.share * (high - low)))
 
     def say(self, command: str) -> None:
         try:
@@ -326,6 +398,7 @@ class Preview:
         """From rest, since it is another body."""
         now = self.scene["network"]["calibration"]
         following = self.models[(self.models.index(now) + 1) % len(self.models)]
+        self.changed.discard("handles")
         overrides = [*self._overrides_now(), f"network.calibration={following}"]
         try:
             engine = Engine(self.file, overrides)
@@ -361,35 +434,68 @@ class Preview:
         self.window.plotter.screenshot("preview.png")
         self.note = f"saved {Path('preview.png').resolve()}"
 
+    def toggle_film(self) -> None:
+        """Of all pictures from here on; or writes it."""
+        if self.film is None:
+            self.film, self.note = [], "a film is made: v ends it"
+            return
+        if self.film:
+            write_film(Path("preview.webp"), self.film, 1 / max(self.window.frames_per_second, 1))
+            self.note = f"saved {Path('preview.webp').resolve()}"
+        self.film = None
+
+    def picture(self) -> Image.Image:
+        """The window as it is, smaller."""
+        picture = Image.fromarray(self.window.plotter.screenshot(None, return_img=True))
+        return picture.reduce(round(1 / _FILMED))
+
     def draw(self, _: float) -> None:
         moment = self.engine.latest
         head = moment.head
-        if self.shown is None or head["scene"] != self.shown.head["scene"]:
-            self._draw_floor()
         rates = self.rates.add(time.perf_counter(), head["n_steps"], head["time"])
         if moment is not self.shown:
             self._show(moment)
         self._tell(head, *rates)
+        if self.film is not None:
+            self.film.append(self.picture())
+
+    def _values(self, moment: Moment) -> Array:
+        """(n,): what colours all nodes."""
+        engine = self.engine
+        if self.colours[0] == "displacement (m)":
+            return np.linalg.norm(moment.u, axis=1)
+        if self.colours[0] == "speed (m/s)":
+            return np.linalg.norm(moment.v, axis=1)
+        x, n = engine.X + moment.u, engine.n_surface
+        values = strain_of_springs(engine.X, engine.E, x)
+        values[:n] = stretch(engine.X[:n], engine.F, x[:n])
+        return 100 * values
 
     def _show(self, moment: Moment) -> None:
         engine, head = self.engine, moment.head
         x = engine.X + moment.u
-        colour = self.colours[0]
-        values = {
-            "displacement (m)": lambda: np.linalg.norm(moment.u, axis=1),
-            "speed (m/s)": lambda: np.linalg.norm(moment.v, axis=1),
-            "strain (%)": lambda: 100 * stretch(engine.X, engine.F, x),
-        }[colour]()
-        self.largest[colour] = max(self.largest[colour], float(values.max()), 1e-300)
-        self.skin.move(x)
+        obstacles = self.scene.get("obstacles", [])
+        if [drawn for drawn, _ in self.obstacles.drawn] != obstacles:
+            self.window.plotter.subplot(0, 0)
+            self.obstacles.remove()
+            self.obstacles = Obstacles(self.window.plotter, obstacles, engine.X)
+        self.obstacles.move(head["time"])
+        colour, values = self.colours[0], self._values(moment)
+        self.largest[colour] = max(self.largest[colour], float(np.percentile(values, _BRIGHT)))
+        self._cut(x)
+        self.skin.move(x[: engine.n_surface])
         self.skin.mesh["value"][:] = values[self.skin.ids]
-        self.actor.mapper.scalar_range = (0, self.largest[colour])
+        self.actor.mapper.scalar_range = (0, self.largest[colour] or 1)
+        entitle(self.window.plotter.scalar_bars["body"], colour)
+        self.inside.move(x, values, self.largest[colour] or 1)
+        self._draw_marks(x, head["time"])
         if self.points and head["time"] < self.points[-1][0]:
             self.points.clear()
         if not self.points or head["time"] > self.points[-1][0]:
             change = 100 * (head["volume"] / self.volume_at_rest - 1)
             energy = head["kinetic_energy"] + head["elastic_energy"]
-            self.points.append((head["time"], change, float(np.linalg.norm(moment.u, axis=1).max()), energy))
+            largest = float(np.linalg.norm(moment.u[: engine.n_surface], axis=1).max())
+            self.points.append((head["time"], change, largest, energy))
             times, *curves = np.array(self.points).T
             for line, curve in zip(self.lines.values(), curves, strict=True):
                 line.update(times, curve)
@@ -404,15 +510,13 @@ class Preview:
             state += f", a step takes {head['busy']:.0f} s so far"
         if self.engine.has_died:
             state = "the program that steps has died: close the window"
-        colour = self.colours[0]
         lines = [
             f"{head['time']:.4g} s, {state}; {steps:.0f} steps/s, {self.window.frames_per_second:.0f} frames/s, "
             f"{factor:.2g} of real time (at most {self.speed:g}); {scene['network']['calibration']}, "
-            f"{scene['time']['integrator']}; colour: {colour}, to {self.largest[colour]:.3g}",
-            _KEYS,
+            f"{scene['time']['integrator']}",
             head["message"] or head["reason"] or self.note,
         ]
-        self.text.set_text("upper_left", "\n".join(lines))
+        self.text.input = "\n".join(lines)
 
     def run(self) -> None:
         """Until the window is closed."""

@@ -14,7 +14,9 @@ from screen import screen
 
 from analysis.paths import PROGRAMS, ROOT, SCENES
 from analysis.runs import RunError, load_run
-from massspring.viewer.preview import Engine, Rates, main
+from massspring.viewer.engine import Engine
+from massspring.viewer.inside import patch_grids
+from massspring.viewer.preview import Rates, main, strain_of_springs
 
 BAR = SCENES / "bar_falls.toml"
 SHORT = ["time.end=0.02", "surface.n_vertices=60"]
@@ -27,6 +29,11 @@ def told(engine, is_so, seconds=30):
         assert time.monotonic() < until, engine.latest.head
         time.sleep(0.01)
     return engine.latest
+
+
+def of_surface(engine, moment):
+    """u, every bit that is told."""
+    return moment.u[: engine.n_surface]
 
 
 @pytest.fixture
@@ -45,7 +52,7 @@ def test_its_steps_are_those_of_a_batch_run(engine, tmp_path):
     moment = told(engine, lambda head: head["has_ended"])
     assert moment.head["n_steps"] == 5
     np.testing.assert_array_equal(engine.F, last.F)
-    np.testing.assert_array_equal(moment.u, last.u.astype(np.float32))  # every bit that is told
+    np.testing.assert_array_equal(of_surface(engine, moment), last.u.astype(np.float32))
 
 
 def test_it_goes_on_with_other_values_and_begins_again(engine):
@@ -83,23 +90,27 @@ def test_what_cannot_be_is_told_and_changes_nothing(engine, command, message):
     np.testing.assert_array_equal(after.u, before.u)
 
 
-def test_a_saved_session_is_one_that_a_batch_run_repeats(engine, tmp_path):
-    steps = iter(range(1, 6))
+BALL = SCENES / "ball_deflates.toml"
+HANDLE = "handles=[{vertex = 7, stiffness = 50.0, motion = [[0.0, 0.1, 0.2, 0.0]]}]"
+SESSIONS = {
+    "hand": (
+        BAR, SHORT, [["gravity=[0, -3, 0]", HANDLE], ["material.E=2e5"], ["handles=[]"]],
+    ),
+    "pivot": (
+        BALL, ["surface.n_vertices=60", "network.k=60", "network.phi=0.2", "network.psi=0.1", "time.end=0.05"],
+        [[f"collapse.pivots.0.motion=[[0.0, {x}, -0.5, 0.0]]"] for x in (0.3, 0.4)] + [["collapse.coefficient=0.5"]],
+    ),
+}  # fmt: skip
 
-    def step():
+
+@pytest.mark.parametrize("scene, overrides, hand", SESSIONS.values(), ids=SESSIONS)
+def test_a_saved_session_is_one_that_a_batch_run_repeats(scene, overrides, hand, tmp_path):
+    engine = Engine(scene, overrides)
+    for number, changes in enumerate([[], *hand, []], 1):
+        for change in changes:
+            engine.say(f"set {change}")
         engine.say("step")
-        number = next(steps)
-        return told(engine, lambda head: head["n_steps"] == number)
-
-    step()
-    engine.say("set gravity=[0, -3, 0]")
-    engine.say("set handles=[{vertex = 7, stiffness = 50.0, motion = [[0.0, 0.1, 0.2, 0.0]]}]")
-    step()
-    engine.say("set material.E=2e5")
-    step()
-    engine.say("set handles=[]")
-    step()
-    last = step()
+        last = told(engine, lambda head, number=number: head["n_steps"] == number)
     engine.say(f"save {tmp_path / 'session.toml'}")
     told(engine, lambda head: "saved" in head["message"])
     run = tmp_path / "run"
@@ -112,15 +123,63 @@ def test_a_saved_session_is_one_that_a_batch_run_repeats(engine, tmp_path):
         run,
     ]
     subprocess.run(command, check=True)
-    np.testing.assert_array_equal(last.u, load_run(run).last.u.astype(np.float32))  # every bit that is told
-    assert load_run(run).curves["work_of_events"][-1] != 0
-    saved = tomllib.loads((tmp_path / "session.toml").read_text())
-    assert [event["key"] for event in saved["events"]] == ["gravity", "handles", "material.E", "handles"]
+    np.testing.assert_array_equal(of_surface(engine, last), load_run(run).last.u.astype(np.float32))
+    assert (load_run(run).curves["work_of_events"][-1] != 0) == (scene == BAR), "a pivot's way stores nothing"
+    events = tomllib.loads((tmp_path / "session.toml").read_text())["events"]
+    assert [event["key"] for event in events] == [
+        change.split("=")[0] for changes in hand for change in changes
+    ]
     engine.say("reset")
     engine.say(f"save {tmp_path / 'again.toml'}")
     told(engine, lambda head: "again" in head["message"])
     again = tomllib.loads((tmp_path / "again.toml").read_text())
-    assert "events" not in again and again["material"]["E"] == 2e5, "a session begins with the values of now"
+    assert "events" not in again, "a session begins anew, with the values of now"
+    assert again == tomllib.loads(engine.latest.head["scene"])
+    engine.end()
+
+
+def test_a_hand_faster_than_steps_is_where_it_was_last(tmp_path):
+    slow = Engine(BAR, ["surface.n_vertices=600"])
+    slow.say("step")
+    for k in range(1, 51):
+        slow.say(f"set handles=[{{vertex = 7, stiffness = 50.0, motion = [[0.0, {k}, 0.0, 0.0]]}}]")
+    slow.say(f"save {tmp_path / 'session.toml'}")
+    told(slow, lambda head: "saved" in head["message"])
+    events = tomllib.loads((tmp_path / "session.toml").read_text())["events"]
+    assert len(events) < 10 and "[[0.0, 50, 0.0, 0.0]]" in events[-1]["value"]
+    slow.end()
+
+
+@pytest.mark.parametrize("more", [[], ["skin.stiffness=1.0"]], ids=["coupled", "beside a skin's springs"])
+def test_edges_strain_as_the_body_is_stretched(more):
+    """By an affine map A an edge e of unit length strains by |A e| - 1."""
+    engine = Engine(BAR, [*SHORT, *more])
+    A = np.array([[1.2, 0.3, 0], [-0.1, 0.8, 0.2], [0, 0.1, 1.1]])
+    expected = np.zeros(len(engine.X))
+    for a, b in engine.E:
+        e = (engine.X[b] - engine.X[a]) / np.linalg.norm(engine.X[b] - engine.X[a])
+        strain = abs(np.linalg.norm(A @ e) - 1)
+        expected[[a, b]] = np.maximum(expected[[a, b]], strain)
+    assert {tuple(edge) for edge in engine.E} == {
+        tuple(sorted(t[[i, j]])) for t in engine.T for i in range(4) for j in range(i)
+    }
+    np.testing.assert_allclose(strain_of_springs(engine.X, engine.E, engine.X @ A.T), expected, atol=1e-12)
+    engine.end()
+
+
+def test_patches_share_their_tetrahedra_evenly(engine):
+    """Planes through an edge and the middle of the opposite one cut a tetrahedron into quarters, one for each corner."""
+    T = engine.T[:50]
+    quarters, walls = patch_grids(engine.X, T)
+    volumes = np.abs(np.linalg.det(engine.X[T[:, 1:]] - engine.X[T[:, :1]])) / 6
+    sizes = quarters.compute_cell_sizes(length=False, area=False)["Volume"]
+    np.testing.assert_allclose(sizes, np.repeat(volumes / 4, 4), rtol=1e-9)
+    for number, corner in enumerate(T.ravel()):
+        assert (quarters.get_cell(number).points == engine.X[corner]).all(axis=1).any()
+    assert walls.n_cells == 6 * len(T)
+    for number in range(walls.n_cells):
+        a, b, c, d = walls.get_cell(number).points  # a wall is flat
+        assert abs(np.linalg.det([b - a, c - a, d - a])) < 1e-12 * np.linalg.norm(c - a) ** 3
 
 
 def memory_of(engine):
@@ -196,31 +255,81 @@ slider = preview.sliders["material.E"]
 slider.GetRepresentation().SetValue(5.0)
 slider.InvokeEvent("EndInteractionEvent")
 told(lambda head: preview.scene["material"]["E"] == 1e5)
-renderer = window.plotter.renderers[0]
-renderer.SetWorldPoint(*preview.skin.mesh.center, 1)
-renderer.WorldToDisplay()
-window.plotter.iren.interactor.SetEventPosition(*(int(x) for x in renderer.GetDisplayPoint()[:2]))
-press("g")
+interactor = window.plotter.iren.interactor
+
+def mouse(event, pixels):
+    interactor.SetEventPosition(*(int(x) for x in pixels[:2]))
+    interactor.InvokeEvent(event)
+
+def drag(pixels, way):
+    mouse("LeftButtonPressEvent", pixels)
+    mouse("MouseMoveEvent", pixels[:2] + way)
+
+camera = np.array(window.plotter.renderers[0].camera.position)
+body = window.pixels_of(np.array(preview.skin.mesh.center))
+drag(body, [0, 0])
 told(lambda head: len(preview.scene.get("handles", [])) == 1)
-before = preview.scene["handles"][0]["motion"][0]
-preview.handle.SetCenter(np.array(preview.handle.GetCenter()) + [0.1, 0, 0])
-preview.handle.InvokeEvent("InteractionEvent")
-told(lambda head: abs(preview.scene["handles"][0]["motion"][0][1] - before[1] - 0.1) < 1e-6)
+(vertex,) = preview.pulled
+before = window.pixels_of(preview.pulled[vertex])
+mouse("MouseMoveEvent", before[:2] + [80, 0])
+told(lambda head: preview.scene["handles"][0]["motion"][0][1:] == list(preview.pulled[vertex] - preview.engine.X[vertex]))
+np.testing.assert_allclose(window.pixels_of(preview.pulled[vertex]) - before, [80, 0, 0], atol=1)  # in the plane of view
+mouse("LeftButtonReleaseEvent", body)
+told(lambda head: not preview.scene.get("handles"))
+assert (window.plotter.renderers[0].camera.position == camera).all()
+press("g")
+for way in (40, -40):
+    drag(body + [way, 0, 0], [0, 0])
+    mouse("LeftButtonReleaseEvent", body)
+told(lambda head: len(preview.scene.get("handles", [])) == 2)  # both are held
 press("g")
 told(lambda head: not preview.scene.get("handles"))
+drag(np.array([5, 300]), [40, 40])
+mouse("LeftButtonReleaseEvent", body)
+assert not preview.pulled and np.abs(window.plotter.renderers[0].camera.position - camera).max() > 0.01
+
+def body_pixels():
+    preview.draw(0)
+    window.plotter.render()
+    picture = window.plotter.screenshot(None, return_img=True).astype(int)
+    return (np.ptp(picture[:600, :750], axis=2) > 20).sum()
+
+whole = body_pixels()
+press("x")
+press("x")  # across the bar
+slider = preview.sliders["cut"]
+slider.GetRepresentation().SetValue(0.05)
+slider.InvokeEvent("InteractionEvent")
+assert 0 < body_pixels() < 0.3 * whole
+slider.GetRepresentation().SetValue(0.95)
+slider.InvokeEvent("InteractionEvent")
+assert 0.7 * whole < body_pixels()
+for key, part in (("1", "springs"), ("2", "patches"), ("3", "nodes")):
+    press(key)
+    body_pixels()
+    assert preview.inside.is_shown(part)
+press("x")
+press("x")
+body_pixels()
+assert not preview.inside.is_shown("patches") and abs(body_pixels() / whole - 1) < 0.01
 press("i")
 told(lambda head: preview.scene["time"]["integrator"] == "bdf2")
 press("o")
 told(lambda head: len(preview.scene.get("obstacles", [])) == 1)
-assert "floor" in window.plotter.renderers[0].actors
+assert len(preview.obstacles.drawn) == 1
 press("o")
 told(lambda head: not preview.scene.get("obstacles"))
 press("c")
 preview.draw(0)
 press("m")
 assert preview.scene["network"]["calibration"] == "uniform" and preview.scene["material"]["E"] == 1e5
+press("v")
 press("space")
 told(lambda head: head["has_ended"])
+press("v")
+press("p")
+press("s")
+told(lambda head: "saved" in head["message"])
 window.plotter.render()
 picture = window.plotter.screenshot(None, return_img=True).astype(int)
 assert (np.ptp(picture[:, : picture.shape[1] // 2], axis=2) > 20).any()  # a coloured body
@@ -232,8 +341,40 @@ print("closed")
 """
 
 
-def test_a_window_obeys_keys_and_sliders_and_ends():
+def test_a_window_obeys_keys_sliders_and_the_mouse_and_ends(tmp_path):
     with screen() as environment:
         words = [sys.executable, "-c", SESSION, str(BAR), *SHORT]
-        done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300)
+        environment["PYTHONPATH"] = str(ROOT)
+        done = subprocess.run(
+            words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300
+        )
     assert (done.returncode, done.stdout) == (0, "closed\n"), done.stderr
+    assert {file.name for file in tmp_path.iterdir()} == {"preview.webp", "preview.png", "preview.toml"}
+
+
+RATES = """
+import sys
+from pathlib import Path
+from massspring.viewer.rates import Case, row_of
+print(*row_of(Case(Path(sys.argv[1]), sys.argv[2:], "implicit_euler"), 2), sep="\t")
+"""
+
+
+def test_rates_are_those_of_a_body_that_is_stepped_and_drawn():
+    with screen() as environment:
+        words = [sys.executable, "-c", RATES, str(BAR), "surface.n_vertices=60", "time.end=100"]
+        done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    scene, model, _, scheme, step, *rates, factor = done.stdout.split()
+    assert (scene, model, scheme) == ("bar_falls", "node_averaged", "implicit_euler")
+    assert all(float(rate) > 0 for rate in rates)
+    assert float(factor) == pytest.approx(float(step) / 1e3 * float(rates[1]), rel=0.1)
+
+
+def test_rates_of_the_papers_models():
+    """Minutes of an idle machine: ctest -R paired.preview_rates -V shows the table."""
+    with screen() as environment:
+        words = [sys.executable, "-m", "massspring.viewer.rates"]
+        done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=3000)
+    print(done.stdout)
+    assert done.returncode == 0 and len(done.stdout.splitlines()) == 11, done.stderr

@@ -9,7 +9,7 @@ from screen import screen
 from synthetic import write_run
 
 from analysis.__main__ import parse_arguments
-from analysis.drawing.replay import Player, fields_of, in_time, replay_of, stretch
+from analysis.drawing.replay import Player, fields_of, in_time, other_than, replay_of, stretch
 from analysis.paths import ROOT
 from analysis.runs import RunError, load_run
 from analysis.time_warp import WARPS
@@ -91,6 +91,9 @@ def runs(ball, tmp_path):
     """A ball grows by a tenth a second, another by a fifth."""
     for name, rate in (("slow", 0.1), ("fast", 0.2)):
         write_run(tmp_path / name, *ball, lambda X, rate=rate: rate * X, TIMES, calibration="uniform")
+    (tmp_path / "slow" / "scene.toml").write_text(
+        "[[obstacles]]\nsphere = { center = [3, 0, 0], radius = 0.2 }\nmotion = [[0, 0, 0, 0], [2, 1, 0, 0]]\n"
+    )
     return tmp_path / "slow", tmp_path / "fast"
 
 
@@ -102,6 +105,15 @@ def test_fields_are_those_of_the_motion(runs, ball):
     for name, factor in (("displacement (m)", 0.1), ("strain (%)", 10), ("difference (m)", 0.1)):
         np.testing.assert_allclose(fields[name], np.outer(factor * TIMES, ones), atol=1e-5, err_msg=name)
     np.testing.assert_allclose(fields["speed (m/s)"], 0.1, rtol=1e-6)
+
+
+def test_a_run_differs_from_the_reference_or_else_from_the_first(runs, tmp_path, ball):
+    slow, fast = map(load_run, runs)
+    assert other_than(slow, [slow, fast]) is fast and other_than(fast, [slow, fast]) is slow
+    assert other_than(slow, [slow]) is None
+    reference = load_run(write_run(tmp_path / "reference", *ball, lambda X: X, TIMES))
+    every = [slow, fast, reference]
+    assert [other_than(run, every) for run in every] == [reference, reference, slow]
 
 
 def test_another_body_has_no_difference(runs, tmp_path, ball):
@@ -163,6 +175,8 @@ assert abs(player.time - 1) < 1e-3
 replay.slider.GetRepresentation().SetValue(0.5)
 replay.slider.InvokeEvent("InteractionEvent")
 assert player.time == 0.5 and not player.is_playing
+replay.draw(0)
+assert [[actor.position[0] for _, actor in obstacles.drawn] for obstacles in replay.obstacles] == [[0.25], []]
 pictures = iter(range(3))
 def draw(seconds):
     replay.draw(seconds)

@@ -1,0 +1,92 @@
+"""The program that steps a preview, as the window sees it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+import threading
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from analysis.paths import PROGRAMS
+from analysis.runs import Array, RunError, built
+
+_ASKED = 1 / 40  # s between two pictures that are asked for
+
+
+class Moment(NamedTuple):
+    """What the engine tells of a moment: its head, u (n, 3) in m and v (n, 3) in m/s of all nodes."""
+
+    head: dict[str, Any]
+    u: Array
+    v: Array
+
+
+class Engine:
+    """The program that steps, which is spoken to by a thread of its own: no window waits for it.
+
+    X: (n, 3) nodes at rest in m, first the n_surface of the surface, n_uncut of them as they were before cuts;
+    F: (m, 3) triangles; T: (t, 4) tetrahedra, in which springs are coupled; E: (k, 2) edges of these and independent
+    springs; latest: the last moment that it told of.
+    """
+
+    def __init__(self, scene: Path, overrides: list[str]) -> None:
+        """Raises RunError where the program refuses the scene, which it has told then."""
+        words = [str(built(PROGRAMS, "preview")), str(scene)]
+        words += [word for value in overrides for word in ("--set", value)]
+        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert self._process.stdin and self._process.stdout
+        self._in, self._out = self._process.stdin, self._process.stdout
+        self._lock = threading.Lock()
+        first = self._out.readline()
+        if not first:
+            raise RunError(f"{scene}: cannot be previewed", is_told=True)
+        head = json.loads(first)
+        self.is_static: bool = head["is_static"]
+        self.n_surface: int = head["n_surface"]
+        self.n_uncut: int = head["n_uncut"]
+        self.X = self._read(head["n_nodes"])
+        self.F = self._read(head["n_triangles"]).astype(int)
+        springs = self._read(head["n_springs"], 2).astype(int)
+        self.T = self._read(head["n_tetrahedra"], 4).astype(int)
+        edges = [self.T[:, pair] for pair in itertools.combinations(range(4), 2)]
+        self.E = np.unique(np.sort(np.vstack([springs, *edges]), axis=1), axis=0)
+        self.latest = self._ask()
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def _read(self, n: int, width: int = 3) -> Array:
+        return np.frombuffer(self._out.read(4 * width * n), "<f4").reshape(n, width).astype(float)
+
+    def _ask(self) -> Moment:
+        self.say("picture")
+        head = json.loads(self._out.readline())
+        return Moment(head, self._read(len(self.X)), self._read(len(self.X)))
+
+    def _listen(self) -> None:
+        try:
+            while True:
+                time.sleep(_ASKED)
+                self.latest = self._ask()
+        except (OSError, ValueError):  # it has ended
+            return
+
+    def say(self, command: str) -> None:
+        """Raises OSError or ValueError once the program has ended."""
+        with self._lock:
+            self._in.write(f"{command}\n".encode())
+            self._in.flush()
+
+    @property
+    def has_died(self) -> bool:
+        return self._process.poll() is not None
+
+    def end(self) -> None:
+        """Whatever step is under way."""
+        with self._lock:
+            self._in.close()
+        self._process.wait()
