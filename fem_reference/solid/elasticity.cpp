@@ -154,7 +154,7 @@ double ElasticSolid::max_strain(const Matrix3Xd& displacement) const {
 }
 
 bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double residual) {
-  constexpr double kLinear = 1e-13, kNewton = 1e-10, kMostRounding = 1e-3;
+  constexpr double kLinear = 1e-13, kNewton = 1e-10;
   report.tolerance = tolerance.value_or(law == ElasticLaw::SmallStrain ? kLinear : kNewton);
   report.residual = size > 0 ? residual / size : 0;
   // Forces at nodes are sums of stresses on the faces of elements, of differences of displacements. Rounding of
@@ -162,9 +162,7 @@ bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double resid
   const double h = std::cbrt(volume(mesh.X, mesh.F) / static_cast<double>(at.cols()));
   const double rounding = at.norm() * std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h,
                                                std::numeric_limits<double>::epsilon() * stiffness_norm);
-  // A linear solution that rounding makes so large is lost.
-  const double excused = law == ElasticLaw::SmallStrain ? std::min(rounding, kMostRounding * size) : rounding;
-  report.is_converged = residual <= std::max(report.tolerance * size, excused);
+  report.is_converged = residual <= std::max(report.tolerance * size, rounding);
   return report.is_converged;
 }
 

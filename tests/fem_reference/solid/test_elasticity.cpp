@@ -199,25 +199,20 @@ TEST(ElasticSolid, LeavesNoRigidMotionInAFreeBody) {
   EXPECT_GT(solid.displacement().norm(), 0);
 }
 
-// Corrections go astray in plates so thin. What they lead to is no measure of what is left, nor is its rounding.
+// Corrections go astray in a plate so thin. What they lead to is no measure of what is left.
 TEST(ElasticSolid, TellsTheResidualOverTheLoad) {
-  for (const double thin : {0.03, 0.001}) {
-    TetMesh mesh = box_tets(12, 12, 1, 1. / 12);
-    mesh.X.row(2) *= thin;
-    ElasticSolid solid(mesh, 2);
-    const StressField bending = [thin](const Vector3d& x) -> Matrix3d {
-      return Vector3d(x.z() / thin - 0.5 / 12, 0, 0).asDiagonal();
-    };
-    solid.assemble(kMaterial, ElasticLaw::SmallStrain, tractions(bending, mesh), {});
-    const ElasticReport report = solid.solve();
-    const Eigen::VectorXd load = solid.load();
-    const double rest = (load - solid.linearise(solid.displacement(), 1, false).force).norm();
-    if (report.is_converged) {
-      EXPECT_LT(rest, 1e-3 * load.norm()) << thin;
-      EXPECT_NEAR(report.residual * 2 * load.norm() / rest, 1, 0.1) << report.solver << report.residual;
-    }
-    EXPECT_TRUE(report.is_converged || thin < 0.01);
-  }
+  constexpr double kThin = 0.03;
+  TetMesh mesh = box_tets(12, 12, 1, 1. / 12);
+  mesh.X.row(2) *= kThin;
+  ElasticSolid solid(mesh, 2);
+  const StressField bending = [](const Vector3d& x) -> Matrix3d {
+    return Vector3d(x.z() / kThin - 0.5 / 12, 0, 0).asDiagonal();
+  };
+  const ElasticReport report = solve(solid, tractions(bending, mesh));
+  const Eigen::VectorXd load = solid.load();
+  const double rest = (load - solid.linearise(solid.displacement(), 1, false).force).norm();
+  EXPECT_LT(rest, 1e-3 * load.norm());
+  EXPECT_NEAR(report.residual * 2 * load.norm() / rest, 1, 0.1) << report.solver << report.residual;
 }
 
 TEST(ElasticSolid, NamesTheRigidMotionsThatLoadsDrive) {
