@@ -66,6 +66,37 @@ def test_a_room_includes_only_what_stands_below_it(room: str) -> None:
             assert is_allowed(room, included), f"{file.relative_to(ROOT)} includes {included}"
 
 
+def arrows_of(page: str) -> set[tuple[str, str]]:
+    return {(a, b) for a, b in re.findall(r"^  (\S+) --> (\S+)$", page, re.MULTILINE)}
+
+
+def includes() -> set[tuple[str, str]]:
+    """(room, room that it includes); the programs' main.cpp are a room of the top folder's name."""
+    drawn = [*BELOW, "massspring", "fem_reference", "massspring/viewer"]
+    return {
+        (room, below)
+        for room in drawn
+        for file in (ROOT / room).iterdir()
+        if file.suffix in (".h", ".cpp")
+        for included in includes_of(file.read_text())
+        if (below := str(Path(included).parent)) not in (room, ".")
+    }
+
+
+def reached(start: str, arrows: set[tuple[str, str]]) -> set[str]:
+    found = {b for a, b in arrows if a == start}
+    return found.union(*(reached(below, arrows) for below in found))
+
+
+def test_the_picture_of_the_rooms_is_true_and_has_no_arrow_too_many() -> None:
+    arrows = arrows_of((ROOT / ".github" / "CONTRIBUTING.md").read_text())
+    assert arrows <= includes()
+    for room, below in includes():
+        assert below in reached(room, arrows), f"{room} includes {below}"
+    for room, below in arrows:
+        assert below not in reached(room, arrows - {(room, below)}), f"{room} --> {below} follows from others"
+
+
 FILES = r'^#include (?:<fstream>|<filesystem>|"meshing/base/files.h")'
 
 
