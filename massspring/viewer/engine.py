@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import subprocess
 import threading
 import time
+import tomllib
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,6 +26,11 @@ class Moment(NamedTuple):
     head: dict[str, Any]
     u: Array
     v: Array
+
+
+@functools.lru_cache(1)
+def _parsed(scene: str) -> dict[str, Any]:
+    return tomllib.loads(scene)
 
 
 class Engine:
@@ -80,6 +87,11 @@ class Engine:
         with self._lock:
             self._in.write(f"{command}\n".encode())
             self._in.flush()
+
+    @property
+    def scene(self) -> dict[str, Any]:
+        """As it is now, with every default filled in."""
+        return _parsed(self.latest.head["scene"])
 
     @property
     def has_died(self) -> bool:

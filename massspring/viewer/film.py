@@ -60,12 +60,12 @@ class Session:
         seen = np.array([self.window.pixels_of(point) for point in x])
         start = seen[int(np.argmax(seen[:, :2] @ direction))]
         inwards = 0.06 * (seen[:, :2].mean(axis=0) - start[:2])
-        assert self.preview.take(*(int(c) for c in start[:2] + inwards)) is not None
+        assert self.preview.hand.take(*(int(c) for c in start[:2] + inwards)) is not None
         for share in np.linspace(0, 1, n):
             to = start[:2] + share * np.array(way)
-            self.preview.drag(self.window.point_at(to[0], to[1], start[2]))
+            self.preview.hand.drag(self.window.point_at(to[0], to[1], start[2]))
             self.go_on(caption)
-        self.preview.drop()
+        self.preview.hand.drop()
 
 
 def main(file: Path) -> None:

@@ -13,7 +13,6 @@ import json
 import subprocess
 import sys
 import time
-import tomllib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,10 +23,9 @@ import numpy as np
 import pyvista as pv
 from PIL import Image
 from vtkmodules.vtkCommonDataModel import vtkPlane
-from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from analysis.compare import volume
-from analysis.drawing.obstacles import Obstacles, translation
+from analysis.drawing.obstacles import Obstacles
 from analysis.drawing.pictures import LOOK, aim, skin_of
 from analysis.drawing.replay import LEGEND, entitle, stretch
 from analysis.drawing.window import Window, check_display
@@ -35,6 +33,7 @@ from analysis.paths import PROGRAMS
 from analysis.runs import Array, RunError, built
 from analysis.scene import toml_of
 from massspring.viewer.engine import Engine, Moment
+from massspring.viewer.hand import Hand
 from massspring.viewer.inside import Inside
 
 _WIDTHS = [900, 450]  # pixels of the body's panel and of that of sliders
@@ -42,11 +41,7 @@ _KEPT = 2000  # points of a curve
 _RATED = 2.0  # s, over which rates are counted
 _LATE = 0.5  # s: a step that takes longer is told of
 _ROOM = (0.5, 0.5)  # of the panel, left to the body at rest
-_PULL = 0.05  # stiffness of the spring that pulls, over E times the body's diagonal
-_FINGER = 0.06  # of the diagonal: so far about a vertex it pulls
 _BRIGHT = 95  # per cent of nodes whose colours are told apart
-_NEAR = 12  # pixels: a pivot is taken hold of from here
-_BEFORE_ALL = -66000  # units of depth: what is drawn so is hidden by nothing
 _FILMED = 0.5  # size of a film's pictures, over the window's
 _PARTS = ("springs", "patches", "nodes")
 _KEYS = """\
@@ -118,11 +113,6 @@ def strain_of_springs(X: Array, E: Array, x: Array) -> Array:
     return values
 
 
-@functools.lru_cache(1)
-def _parsed(scene: str) -> dict[str, Any]:
-    return tomllib.loads(scene)
-
-
 def write_film(file: Path, pictures: list[Image.Image], seconds: float) -> None:
     """A film (.webp) that shows each picture for so long."""
     first, *others = pictures
@@ -142,17 +132,16 @@ class Preview:
         self.changed: set[str] = set()
         self.speed = 1.0
         self.note = ""
-        self.is_holding = False
+        self.hand: Hand
         self.plane, self.axes, self.share = vtkPlane(), deque([None, 2, 0, 1]), 0.5
         self.film: list[Image.Image] | None = None
         keys = {
             "space": self.toggle, "Right": lambda: self.say("step"), "r": lambda: self.say("reset"),
             "f": lambda: self.set_speed(2), "d": lambda: self.set_speed(0.5), "c": self.next_colour, "x": self.next_cut,
-            "g": self.toggle_holding, "i": self.next_integrator, "m": self.next_model, "o": self.toggle_floor,
+            "g": lambda: self.hand.toggle_holding(), "i": self.next_integrator, "m": self.next_model, "o": self.toggle_floor,
             "s": lambda: self.say(f"save {Path('preview.toml').resolve()}"), "p": self.save_picture, "v": self.toggle_film,
         } | {str(n): functools.partial(self.toggle_part, part) for n, part in enumerate(_PARTS, 1)}  # fmt: skip
         self.window = Window("preview", _WIDTHS, keys, is_linked=False)
-        self.window.hold = self
         plotter = self.window.plotter
         plotter.subplot(1, 0)
         self.text = self.window.add_text(0.98)
@@ -169,7 +158,7 @@ class Preview:
 
     @property
     def scene(self) -> dict[str, Any]:
-        return _parsed(self.engine.latest.head["scene"])
+        return self.engine.scene
 
     def _begin(self) -> None:
         """Draws the engine's body, in place of another one's."""
@@ -194,11 +183,9 @@ class Preview:
         self.rates = Rates()
         self.volume_at_rest = volume(X, engine.F)
         self.shown: Moment | None = None
-        self.pulled: dict[int, Array] = {}  # vertex -> where a hand holds its spring's other end (m)
-        self.own_handles = self.scene.get("handles", [])
+        self.hand = Hand(self.window, engine, self.actor, self.set, functools.partial(setattr, self, "note"))
+        self.window.hold = self.hand
         self.obstacles = Obstacles(plotter, [], X)
-        self.dragged: Callable[[Array], None] | None = None
-        self.marks: dict[str, pv.PolyData] = {}
 
     def _add_sliders(self) -> None:
         plotter = self.window.plotter
@@ -244,95 +231,6 @@ class Preview:
             self.set("gravity", f"[{float(x)}, {value}, {float(z)}]")
         else:
             self.set(slider.key, str(float(value)))
-
-    def _pivots(self) -> list[Array]:
-        """Where they are now (m)."""
-        now = self.engine.latest.head["time"]
-        pivots = self.scene.get("collapse", {}).get("pivots", [])
-        return [np.array(pivot["point"]) + translation(pivot, now) for pivot in pivots]
-
-    def take(self, x: int, y: int) -> Array | None:
-        """A pivot, or else the vertex under the mouse."""
-        for number, at in enumerate(self._pivots()):
-            if np.hypot(*(self.window.pixels_of(at)[:2] - (x, y))) < _NEAR:
-                self.dragged = functools.partial(self._move_pivot, number)
-                return at
-        picker = vtkCellPicker()
-        picker.PickFromListOn()
-        picker.AddPickList(self.actor)
-        if not picker.Pick(x, y, 0, self.window.plotter.renderers[0]):
-            return None
-        at_hand = (self.engine.X + self.engine.latest.u)[: self.engine.n_uncut]
-        vertex = int(np.argmin(np.linalg.norm(at_hand - picker.GetPickPosition(), axis=1)))
-        self.dragged = functools.partial(self._pull, vertex)
-        self._pull(vertex, at_hand[vertex])
-        return at_hand[vertex]
-
-    def drag(self, point: Array) -> None:
-        assert self.dragged
-        self.dragged(point)
-
-    def drop(self) -> None:
-        self.dragged = None
-        if not self.is_holding:
-            self._let_go()
-
-    def _move_pivot(self, number: int, at: Array) -> None:
-        way = at - self.scene["collapse"]["pivots"][number]["point"]
-        self.set(f"collapse.pivots.{number}.motion", str([[0.0, *map(float, way)]]))
-
-    def _pull(self, vertex: int, at: Array) -> None:
-        self.pulled[vertex] = at
-        X = self.engine.X
-        size = float(np.linalg.norm(np.ptp(X, axis=0)))
-        stiffness = _PULL * float(self.scene["material"]["E"]) * size
-        hands = [
-            {
-                "region": {"sphere": {"center": X[held], "radius": _FINGER * size}},
-                "stiffness": stiffness,
-                "motion": [[0.0, *(end - X[held])]],
-            }
-            for held, end in self.pulled.items()
-        ]
-        self.set("handles", toml_of([*self.own_handles, *hands], "handles"))
-        self.note = f"what is about vertex {vertex} is pulled by {stiffness:.3g} N/m"
-
-    def _let_go(self) -> None:
-        if self.pulled:
-            self.pulled.clear()
-            self.set("handles", toml_of(self.own_handles, "handles"))
-
-    def toggle_holding(self) -> None:
-        self.is_holding = not self.is_holding
-        self.note = "what is pulled is held" if self.is_holding else "what is pulled is let go"
-        if not self.is_holding:
-            self._let_go()
-
-    def _draw_marks(self, x: Array, now: float) -> None:
-        """Pivots, and a thread from each vertex that a handle pulls to where it is pulled."""
-        X = self.engine.X
-        own = {h["vertex"]: X[h["vertex"]] + translation(h, now) for h in self.own_handles if "vertex" in h}
-        threads = [point for vertex, end in (own | self.pulled).items() for point in (x[vertex], end)]
-        plotter = self.window.plotter
-        plotter.subplot(0, 0)
-        for name, points, colour in (("pivots", self._pivots(), "#D55E00"), ("hands", threads, "#009E73")):
-            if name in self.marks and self.marks[name].n_points == len(points):
-                self.marks[name].points = np.array(points).reshape(-1, 3)
-                continue
-            plotter.remove_actor(name, render=False)
-            mesh = self.marks[name] = pv.PolyData(np.array(points).reshape(-1, 3))
-            if not points:
-                continue
-            if name == "hands":
-                mesh.lines = np.insert(np.arange(len(points)).reshape(-1, 2), 0, 2, axis=1).ravel()
-                mesh.verts = np.insert(np.arange(len(points)).reshape(-1, 1), 0, 1, axis=1).ravel()
-            mapper = plotter.add_mesh(
-                mesh, color=colour, name=name, point_size=16, line_width=4, render_points_as_spheres=True,
-                lighting=False, reset_camera=False, render=False,
-            ).mapper  # fmt: skip
-            mapper.SetResolveCoincidentTopologyToPolygonOffset()
-            mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0, _BEFORE_ALL)
-            mapper.SetRelativeCoincidentTopologyPointOffsetParameter(_BEFORE_ALL)
 
     def toggle_part(self, part: str) -> None:
         """Shown where the body is cut, which it is then."""
@@ -488,7 +386,7 @@ class Preview:
         self.actor.mapper.scalar_range = (0, self.largest[colour] or 1)
         entitle(self.window.plotter.scalar_bars["body"], colour)
         self.inside.move(x, values, self.largest[colour] or 1)
-        self._draw_marks(x, head["time"])
+        self.hand.draw(x, head["time"])
         if self.points and head["time"] < self.points[-1][0]:
             self.points.clear()
         if not self.points or head["time"] > self.points[-1][0]:

@@ -269,11 +269,11 @@ camera = np.array(window.plotter.renderers[0].camera.position)
 body = window.pixels_of(np.array(preview.skin.mesh.center))
 drag(body, [0, 0])
 told(lambda head: len(preview.scene.get("handles", [])) == 1)
-(vertex,) = preview.pulled
-before = window.pixels_of(preview.pulled[vertex])
+(vertex,) = preview.hand.pulled
+before = window.pixels_of(preview.hand.pulled[vertex])
 mouse("MouseMoveEvent", before[:2] + [80, 0])
-told(lambda head: preview.scene["handles"][0]["motion"][0][1:] == list(preview.pulled[vertex] - preview.engine.X[vertex]))
-np.testing.assert_allclose(window.pixels_of(preview.pulled[vertex]) - before, [80, 0, 0], atol=1)  # in the plane of view
+told(lambda head: preview.scene["handles"][0]["motion"][0][1:] == list(preview.hand.pulled[vertex] - preview.engine.X[vertex]))
+np.testing.assert_allclose(window.pixels_of(preview.hand.pulled[vertex]) - before, [80, 0, 0], atol=1)  # in the plane of view
 mouse("LeftButtonReleaseEvent", body)
 told(lambda head: not preview.scene.get("handles"))
 assert (window.plotter.renderers[0].camera.position == camera).all()
@@ -286,7 +286,7 @@ press("g")
 told(lambda head: not preview.scene.get("handles"))
 drag(np.array([5, 300]), [40, 40])
 mouse("LeftButtonReleaseEvent", body)
-assert not preview.pulled and np.abs(window.plotter.renderers[0].camera.position - camera).max() > 0.01
+assert not preview.hand.pulled and np.abs(window.plotter.renderers[0].camera.position - camera).max() > 0.01
 
 def body_pixels():
     preview.draw(0)
