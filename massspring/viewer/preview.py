@@ -43,6 +43,7 @@ _LATE = 0.5  # s: a step that takes longer is told of
 _ROOM = (0.5, 0.5)  # of the panel, left to the body at rest
 _BRIGHT = 95  # per cent of nodes whose colours are told apart
 _FILMED = 0.5  # size of a film's pictures, over the window's
+_LAWS = ["neo_hookean", "small_strain"]
 _PARTS = ("springs", "patches", "nodes")
 _KEYS = """\
 drag the body: pull it; beside it: turn it
@@ -51,7 +52,8 @@ g: hold what is pulled, or let go of all
 x: cutting plane across z, x, y, none
 space: run     Right: a step     r: reset
 f, d: faster, slower     c: colour
-i: integrator     m: model     o: floor
+i: integrator     o: floor
+m: model     l: law, both from rest
 s: save session     p: picture     v: film
 q: close"""
 
@@ -138,7 +140,8 @@ class Preview:
         keys = {
             "space": self.toggle, "Right": lambda: self.say("step"), "r": lambda: self.say("reset"),
             "f": lambda: self.set_speed(2), "d": lambda: self.set_speed(0.5), "c": self.next_colour, "x": self.next_cut,
-            "g": lambda: self.hand.toggle_holding(), "i": self.next_integrator, "m": self.next_model, "o": self.toggle_floor,
+            "g": lambda: self.hand.toggle_holding(), "i": self.next_integrator, "o": self.toggle_floor,
+            "m": self.next_model, "l": self.next_law,
             "s": lambda: self.say(f"save {Path('preview.toml').resolve()}"), "p": self.save_picture, "v": self.toggle_film,
         } | {str(n): functools.partial(self.toggle_part, part) for n, part in enumerate(_PARTS, 1)}  # fmt: skip
         self.window = Window("preview", _WIDTHS, keys, is_linked=False)
@@ -293,18 +296,24 @@ class Preview:
         self.set("time.integrator", f'"{following}"')
 
     def next_model(self) -> None:
-        """From rest, since it is another body."""
-        now = self.scene["network"]["calibration"]
-        following = self.models[(self.models.index(now) + 1) % len(self.models)]
+        self._begin_with("network.calibration", self.models)
+
+    def next_law(self) -> None:
+        self._begin_with("material.law", _LAWS)
+
+    def _begin_with(self, key: str, choices: list[str]) -> None:
+        """The next choice of a key of the scene, from rest, since it is another body."""
+        part, name = key.split(".")
+        following = choices[(choices.index(self.scene[part][name]) + 1) % len(choices)]
         self.changed.discard("handles")
-        overrides = [*self._overrides_now(), f"network.calibration={following}"]
         try:
-            engine = Engine(self.file, overrides)
+            engine = Engine(self.file, [*self._overrides_now(), f"{key}={following}"])
         except RunError:
             self.note = f"{following} refuses the scene"
             return
+        self.overrides = [*self._overrides_now(), f"{key}={following}"]
         self.engine.end()
-        self.engine, self.overrides = engine, overrides
+        self.engine = engine
         self.note = f"{following}, from rest"
         self._begin()
 

@@ -323,6 +323,9 @@ press("c")
 preview.draw(0)
 press("m")
 assert preview.scene["network"]["calibration"] == "uniform" and preview.scene["material"]["E"] == 1e5
+assert preview.scene["material"]["law"] == "neo_hookean"
+press("l")
+assert preview.scene["network"]["calibration"] == "uniform" and preview.scene["material"]["law"] == "small_strain"
 press("v")
 press("space")
 told(lambda head: head["has_ended"])
