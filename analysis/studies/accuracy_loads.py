@@ -30,6 +30,9 @@ law = "small_strain"
 [time]
 load_steps = 1
 
+[network]
+estimate = false
+
 [output]
 frames_every = 0
 """

@@ -110,6 +110,7 @@ class Tree:
 
     name: str
     root: Path
+    overrides: tuple[str, ...] = ()  #: of keys that not every state knows
 
     @property
     def programs(self) -> Path:
@@ -134,7 +135,10 @@ class Timed:
 
 
 def build_at(commit: str, folder: Path, is_quiet: bool) -> Tree:
-    """The programs of a commit, built apart. Raises RunError where there is no such commit or it does not build."""
+    """The programs of a commit, built apart, whose own start script installs the packages that they need.
+
+    Raises RunError where there is no such commit or it does not build.
+    """
     root = folder / f"before-{commit.replace('/', '-')}"
     tree = Tree(commit, root)
     if not (root / "CMakeLists.txt").exists():
@@ -148,7 +152,7 @@ def build_at(commit: str, folder: Path, is_quiet: bool) -> Tree:
         subprocess.run(["tar", "-x", "-C", str(root)], input=archive.stdout, check=True)
     say(f"building {commit}", is_quiet)
     for command in (
-        ["cmake", "-S", str(root), "-B", str(root / "build"), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release"],
+        [str(root / "testbed"), "massspring", "--version"],
         ["ninja", "-C", str(root / "build"), *_PROGRAMS],
     ):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -174,7 +178,7 @@ def measure_runs(
                 request = RunRequest(
                     case.program,
                     tree.scene(case.scene),
-                    (*case.overrides, *_FEW_FILES),
+                    (*case.overrides, *tree.overrides, *_FEW_FILES),
                     ("--no-diagnostics",) if case.program == "massspring" else (),
                     repetition=repetition,
                 )
@@ -272,7 +276,7 @@ def finding(runs: list[Timed], kernels: list[Timed], trees: list[Tree]) -> str:
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """Seconds of solving, and of single kernels, before and after."""
     repetitions = arguments.repetitions or (1 if arguments.quick else 5)
-    trees = [Tree("now", ROOT)]
+    trees = [Tree("now", ROOT, ("network.estimate=false",))]
     if arguments.against:
         trees.insert(0, build_at(arguments.against, folder, arguments.quiet))
     with alone(arguments.quiet):

@@ -48,6 +48,8 @@ def test_scaling_states_slopes_and_lemma_1():
     head, rows = scaling.table(measured)
     steps = [row[head.index("slope to the row before")] for row in rows]
     assert steps == ["-", "1.00", "1.00"] * 2 + ["-", "1.25", "1.25"]
+    _, grown = scaling.table_of_exponents(measured)
+    assert grown == [["springs, uniform", "explicit step", "1000 to 100000", "1.25", "0.1"]]
 
 
 def test_scaling_takes_the_blocks_that_a_run_counts_itself():
