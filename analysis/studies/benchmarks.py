@@ -25,7 +25,11 @@ def benchmarks_of(program: Path, filter_: str) -> list[dict[str, Any]]:
     if "Failed to match any benchmarks" in done.stdout + done.stderr:
         return []
     measured: list[dict[str, Any]] = json.loads(done.stdout)["benchmarks"]
-    return [benchmark for benchmark in measured if not benchmark.get("error_occurred")]
+    return [
+        benchmark
+        for benchmark in measured
+        if benchmark["run_type"] == "iteration" and not benchmark.get("error_occurred")
+    ]
 
 
 def cpu_seconds(benchmark: dict[str, Any]) -> float:

@@ -99,9 +99,12 @@ Eigen::MatrixXd rest_of(const Eigen::MatrixXd& whole, const Eigen::MatrixXd& par
 
 }  // namespace
 
-int n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints) {
+std::optional<int> n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                                    double most_factor_entries) {
   if (model.tet_springs) return 0;  // rigid motions are all that tetrahedra leave free
-  const auto n_free = zero_energy_motions(simple_stiffness(model, initial_state(model)), constraints).cols();
+  BlockMatrix K = simple_stiffness(model, initial_state(model));
+  if (n_factor_entries(K) > most_factor_entries) return {};
+  const auto n_free = zero_energy_motions(std::move(K), constraints).cols();
   return static_cast<int>(n_free - free_rigid_motions_of(model.network.X, constraints).cols());
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "massspring/model/model.h"
 #include "meshing/algebra/cholesky.h"
@@ -88,7 +89,9 @@ class QuasiStaticSolver {
   LoadHistory rest_;  ///< of a state at rest
 };
 
-/// Motions other than rigid ones that the constraints leave free and that cost no energy at rest.
-int n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints);
+/// Motions other than rigid ones that the constraints leave free and that cost no energy at rest. None where a factor
+/// of the stiffness, by which they are found, would have more entries than that.
+std::optional<int> n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                                    double most_factor_entries = kMostFactorEntries);
 
 }  // namespace testbed::massspring

@@ -6,6 +6,8 @@
 #include <Eigen/CholmodSupport>
 #include <algorithm>
 #include <new>
+#include <stdexcept>
+#include <string>
 
 namespace testbed::meshing {
 
@@ -63,6 +65,9 @@ SparseCholesky::SparseCholesky(const Eigen::SparseMatrix<double>& A) : factor_(s
     reinterpret_cast<void (*)(int)>(set_n_threads)(1);
   factor_->llt.cholmod().print = 0;
   factor_->llt.analyzePattern(A);
+  if (factor_->llt.cholmod().status < CHOLMOD_OK)  // Eigen does not look
+    throw std::runtime_error("the Cholesky factor of " + std::to_string(A.rows()) +
+                             " unknowns is too large, expected fewer nodes");
   update(A);
 }
 

@@ -19,6 +19,7 @@ double n_factor_entries(const BlockMatrix& A);
 /// Supernodal Cholesky factor (CHOLMOD) of a symmetric positive definite matrix, whose lower triangle is read.
 class SparseCholesky {
  public:
+  /// @throws std::runtime_error where the factor has more entries than CHOLMOD counts, or than fit in memory
   explicit SparseCholesky(const Eigen::SparseMatrix<double>& A);
   ~SparseCholesky();
   SparseCholesky(SparseCholesky&&) noexcept;

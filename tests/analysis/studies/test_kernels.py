@@ -83,7 +83,12 @@ def test_finding_names_the_least_and_the_most_gain(trees):
 
 def test_benchmarks_that_fail_or_are_not_there_are_left_out(tmp_path):
     program = tmp_path / "bench"
-    found = [{"name": "good", "cpu_time": 1}, {"name": "bad", "error_occurred": True}]
+    one = {"run_type": "iteration", "cpu_time": 1}
+    found = [
+        one | {"name": "good"},
+        one | {"name": "bad", "error_occurred": True},
+        {"name": "good_BigO", "run_type": "aggregate"},
+    ]
     program.write_text(f"#!/bin/sh\necho '{json.dumps({'benchmarks': found})}'\n")
     program.chmod(0o755)
     assert [b["name"] for b in benchmarks.benchmarks_of(program, "^good")] == ["good"]

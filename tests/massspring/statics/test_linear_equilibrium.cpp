@@ -210,6 +210,7 @@ TEST(LinearEquilibrium, HoldsFloppyMotionsAndCountsThem) {
   EXPECT_EQ(n_floppy_motions(model, forces.constraints), 2);
   EXPECT_EQ(n_floppy_motions(model, {}), 2);
   EXPECT_EQ(n_floppy_motions(small_model(), {}), 0);
+  EXPECT_EQ(n_floppy_motions(model, {}, 10), std::nullopt) << "no room for a factor";
   const Matrix3Xd u = solve(model, forces);
   EXPECT_LT((u.col(4) - 4. / 50 * n).norm(), kClose);
 }
