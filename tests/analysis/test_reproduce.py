@@ -99,7 +99,7 @@ def test_tables_are_found_by_section_and_order():
 
 
 #: Copied to their pages before commands left figures. Each goes from here when its command is run with --write.
-COPIED = {"growth", "kernels"}
+COPIED = {"kernels"}
 
 _MADE_BY_STUDY = {
     "accuracy",
