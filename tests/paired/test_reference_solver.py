@@ -30,7 +30,7 @@ def test_rounding_that_ends_iterations_factorises_nothing_more(tmp_path):
     assert outcome.record["newton_iterations"] <= 15
 
 
-@pytest.mark.parametrize(("n_along", "angle"), [(150, 0.0), (200, 1.0)])
+@pytest.mark.parametrize("n_along, angle", [(150, 0.0), (200, 1.0)])
 def test_needles_are_solved_as_by_a_factor_of_the_whole_matrix(n_along, angle, tmp_path):
     """Fifty times as long as thick: what rounds in the matrix moves the end by some 1e-9."""
     surface, scene = tmp_path / "needle.ply", tmp_path / "needle.toml"
