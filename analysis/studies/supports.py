@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..compare import on_points_of, triangle_normals
+from ..compare import triangle_normals
 from ..report import Table
 from ..run_store import say
 from ..runs import Array, Run, scene_of
+from ..surface_points import on_points_of
 from ..wording import percent
 from .accuracy import SPRINGS, Bench, Case, error_of
 from .bodies import bodies

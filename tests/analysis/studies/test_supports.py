@@ -1,9 +1,13 @@
 """The supports study: regions and strains of a box whose answer is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import pyvista as pv
 
+from analysis.runs import Frame
+from analysis.studies import supports
 from analysis.studies.supports import REGIONS, error_of_strain, regions
 
 
@@ -31,3 +35,15 @@ def test_an_error_of_strain_is_that_of_stretch_and_of_no_rotation(box):
     assert error_of_strain(X, F, X @ turn.T).max() < 1e-28
     even = error_of_strain(X, F, 1e-3 * X)  # three edges of each triangle
     assert even.sum() == pytest.approx(3e-6 * 24)
+
+
+def test_an_error_near_a_support_is_found_there(box, monkeypatch):
+    X, F = box
+    sphere = {"center": [-1, 0, 0], "radius": 0.5}
+    monkeypatch.setattr(supports, "scene_of", lambda _: {"supports": [{"region": {"sphere": sphere}}]})
+    monkeypatch.setattr(supports, "on_points_of", lambda run, _: run)
+    near = np.linalg.norm(X - sphere["center"], axis=1) < sphere["radius"]
+    exact, run = (SimpleNamespace(last=Frame(X, u, F)) for u in (0 * X, 1e-3 * X * near[:, None]))
+    area, error = supports.shares(run, exact)
+    assert area.sum() == pytest.approx(1) and area[0] < 0.3
+    assert error[0] > 0.9 and error[1] == 0
