@@ -110,7 +110,8 @@ double share_of_load(const Simulation& simulation) {
 }  // namespace
 
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Matrix3Xd& u) {
-  constexpr double kResidual = 1e-4;  // of the finer network: an error of a hundredth to two digits
+  // Of the finer network's forces, and of its load alone: an error of a hundredth to two digits.
+  constexpr double kResidual = 1e-4, kOfLoad = 1e-3;
   if (network.X.cols() > kMostEstimated)
     throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " +
                              std::to_string(kMostEstimated) + " whose error is estimated");
@@ -120,7 +121,7 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   Simulation simulation(loosely, finer);
   if (!has_friction(scene)) {
     simulation.start_at(interpolated(u, between));
-    simulation.set_residual(kResidual * share_of_load(simulation));
+    simulation.set_residual(std::min(kResidual, kOfLoad * share_of_load(simulation)));
   }
   balance(simulation);
 
