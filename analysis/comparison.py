@@ -69,6 +69,7 @@ class Comparison:
             "target_error": experiment.target_error,
             "is_static": experiment.is_static,
             "across": experiment.scene["surface"].get("across", 1),
+            "is_too_thin": any(run.record.get("is_cut_bounded") for run in self.methods.values()),
         }
         if self.of_reference:
             reference = asdict(self.of_reference)

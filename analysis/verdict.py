@@ -68,7 +68,8 @@ def finding(comparison: dict[str, Any]) -> str:
         )
     reference, difference = comparison["reference"], model["displacement_error_l2"]
     own = reference["estimated_error_l2"]
-    stops = "".join(f"{stop}; there " for stop in _stops(comparison))
+    thin = f"{_too_thin(comparison)}; " if _serves_alone(comparison) and comparison["is_too_thin"] else ""
+    stops = thin + "".join(f"{stop}; there " for stop in _stops(comparison))
     if is_out_of_range(model, reference):
         found = (
             f"the finite elements, being of small strain, are off by {about(reference['law_error'])}, "
@@ -88,6 +89,31 @@ def finding(comparison: dict[str, Any]) -> str:
         if not reference["keeps_volume"]:
             found += f" and their volume change by {percent(model['volume_change_error'])}"
     return f"{title(comparison)}: {stops}{found}."
+
+
+def _serves_alone(comparison: dict[str, Any]) -> bool:
+    """Whether the finite elements are near enough by themselves where no spring model is."""
+    reference = comparison["reference"]
+    models = [model for model in comparison["models"].values() if has_figures(model)]
+    own = reference["estimated_error_l2"]
+    return (
+        own is not None
+        and own <= SERVES
+        and all(verdict_on(model, reference) in ("not", "between") for model in models)
+        and not any(is_out_of_range(model, reference) for model in models)
+    )
+
+
+def _too_thin(comparison: dict[str, Any]) -> str:
+    return (
+        "the body is too thin for its surface, so that finite elements serve here and springs do not "
+        f"({_of_elements(comparison['reference'])})"
+    )
+
+
+def _of_elements(reference: dict[str, Any]) -> str:
+    off = f"off by {about(reference['estimated_error_l2'])}"
+    return f"they are {off}, in {seconds(total(reference['seconds']))}"
 
 
 def _stops(comparison: dict[str, Any]) -> list[str]:
@@ -156,6 +182,10 @@ def conclusion(comparison: dict[str, Any]) -> list[str]:
     if groups["use"]:
         best = groups["use"][0]
         sentences.append(_time_saved(best, models[best], reference))
+    elif _serves_alone(comparison):
+        far = groups["not"] if len(groups["not"]) > 1 and not groups["between"] else []
+        sentences += [f"All models are far off, {far[0]} the least."] if far else []
+        sentences.append(f"The finite elements serve here: {_of_elements(reference)}.")
     return sentences + _limits(comparison, groups)
 
 
@@ -214,7 +244,7 @@ def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
         return step(f"To bring {_BEST} to the end in smaller steps", comparison["smaller_steps"], 2)
     if any("--remesh" in note for note in comparison["notes"]):
         return "To have even triangles", f"{command} --remesh", duration(spent)
-    is_cut = reference["n_cut"] > 0 or not comparison["is_static"]
+    is_cut = (reference["n_cut"] > 0 or not comparison["is_static"]) and not comparison["is_too_thin"]
     if is_cut and comparison["across"] < _ACROSS:
         return step("To make springs and elements finer", f"surface.across={_ACROSS}", _FINER)
     if comparison["is_static"] and not comparison["target_error"]:

@@ -100,10 +100,18 @@ SurfaceMesh cut_where_strain_jumps(const SurfaceMesh& surface, const VectorXd& j
   return cut_surface(surface, longest, std::numeric_limits<int>::max());
 }
 
+/// Of dead loads in load plus internal forces; 1 without such loads. A slender body that sets out from elsewhere has
+/// internal forces beside which its load is nothing, and so would be taken for balanced at once.
+double share_of_load(const Simulation& simulation) {
+  const double load = simulation.forces().load.norm();
+  return load > 0 ? load / (load + elastic_forces(simulation.model(), simulation.state()).norm()) : 1;
+}
+
 }  // namespace
 
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Matrix3Xd& u) {
-  constexpr double kResidual = 1e-4;  // of the finer network: an error of a hundredth to two digits
+  // Of the finer network's forces, and of its load alone: an error of a hundredth to two digits.
+  constexpr double kResidual = 1e-4, kOfLoad = 1e-3;
   if (network.X.cols() > kMostEstimated)
     throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " +
                              std::to_string(kMostEstimated) + " whose error is estimated");
@@ -111,7 +119,10 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   Scene loosely = in_one_step(scene);
   loosely.time.residual = kResidual;
   Simulation simulation(loosely, finer);
-  if (!has_friction(scene)) simulation.start_at(interpolated(u, between));
+  if (!has_friction(scene)) {
+    simulation.start_at(interpolated(u, between));
+    simulation.set_residual(std::min(kResidual, kOfLoad * share_of_load(simulation)));
+  }
   balance(simulation);
 
   const Eigen::Index n = network.n_surface;

@@ -52,6 +52,8 @@ class Simulation {
   void set_state(const State& state);
   /// Statics: the next step starts at these displacements (3 x n, m), as if they were the equilibrium under full load.
   void start_at(const Eigen::Matrix3Xd& u) { equilibrium_->start_at(u, state_); }
+  /// Statics: as time.residual.
+  void set_residual(double residual) { equilibrium_->set_tolerance(residual); }
   /// A motion's state, counts and what is kept from step to step, as bytes; of statics none.
   std::string saved() const;
   /// Goes on bit for bit from what a simulation of the same scene and network has saved.

@@ -31,6 +31,7 @@ from . import (
     scaling,
     stability,
     strips,
+    supports,
     survey,
     verdicts,
     work_precision,
@@ -101,6 +102,10 @@ STUDIES = {
         "springs on bodies and loads drawn at random, beside finite elements, against refined ones: an hour",
         accuracy.study,
         frozenset({"quick", "held_out"}),
+    ),
+    "supports": Study(
+        "where on bodies whose supports move the springs' error sits: at supports, sharp edges or elsewhere",
+        supports.study,
     ),
     "estimate": Study(
         "the springs' own estimates beside their errors, and nodes added for a target, on the same bodies: an hour",

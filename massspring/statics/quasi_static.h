@@ -41,6 +41,9 @@ class QuasiStaticSolver {
   /// Makes of a state at rest one whose last equilibrium is u (3 x n, m), under the full loads.
   void start_at(const Eigen::Matrix3Xd& u, State& state) const;
 
+  /// As at construction.
+  void set_tolerance(double tolerance) { tolerance_ = tolerance; }
+
   /// How linear systems are solved, and why.
   const std::string& solver_choice() const { return solver_.choice(); }
 

@@ -78,6 +78,7 @@ def comparison_of(models=None, name="affine", **of_reference):
         "target_error": 0.0,
         "is_static": True,
         "across": 1.0,
+        "is_too_thin": False,
         "smaller_steps": "time.load_steps=20",
         "notes": [],
         "models": models or {name: model_of()},
@@ -311,6 +312,39 @@ def test_each_verdict_but_use_ends_with_its_rule_one_command_and_its_cost(error,
         verdict, rule, step = (text.index(words) for words in (ending, RULES, f"{purpose} (some {cost}):"))
         assert verdict < rule < step < text.index(command) < text.index("exact fields")
         assert text.count("./testbed run") == 1
+
+
+@pytest.mark.parametrize(
+    "errors, own, is_too_thin, nearest, serve",
+    [
+        ({"node_averaged": 0.26, "affine": 0.24}, 0.01, True, "affine", True),
+        ({"node_averaged": 0.26, "affine": 0.24}, 0.01, False, "affine", True),
+        ({"node_averaged": 0.26, "affine": 0.1}, 0.01, True, None, True),  # one lies in between
+        ({"node_averaged": 0.26, "affine": 0.02}, 0.01, True, None, False),  # one serves
+        ({"node_averaged": 0.36, "affine": 0.34}, 0.06, True, None, False),  # elements do not
+    ],
+)
+def test_where_elements_alone_serve_it_is_said_and_of_thin_bodies_before_the_figure(
+    errors, own, is_too_thin, nearest, serve
+):
+    models = {name: model_of(error) for name, error in errors.items()}
+    comparison = comparison_of(models, "node_averaged", estimated_error_l2=own)
+    comparison |= {"is_too_thin": is_too_thin}
+    first, words = finding(comparison), " ".join(conclusion(comparison))
+    assert ("too thin" in first) == (serve and is_too_thin)
+    if serve and is_too_thin:
+        assert first.index(
+            "finite elements serve here and springs do not (they are off by some 1 %, in 6 s)"
+        ) < (first.index("26 %"))
+    assert ("The finite elements serve here: they are off by some 1 %, in 6 s." in words) == serve
+    assert ("All models are far off" in words) == (nearest is not None)
+    assert nearest is None or f"All models are far off, {nearest} the least." in words
+
+
+def test_a_body_that_is_cut_as_far_as_it_goes_is_not_to_be_cut_further():
+    comparison = comparison_of({"node_averaged": model_of(0.3)}, "node_averaged", n_cut=5)
+    assert "surface.across" in next_command(comparison)[1]
+    assert next_command(comparison | {"is_too_thin": True})[1].endswith("network.target_error=0.02")
 
 
 def test_models_that_differ_by_rounding_are_named_in_the_scenes_order():

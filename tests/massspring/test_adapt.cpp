@@ -76,6 +76,19 @@ TEST(ErrorEstimate, IsThatOfTheFinerNetworkSolvedToTheEndToTwoDigits) {
   }
 }
 
+TEST(ErrorEstimate, OfANeedleIsThatOfTheFinerNetworkSolvedToTheEnd) {
+  Scene scene = bent_bar(900);
+  scene.surface.size = {40, 1, 1};
+  scene.gravity = Eigen::Vector3d(0, -1e-4, 0);
+  const SpringNetwork network = network_of(scene), finer = split_in_eight(network).network;
+  const Eigen::Index n = network.n_surface;
+  const Matrix3Xd u = displacement_on(network, scene, network.X.cols()),
+                  of_finer = displacement_on(finer, scene, n);
+  const double ends =
+      (u.leftCols(n) - of_finer).norm() / of_finer.norm() / (1 - static_cast<double>(n) / finer.n_surface);
+  EXPECT_NEAR(estimate_error(scene, network, u).error, ends, 0.003 * ends);
+}
+
 TEST(ErrorEstimate, OfUniformStretchIsBelowWhatItIsSolvedTo) {
   Scene scene = bent_bar(60);
   scene.gravity.reset();
