@@ -437,6 +437,7 @@ def test_a_motion_that_ends_at_rest_is_compared_on_its_way(ball, tmp_path):
     expected = np.sqrt(trapezium(times, [0, 0, 0.25, 0]) / trapezium(times, sizes**2))
     assert result.displacement_error_l2 == pytest.approx(expected)
     assert result.displacement_error_max == pytest.approx(0.5 / np.sqrt(trapezium(times, sizes**2) / 4))
+    assert result.tip_displacement == pytest.approx(0.25 * np.linalg.norm(ball[0], axis=1).max())
 
 
 def test_a_pushed_cube_sweeps_its_own_volume(cube, tmp_path):

@@ -14,6 +14,7 @@ from analysis.verdict import (
     needs_finer_reference,
     next_command,
     trust_in_reference,
+    verdict_on,
 )
 
 
@@ -156,6 +157,14 @@ def test_small_strain_is_out_of_range_beyond_a_tenth_of_the_difference(law_error
         assert ('material.law = "neo_hookean"' in " ".join(sentences)) == is_out
 
 
+@pytest.mark.parametrize("own, verdict", [(0.005, "use"), (0.02, "undecided")])
+def test_errors_of_the_mesh_and_of_the_law_add_up(own, verdict):
+    """At a difference of 2 % and an error of the law of 2 %, 1 % is left to serve."""
+    model = model_of(0.02, is_linear=False)
+    reference = comparison_of({"a": model}, "a", law_error=0.02, estimated_error_l2=own)["reference"]
+    assert verdict_on(model, reference) == verdict
+
+
 def test_errors_of_a_law_that_both_share_are_news_from_a_hundredth_on():
     """Springs that take the same linear law may agree to rounding."""
     for law_error, is_linear, is_out in ((0.005, True, False), (0.015, True, True), (0.005, False, True)):
@@ -225,6 +234,14 @@ def test_nothing_is_said_on_time_of_a_busy_machine(of_model, of_reference):
     assert "it saves 4 s" in calm and "busy" not in calm
     assert "saves" not in busy and "Nothing is said on time, as the machine was busy." in busy
     assert "The machine was busy with other things: seconds are longer than" in busy
+
+
+@pytest.mark.parametrize("is_unrefined", [False, True])
+def test_time_is_compared_with_the_unrefined_references_whoever_else_waited(is_unrefined):
+    waited = {"unrefined_has_waited": is_unrefined, "has_waited": not is_unrefined}
+    words = " ".join(conclusion(comparison_of({"a": model_of(0.01)}, "a", **waited)))
+    assert ("it saves 4 s" in words) != is_unrefined
+    assert ("Nothing is said on time, as the machine was busy." in words) == is_unrefined
 
 
 def test_without_an_estimate_of_the_references_error_nothing_is_recommended():

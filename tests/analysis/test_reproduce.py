@@ -7,6 +7,7 @@ import subprocess
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -374,6 +375,23 @@ def test_a_command_of_several_entries_is_run_once(page, monkeypatch):
     monkeypatch.setattr(module, "entries", lambda: {"a": entry, "b": replace(entry, name="b")})
     assert main(parse_arguments(["reproduce", "--quiet"])) == 0
     assert (page.parent / "runs").read_text() == "\n"
+
+
+def test_rows_are_of_the_reference_as_the_scene_has_it(tmp_path, monkeypatch):
+    """However fine the one is that a verdict needs."""
+    values = {True: {"n_nodes": 5, "displacement_error_l2": 0.25}, False: {"n_nodes": 7}}
+
+    def comparison(_, is_as_in_scene=False):
+        return SimpleNamespace(as_json=lambda: values[is_as_in_scene])
+
+    for name, stand_in in {
+        "OUT": tmp_path,
+        "run_solvers": lambda *_, **__: None,
+        "compare": comparison,
+    }.items():
+        monkeypatch.setattr(module, name, stand_in)
+    entry = Entry("a", "PAGE.md", "Two", 1, columns=("n_nodes", "displacement_error_l2"))
+    assert fresh_cells(entry, {"label": ["x"], "scene": "bar_sag.toml"}) == ["5", "25 %"]
 
 
 @pytest.mark.skipif(not (PROGRAMS / "fem_reference").exists(), reason="needs the built programs")

@@ -32,6 +32,14 @@ def test_roughness_of_a_ball_is_one(ball, tmp_path):
     assert claims.roughness(run) == pytest.approx(1)
 
 
+def test_error_is_relative_to_the_reference(ball, tmp_path):
+    """Springs that move three times as far are off by 200 %, not by 67 %."""
+    for name, field in (("springs", lambda X: 0.3 * X), ("reference", lambda X: 0.1 * X)):
+        write_run(tmp_path / name, *ball, field, calibration="uniform")
+    error = claims.error_against(load_run(tmp_path / "reference"))
+    assert error(SimpleNamespace(folder=tmp_path / "springs")) == pytest.approx(200)
+
+
 def test_depletion_of_a_second_is_that_of_the_steps_in_it():
     for name in paper.FIGURE_11:
         scene = SCENES / f"{name}.toml"
@@ -61,12 +69,14 @@ def test_film_goes_there_and_back_by_every_warp(ball, tmp_path):
 
 
 def test_far_side_answers_when_it_has_lost_a_tenth_of_its_speed(ball, tmp_path):
-    """A ball at 2 m/s stops as a whole at 0.1 s; another goes on, its nodes swinging to the left and right."""
+    """A ball at 2 m/s stops as a whole at 0.1 s; another slows down evenly within 0.2 s; a third goes on, its nodes swinging to
+    the left and right."""
     X, F = ball
     times = np.linspace(0, 0.2, 101)
     side = np.where(np.arange(len(X) + 3) % 2, 0.5, -0.5)
     fields = {
         "stops": (lambda X: 0 * X + [0, 1, 0], lambda time: -2 * min(time, 0.1)),
+        "slows": (lambda X: 0 * X + [0, 1, 0], lambda time: -2 * time + 5 * time**2),
         "swings": (lambda X: 0 * X + [0, 1, 0] + side[: len(X), None] * [1, 0, 0], lambda time: -2 * time),
     }
     found = {}
@@ -74,6 +84,7 @@ def test_far_side_answers_when_it_has_lost_a_tenth_of_its_speed(ball, tmp_path):
         write_run(tmp_path / name, X, F, field, times, amplitude, calibration="uniform")
         found[name] = claims.answer_and_oscillation(load_run(tmp_path / name))
     assert found["stops"] == pytest.approx((101, 0))
+    assert found["slows"][0] == pytest.approx(21), "in the middle of the first two frames below 1.8 m/s"
     assert found["swings"] == pytest.approx((np.inf, np.var(side[: len(X)])))
 
 
@@ -108,6 +119,25 @@ def test_links_and_nodes_are_worth_what_the_error_falls_by(error, holding, monke
     assert found["shell"] == claims.FAILS and found["slower"] == claims.HOLDS
     for name in ("convincing", "accuracy", "dense"):
         assert found[name] == (claims.HOLDS if name in holding else claims.FAILS), name
+
+
+def test_each_iteration_of_bi_conjugate_gradients_takes_two_products():
+    """Of two seeds, which take 11 and 18 iterations where conjugate gradients take 10 and 20."""
+
+    class Known:
+        seeds = (1, 2)
+
+        def values(self, _, overrides, __):
+            return {"time.linear_solver=cg": [10, 20], "time.linear_solver=bicg": [11, 18]}.get(
+                overrides[-1], [1, 1]
+            )
+
+        def n_ok(self, *_):
+            return 2
+
+    (found,) = (claim for claim in claims.of_steps(Known()) if "bi-conjugate" in claim.claim)
+    assert found.measured == "products over those of conjugate gradients: 1.8 to 2.2"
+    assert found.verdict == "holds within 10%"
 
 
 def test_claims_of_other_studies_are_read_from_their_tables():

@@ -160,6 +160,20 @@ def test_plot_has_bars_over_all_seeds(drawn):
         np.testing.assert_allclose(up, [[seconds[1], 5], [seconds[1], 20]])
 
 
+def test_table_has_the_seconds_of_every_stage():
+    """Adaption, set-up and assembly count as set-up; a rung without a run has its message alone."""
+    rungs = [
+        measurement(timed(mesh=0.25, adapt=2, setup=0.5, assemble=1, solve=5), errors=[0.1]),
+        measurement(message="not made"),
+    ]
+    scene = SimpleNamespace(measurements=rungs, overrides=lambda _: ["surface.n_vertices=162"])
+    head, (row, unmade) = fronts.table(scene)
+    cells = dict(zip(head, row, strict=True))
+    stages = [cells[f"{stage} (s)"] for stage in ("mesh", "set-up", "solve", "whole")]
+    assert stages == ["0.25", "3.5", "5", "8.75"]
+    assert unmade[1] == "162" and unmade[-1] == "not made" and set(unmade[4:-1]) == {"-"}
+
+
 def test_errors_below_the_references_own_count_as_that():
     known = [
         measurement(timed(solve=2), errors=[e], reference_error=r)

@@ -87,6 +87,25 @@ def test_the_finest_elements_that_came_to_the_end_judge(ends, referee):
     assert strip.referee == referee
 
 
+def test_chance_names_who_scatters(monkeypatch, ball):
+    """Copies of springs lie 0.1 of the size apart, those of elements 0.01, the pairs of both 5."""
+    ends = {"node_averaged": (0.0, 0.1, 0.2, 0.3), FEM_P1: (5.0, 5.01, 5.02, 5.03)}
+    strip = SimpleNamespace(
+        scene=SimpleNamespace(stem="scene"),
+        copies=lambda method, n, folder: [(ball[0] + [at, 0, 0], ball[1]) for at in ends[method]],
+    )
+    size = strips.size_of(ball[0])
+
+    def apart(a, b):
+        return SimpleNamespace(mean=size * abs(a[0] - b[0]).max())
+
+    monkeypatch.setattr(strips, "surface_distance", apart)
+    assert strips.chance(strip, 4, None).startswith(
+        f"scene: Runs of node_averaged and {FEM_P1} are 490 % of the size apart in the mean, "
+        f"two of node_averaged 17 % of the size and two of {FEM_P1} 1.7 % of the size:"
+    )
+
+
 def test_runs_of_all_strips_are_made_by_the_engine(tmp_path, monkeypatch):
     """Beside each other, and listed scene by scene."""
     made = []

@@ -92,6 +92,18 @@ ROWS = [
 ]
 
 
+def test_runs_of_remeshed_surfaces_do_not_count_as_runs_of_bodies_as_they_are():
+    remeshed = [row("a", program, "ok", 2, surface="remeshed") for program in ("massspring", "fem_reference")]
+    assert finding([*ROWS, *remeshed]) == "Of 4 bodies as they are, 62 % of 8 runs end ok."
+
+
+def test_runs_are_slower_than_those_under_the_same_load_alone():
+    """The other program, ok in 2 s in sag, is out of time under the free load, as this one is."""
+    rows = [row("a", program, "out of time", 60, load="free") for program in ("massspring", "fem_reference")]
+    rows += [row("a", "massspring", "ok", 2), row("a", "fem_reference", "ok", 3)]
+    assert far_slower(rows) == []
+
+
 def test_runs_are_counted_by_their_ends():
     head, lines = table(ROWS, ["program"])
     assert head[1:6] == ["runs", "ok", "refused", "failed", "out of time"]

@@ -76,9 +76,12 @@ def test_a_pair_is_made_by_the_store_and_its_seconds_are_those_of_its_runs(tmp_p
         SimpleNamespace(folder=tmp_path, store=object(), scenes=lambda _: ("scene", None)),
     )
     model = {"status": "ok", "displacement_error_l2": 0.01}
-    values = {"models": {"node_averaged": model}, "reference": {"estimated_error_l2": None}}
+    models = {"node_averaged": model, "uniform": model}
+    values = {"models": models, "reference": {"estimated_error_l2": None}}
     pair = SimpleNamespace(seconds=7.5, n_refinements=2)
-    comparison = SimpleNamespace(experiment=pair, as_json=lambda: values, runs={"node_averaged": "springs"})
+    comparison = SimpleNamespace(
+        experiment=pair, as_json=lambda: values, runs={name: name for name in models}
+    )
 
     def stand_in(*_, store, **more):
         assert store is bench.store
@@ -90,10 +93,15 @@ def test_a_pair_is_made_by_the_store_and_its_seconds_are_those_of_its_runs(tmp_p
         "compare": lambda found: {pair.seconds: comparison}[found.seconds],
         "has_figures": lambda _: True,
         "verdict_on": lambda *_: "use",
-        "error_of": lambda springs, truth: {("springs", "finer"): 0.06}[springs, truth],
+        "error_of": lambda springs, truth: {("node_averaged", "finer"): 0.06, ("uniform", "finer"): 0.01}[
+            springs, truth
+        ],
     }.items():
         monkeypatch.setattr(module, name, made)
     (tmp_path / "cases" / f"{case.body.name}-{case.load}-{case.nu}").mkdir(parents=True)
-    (found,) = measure(bench, case)
-    assert (found["seconds"], found["error"], found["holds"]) == ("7.5", "0.06", "False")
-    assert measure(SimpleNamespace(folder=tmp_path, scenes=bench.scenes), case) == [found], "it is kept"
+    found = measure(bench, case)
+    assert [(row["model"], row["seconds"], row["error"], row["holds"]) for row in found] == [
+        ("node_averaged", "7.5", "0.06", "False"),
+        ("uniform", "7.5", "0.01", "True"),
+    ]
+    assert measure(SimpleNamespace(folder=tmp_path, scenes=bench.scenes), case) == found, "they are kept"

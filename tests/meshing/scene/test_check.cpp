@@ -3,6 +3,7 @@
 #include "meshing/scene/check.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/shapes.h"
+#include "meshing/surface/surface.h"
 
 namespace testbed::meshing {
 namespace {
@@ -323,6 +324,23 @@ TEST(LoadScale, MultipliesGravityAndEveryLoad) {
   const StressTerm term = scaled.stressed[0].terms[0];
   EXPECT_EQ(term.head<3>(), Eigen::Vector3d::Ones());
   EXPECT_TRUE((term.tail<6>().array() == 0.25).all());
+}
+
+TEST(Loads, AddUpOnATriangle) {
+  const SurfaceMesh surface = make_shape("ball", 162);
+  Scene scene;
+  for (const double sign : {1., 2.}) {
+    Load& load = scene.loads.emplace_back();
+    load.traction = sign * Eigen::Vector3d(1, 2, 3);
+    load.pressure = sign * 4;
+    Load& follower = scene.loads.emplace_back();
+    follower.pressure = sign * 5;
+    follower.is_follower = true;
+  }
+  const SurfaceProblem problem = discretise(scene, surface);
+  const Eigen::Matrix3Xd normals = area_vectors(surface.X, surface.F).colwise().normalized();
+  EXPECT_LT((problem.traction - ((-12 * normals).colwise() + Eigen::Vector3d(3, 6, 9))).norm(), 1e-12);
+  EXPECT_TRUE((problem.follower_pressure.array() == 15).all());
 }
 
 TEST(LoadScale, IsRefusedWhileTheFactorForAWantedStrainIsNotFound) {

@@ -617,12 +617,16 @@ TEST(InputHash, ChangesWithWhatAProgramReadsAndWithNothingElse) {
   EXPECT_NE(hash_with([](Scene& s) { s.material.E = std::nextafter(s.material.E, 0); }), hash) << "last bit";
   EXPECT_NE(hash_with([](Scene& s) { s.network.seed = 2; }), hash);
   EXPECT_NE(hash_with([](Scene& s) { s.loads.pop_back(); }), hash);
-  SurfaceMesh moved = surface;
-  moved.X(0, 0) = std::nextafter(moved.X(0, 0), 9);
-  EXPECT_NE(input_hash(scene, moved, {"reference"}), hash);
-  SurfaceMesh turned = surface;
-  turned.F.col(7).reverseInPlace();
-  EXPECT_NE(input_hash(scene, turned, {"reference"}), hash);
+  for (const auto v : {Eigen::Index(0), surface.X.cols() - 1}) {
+    SurfaceMesh moved = surface;
+    moved.X(2, v) = std::nextafter(moved.X(2, v), 9);
+    EXPECT_NE(input_hash(scene, moved, {"reference"}), hash) << v;
+  }
+  for (const auto f : {Eigen::Index(0), surface.F.cols() - 1}) {
+    SurfaceMesh turned = surface;
+    turned.F.col(f).reverseInPlace();
+    EXPECT_NE(input_hash(scene, turned, {"reference"}), hash) << f;
+  }
 }
 
 /// What a value of a scene may be instead, as TOML; most of it is refused in most places.
