@@ -99,9 +99,6 @@ def test_tables_are_found_by_section_and_order():
     assert tables_of(PAGE, "Three") == []
 
 
-#: Copied to their pages before commands left figures. Each goes from here when its command is run with --write.
-COPIED = {"kernels"}
-
 _MADE_BY_STUDY = {
     "accuracy",
     "accuracy_by_load",
@@ -116,9 +113,7 @@ def test_cells_of_a_page_are_those_that_its_command_left(entry):
         pytest.skip("its rows are stored: tests/analysis/studies/test_accuracy.py")
     for number in entry.tables:
         file = stored_file(entry, number)
-        assert file.exists() == (entry.name not in COPIED), file
-        if file.exists():
-            assert on_page(entry, number) == read_table(file)
+        assert on_page(entry, number) == read_table(file)
 
 
 def test_no_stored_figures_are_left_over():
