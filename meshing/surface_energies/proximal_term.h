@@ -24,6 +24,7 @@ class ProximalTerm : public SurfaceEnergy {
     for (Eigen::Matrix3d& block : H.diagonal) block.diagonal().array() += stiffness_;
   }
   void follow(const Eigen::Matrix3Xd&, const Eigen::Matrix3Xd& y) override { last_ = y; }
+  bool is_stiff() const override { return true; }  // a part of contact
   bool is_invariant() const override { return false; }
 
  private:
