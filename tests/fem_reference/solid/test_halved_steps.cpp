@@ -12,7 +12,7 @@ namespace {
 using Eigen::Matrix3Xd;
 using Eigen::VectorXd;
 
-/// Tells when the step at hand begins, and how long it is.
+/// Tells when the step at hand begins, and how long it is. It works at 1 W.
 struct StepAtHand : meshing::SurfaceEnergy {
   double t = 0, h = 0;
   void begin_step(double time, double length, const Matrix3Xd&) override {
@@ -20,6 +20,7 @@ struct StepAtHand : meshing::SurfaceEnergy {
     h = length;
   }
   double energy(const Matrix3Xd&) const override { return 0; }
+  double work(const Matrix3Xd&) const override { return h; }
   void add_forces(const Matrix3Xd&, Matrix3Xd&) const override {}
   void add_hessian(const Matrix3Xd&, meshing::SurfaceHessian&, meshing::Curvature) const override {}
 };
@@ -63,7 +64,8 @@ TEST(HalvedSteps, AreThoseOfHalfTheLengthAndCountOnce) {
     halved.restart(VectorXd::Zero(3), start);
     shorter.restart(VectorXd::Zero(3), start);
     for (int n = 1; n <= 5; ++n) {
-      ASSERT_TRUE(halved.step());
+      ASSERT_TRUE(halved.advance());
+      EXPECT_NEAR(halved.ledger().flows.targets, n * kStep, 1e-14) << "of all parts";
       for (int part = 0; part < n_parts; ++part) ASSERT_TRUE(shorter.step());
       EXPECT_NEAR(halved.t(), n * kStep, 1e-14);
       EXPECT_LT((halved.u() - shorter.u()).norm(), kSolved) << n_parts << ' ' << n;

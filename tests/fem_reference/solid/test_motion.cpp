@@ -104,6 +104,21 @@ TEST(InitialMotion, IsOverruledBySupports) {
   EXPECT_GT(simulation.snapshot().u.col(free).norm(), 0);
 }
 
+TEST(InitialMotion, IsAlongTheScenesAxesThoughSupportsAreOblique) {
+  FreeBox box;
+  box.scene.initial[0].velocity = kVelocity;
+  Support face;
+  face.region.shape = HalfSpace{Vector3d(0, 0, 0), Vector3d(1, 0, 0)};
+  face.normal = Vector3d(1, 2, 0);
+  box.scene.supports = {face};
+  const Simulation simulation = box.simulation();
+  const Snapshot snapshot = simulation.snapshot();
+  const int constrained = simulation.solid().constrained().at(0).node;
+  const Vector3d n = face.normal->normalized();
+  EXPECT_LT((snapshot.fields[0].values.col(constrained) - (kVelocity - n.dot(kVelocity) * n)).norm(), 1e-12);
+  EXPECT_LT((snapshot.fields[0].values.rightCols<1>() - kVelocity).norm(), 1e-12);
+}
+
 TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(M_PI / 4, Vector3d(1, 2, -1).normalized()).matrix();
   const auto last_of = [](FreeBox& box) {

@@ -25,6 +25,22 @@ Obstacle floor_with(double friction) {
   return obstacle;
 }
 
+// 2 kg that hit the floor at 1 m/s lose 0.3 m/s of their speed along it.
+TEST(PushOut, CountsWhatFrictionTakesOfABlow) {
+  State before;
+  before.x = Vector3d(0, 1e-3, 0);
+  before.v = Vector3d(1, -1, 0);
+  constexpr double kStep = 0.01;
+  Matrix3Xd x = before.x + kStep * before.v, v = before.v;
+  std::vector<Eigen::VectorXd> clearance;
+  meshing::EnergyFlows flows;
+  ASSERT_TRUE(push_out({meshing::RigidBody(floor_with(0.3))}, before, kStep, Eigen::VectorXd::Constant(1, 2),
+                       clearance, x, v, flows));
+  EXPECT_LT((v.col(0) - Vector3d(0.7, 0, 0)).norm(), 1e-12);
+  EXPECT_NEAR(flows.friction, 1 - 0.7 * 0.7, 1e-12);
+  EXPECT_EQ(flows.obstacles, 0);
+}
+
 // A soft cube of 1 m, its underside at y = 0.
 struct Cube {
   MassSpringModel model;
