@@ -52,7 +52,7 @@ struct ElasticReport {
   std::string solver;
   int newton_iterations = 0;
   int linear_iterations = 0;  ///< of all linear solves
-  double residual = 0;        ///< over load plus elastic forces: the largest in Newton, the first in a linear solve
+  double residual = 0;        ///< over load plus elastic forces; Newton: the largest, else the first
   double tolerance = 0;       ///< of the residual
   bool is_converged = false;
   bool is_definite = true;    ///< the tangent stiffness where Newton's iteration ended
