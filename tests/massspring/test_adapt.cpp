@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 
 #include "massspring/adapt.h"
-#include "meshing/algebra/rigid_motion.h"
 #include "meshing/network/build_network.h"
 #include "meshing/network/split_in_eight.h"
 #include "meshing/scene/surface_problem.h"
@@ -100,31 +99,6 @@ TEST(ErrorEstimate, OfUniformStretchIsBelowWhatItIsSolvedTo) {
   const SpringNetwork network = network_of(scene);
   const Matrix3Xd u = displacement_on(network, scene, network.X.cols());
   EXPECT_LT(estimate_error(scene, network, u).error, 1e-6);
-}
-
-// Pressed between two patches on a table without friction, on which it may slide and turn.
-TEST(ErrorEstimate, LeavesOutTheRigidMotionsThatSupportsLeave) {
-  Scene scene = bent_bar(120);
-  scene.gravity.reset();
-  Support& table = scene.supports[0];
-  table.region = {Box{{0, 0, 0}, {1, 0.01, 1}}, true};
-  table.fixed = {{false, true, false}};
-  for (const double side : {0., 1.}) {
-    Load& load = scene.loads.emplace_back();
-    load.region = {Box{{0.1, 0, side - 0.01}, {0.4, 1, side + 0.01}}, true};
-    load.pressure = 1e3;
-  }
-  const SpringNetwork network = network_of(scene), finer = split_in_eight(network).network;
-  const Eigen::Index n = network.n_surface;
-  const Matrix3Xd X = network.X.leftCols(n), u = displacement_on(network, scene, network.X.cols()),
-                  of_finer = displacement_on(finer, scene, n);
-  const Eigen::VectorXd areas = vertex_areas(X, network.F);
-  const auto norm = [&](const Matrix3Xd& v) {
-    return std::sqrt(without_rigid_motion(v, X, areas).colwise().squaredNorm().dot(areas));
-  };
-  const double expected =
-      norm(u.leftCols(n) - of_finer) / norm(of_finer) / (1 - static_cast<double>(n) / finer.n_surface);
-  EXPECT_NEAR(estimate_error(scene, network, u).error, expected, 0.03 * expected);
 }
 
 TEST(ErrorEstimate, OfTooManyNodesIsRefused) {
