@@ -206,11 +206,11 @@ def svg_figure(svg: str, caption: str) -> str:
 
 
 def image_figure(file: Path, caption: str) -> str:
-    """A PNG, JPEG or GIF file with its caption, for a page."""
+    """A PNG, JPEG, GIF or WebP file with its caption, for a page."""
     return _figure(file.read_bytes(), _KINDS[file.suffix], caption)
 
 
-_KINDS = {".png": "png", ".jpg": "jpeg", ".gif": "gif"}
+_KINDS = {".png": "png", ".jpg": "jpeg", ".gif": "gif", ".webp": "webp"}
 
 
 def _figure(data: bytes, kind: str, caption: str, look: str = "") -> str:

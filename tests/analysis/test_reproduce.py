@@ -17,6 +17,7 @@ from PIL import Image
 from analysis import reproduce as module
 from analysis.__main__ import parse_arguments
 from analysis.paths import PROGRAMS, ROOT
+from analysis.report import image_figure
 from analysis.reproduce import (
     Entry,
     cell_of,
@@ -114,6 +115,15 @@ def test_cells_of_a_page_are_those_that_its_command_left(entry):
     for number in entry.tables:
         file = stored_file(entry, number)
         assert on_page(entry, number) == read_table(file)
+
+
+def test_every_kind_of_published_picture_can_stand_on_the_page_of_all(tmp_path):
+    for suffix in {Path(figure).suffix for entry in entries().values() for figure in entry.figures} - {
+        ".svg"
+    }:
+        picture = tmp_path / f"picture{suffix}"
+        picture.write_bytes(b"bytes")
+        assert f"data:image/{suffix[1:]};base64," in image_figure(picture, "a caption")
 
 
 def test_no_stored_figures_are_left_over():
