@@ -40,10 +40,11 @@ void check_skin_and_volume(const Scene& scene, const Calibration& calibration) {
   if (scene.volume && scene.volume->local > 0 && !calibration.needs_tetrahedra)
     refuse("volume.local", scene.volume->local,
            "0 with " + calibration.name + " springs: their network has no tetrahedra");
-  constexpr const char* kHolds = "minimising_euler";
-  if (is_dynamic(scene) && scene.volume && scene.volume->is_exact && scene.time.integrator != kHolds)
-    throw std::runtime_error("time.integrator = " + scene.time.integrator + ", expected " + kHolds +
-                             " with volume.exact");
+  const std::string& integrator = scene.time.integrator;
+  const bool holds_volume = integrator == "minimising_euler" || integrator == "bdf2";
+  if (is_dynamic(scene) && scene.volume && scene.volume->is_exact && !holds_volume)
+    throw std::runtime_error("time.integrator = " + integrator +
+                             ", expected minimising_euler or bdf2 with volume.exact");
   if (is_dynamic(scene) && scene.material.stiffness_damping > 0)
     refuse("material.stiffness_damping", scene.material.stiffness_damping, "0: only the reference has it");
 }

@@ -84,10 +84,12 @@ TEST(HeldVolume, IsKeptUnderLoadAndItsPressureIsOfTheState) {
   EXPECT_EQ(pressure_of(held), pressure);
 }
 
-TEST(HeldVolume, InMotionKeepsMomentumAndGoesOnFromItsStateBitForBit) {
+struct InMotion : testing::TestWithParam<const char*> {};
+
+TEST_P(InMotion, KeepsMomentumAndGoesOnFromItsStateBitForBit) {
   Box box(1.2);
   box.scene.time.mode = TimeMode::Dynamic;
-  box.scene.time.integrator = "minimising_euler";
+  box.scene.time.integrator = GetParam();
   box.scene.time.step = 0.01;
   box.scene.time.end = 0.3;
   box.scene.initial.emplace_back();
@@ -112,6 +114,8 @@ TEST(HeldVolume, InMotionKeepsMomentumAndGoesOnFromItsStateBitForBit) {
   EXPECT_EQ(other.state().x, whole.state().x);
   EXPECT_EQ(pressure_of(other), pressure_of(whole));
 }
+
+INSTANTIATE_TEST_SUITE_P(HeldVolume, InMotion, testing::Values("minimising_euler", "bdf2"));
 
 }  // namespace
 }  // namespace testbed::massspring
