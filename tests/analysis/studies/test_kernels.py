@@ -14,7 +14,7 @@ from analysis.studies.kernels import Case, Timed, Tree
 
 @pytest.fixture
 def trees(tmp_path):
-    return [Tree("v1", tmp_path / "v1"), Tree("now", tmp_path / "now")]
+    return [Tree("v1", tmp_path / "v1"), Tree("now", tmp_path / "now", ("network.estimate=false",))]
 
 
 def test_runs_alternate_between_the_trees_and_their_least_seconds_count(trees, tmp_path, monkeypatch):
@@ -34,6 +34,7 @@ def test_runs_alternate_between_the_trees_and_their_least_seconds_count(trees, t
             assert request.scene == tmp_path / self.tree / "analysis" / "scenes" / "bar_bend.toml"
             if request.program == "fem_reference":
                 return Outcome("time limit", "stopped", 7, 7, 0)
+            assert ("network.estimate=false" in request.overrides) == (self.tree == "now")
             assert request.overrides[0] == "time.step=1" and request.options == ("--no-diagnostics",)
             solve = seconds[self.tree, request.repetition]
             record = {"seconds": {"mesh": 100, "setup": 1, "solve": solve}}
