@@ -220,10 +220,10 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
         for name, file in pictures.items()
     }
     sections.append(Section("Figure 11 as published", [], shown, {"published": ended}))
-    differences, pairs = strips.compare(
+    tables, pairs = strips.compare(
         scenes, Store(folder / "runs"), folder, without=_NOT_IN_PAIRS, is_quiet=arguments.quiet
     )
-    sections.append(Section("Figure 11 in pairs", [strips.HOW], {}, {"pairs": differences}))
+    sections.append(Section("Figure 11 in pairs", [strips.HOW], {}, {"pairs": tables["strips"]}))
     sections += pairs
     seeds = Seeds(Store(folder / "runs"), 2 if arguments.quick else N_SEEDS)
     sections.append(network_curves.section(network_curves.measure(seeds)))

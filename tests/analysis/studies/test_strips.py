@@ -100,10 +100,19 @@ def test_chance_names_who_scatters(monkeypatch, ball):
         return SimpleNamespace(mean=size * abs(a[0] - b[0]).max())
 
     monkeypatch.setattr(strips, "surface_distance", apart)
-    assert strips.chance(strip, 4, None).startswith(
-        f"scene: Runs of node_averaged and {FEM_P1} are 490 % of the size apart in the mean, "
-        f"two of node_averaged 17 % of the size and two of {FEM_P1} 1.7 % of the size:"
-    )
+    row = strips.chance_row("scene", strips.chance(strip, 4, None))
+    assert dict(zip(strips.CHANCE, row, strict=True)) == {
+        "scene": "scene",
+        "two of springs, node_averaged": "17 %",
+        "two of finite elements, linear": "1.7 %",
+        "one of each": "490 %",
+        "chance does as much": "2.9 %",
+    }
+
+
+def test_chance_is_not_told_of_too_few_ends():
+    strip = SimpleNamespace(copies=lambda method, n, folder: [None])
+    assert strips.chance_row("scene", strips.chance(strip, 1, None)) == ["scene", "-", "-", "-", "-"]
 
 
 def test_runs_of_all_strips_are_made_by_the_engine(tmp_path, monkeypatch):
@@ -116,7 +125,8 @@ def test_runs_of_all_strips_are_made_by_the_engine(tmp_path, monkeypatch):
 
     monkeypatch.setattr(strips.Strip, "run", run)
     scenes = [SCENES / f"{name}.toml" for name in ("torus_implodes", "ball_deflates")]
-    (_, rows), sections = strips.compare(scenes, None, tmp_path, without=(FEM_P2,))
+    tables, sections = strips.compare(scenes, None, tmp_path, without=(FEM_P2,))
+    rows = tables["strips"][1]
     in_order = [(row[0], row[1]) for row in rows]
     assert made == in_order and label_of(FEM_P2) not in {method for _, method in made}
     assert [name for name, _ in in_order] == sorted((name for name, _ in in_order), reverse=True)
@@ -125,5 +135,5 @@ def test_runs_of_all_strips_are_made_by_the_engine(tmp_path, monkeypatch):
     ]
     made.clear()
     with made_by(Backwards()):
-        (_, again), _ = strips.compare(scenes, None, tmp_path, without=(FEM_P2,))
-    assert again == rows and made == in_order[::-1]
+        again, _ = strips.compare(scenes, None, tmp_path, without=(FEM_P2,))
+    assert again == tables and made == in_order[::-1]
