@@ -168,6 +168,22 @@ TEST(Motion, EndsWhereThreeStepsInARowDoNotConverge) {
   EXPECT_FALSE(simulation.has_ended()) << "it may be tried anew";
 }
 
+TEST(Motion, GoesOnWhereAStepBetweenThoseThatDoNotConvergeDoes) {
+  FreeBox box;
+  box.scene.initial[0].spin = kSpin;
+  box.scene.time.integrator = "midpoint";
+  Simulation exact(box.scene, box.network);
+  box.scene.time.tolerance = 1e-25;  // beyond what rounding leaves
+  Simulation never(box.scene, box.network);
+  never.advance();
+  never.advance();
+  exact.restore(never.saved());
+  exact.advance();
+  never.restore(exact.saved());
+  EXPECT_EQ(never.advance(), Status::NotConverged);
+  EXPECT_FALSE(never.has_ended());
+}
+
 TEST(Supports, HoldAlongAnyDirectionAsTheyDoAlongAxes) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(M_PI / 4, Vector3d(1, 2, -1).normalized()).matrix();
   FreeBox box;
