@@ -1,5 +1,6 @@
 """Strips of motions whose differences are known."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -113,6 +114,38 @@ def test_chance_names_who_scatters(monkeypatch, ball):
 def test_chance_is_not_told_of_too_few_ends():
     strip = SimpleNamespace(copies=lambda method, n, folder: [None])
     assert strips.chance_row("scene", strips.chance(strip, 1, None)) == ["scene", "-", "-", "-", "-"]
+
+
+def test_steps_tell_what_the_scheme_takes_of_the_work_and_how_far_methods_are_apart(
+    monkeypatch, ball, tmp_path
+):
+    """Of work 3 + 1 J springs lose 1 J and elements 2 J; in half the step half of it, and they lie as far apart."""
+    made, runs = [], {}
+
+    def run(strip, method, overrides=()):
+        made.append((method, tuple(overrides)))
+        lost, at = (1, 0.0) if method == "node_averaged" else (2, 0.1)
+        folder = tmp_path / str(len(made))
+        motion(folder, ball, lambda X: 0 * X + [at, 0, 0])
+        curves = {
+            "work_of_loads": [0, 3],
+            "work_of_rest": [0, 1],
+            "lost_to_scheme": [0, lost / (1 + len(overrides))],
+        }
+        runs[folder] = replace(load_frames(folder), curves=curves)
+        return Outcome("ok", "", 1, 1, 0, folder)
+
+    monkeypatch.setattr(strips.Strip, "run", run)
+    monkeypatch.setattr(strips, "load_frames", runs.__getitem__)
+    rows = strips.step_rows(strips.Strip(SCENES / "handle_folds.toml", None, []))
+    assert [row[:4] for row in rows] == [
+        ["handle_folds", "5", "25 %", "50 %"],
+        ["handle_folds", "2.5", "12 %", "25 %"],
+    ]
+    assert rows[0][4] == rows[1][4] != "0 %"
+    assert made == [
+        (method, of) for of in ((), ("time.step=0.0025",)) for method in ("node_averaged", FEM_P1)
+    ]
 
 
 def test_runs_of_all_strips_are_made_by_the_engine(tmp_path, monkeypatch):
