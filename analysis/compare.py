@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,27 +55,43 @@ def vertex_areas(X: Array, F: Array) -> Array:
     return np.bincount(F.ravel(), weights=np.repeat(areas / 3, 3), minlength=len(X))
 
 
-def remove_rigid_motion(X: Array, u: Array, weights: Array) -> Array:
-    """u less the small rigid motion a + w x (X - c) nearest to it in the weighted least-squares sense."""
-    Y = X - np.average(X, axis=0, weights=weights)
-    translation = np.tile(np.eye(3), (len(X), 1))
-    rotation = np.cross(np.eye(3)[None, :, :], Y[:, None, :]).transpose(0, 2, 1).reshape(-1, 3)
-    # Both parts scaled alike, so that the size of the body does not matter to lstsq's rank decision.
-    rigid = np.hstack([translation, rotation / np.abs(Y).max()])
+#: Whether a body moves freely as a whole, so that its rigid motion means nothing; or those motions that supports leave free,
+#: (m, 6): translation (m) and turn (rad) about the origin.
+Free = bool | Array
+
+
+def free_motions(record: dict[str, Any]) -> Free:
+    """By what run.json holds: of a static body those that supports leave free, where nothing else holds it."""
+    motions = record.get("free_motions") if record.get("is_free") else None
+    return np.array(motions) if motions else False
+
+
+def remove_rigid_motion(X: Array, u: Array, weights: Array, motions: Free = True) -> Array:
+    """u less the small rigid motion nearest to it in the weighted least-squares sense, of all or of some motions."""
+    centre = np.average(X, axis=0, weights=weights)
+    Y = X - centre
+    if isinstance(motions, bool):
+        # Both parts scaled alike, so that the size of the body does not matter to lstsq's rank decision.
+        shifts, turns = np.eye(6, 3), np.eye(6, 3, -3) / np.abs(Y).max()
+    else:
+        shifts, turns = motions[:, :3] + np.cross(motions[:, 3:], centre), motions[:, 3:]
+    rigid = (shifts[:, None, :] + np.cross(turns[:, None, :], Y)).reshape(len(shifts), -1).T
     root = np.repeat(np.sqrt(weights), 3)
     motion, *_ = np.linalg.lstsq(rigid * root[:, None], u.ravel() * root, rcond=None)
     return u - (rigid @ motion).reshape(-1, 3)
 
 
-def deformation(frame: Frame, is_free: bool) -> Array:
+def deformation(frame: Frame, is_free: Free) -> Array:
     """The displacement (n, 3), of a free body less the rigid motion, which means nothing there."""
-    return remove_rigid_motion(frame.X, frame.u, vertex_areas(frame.X, frame.F)) if is_free else frame.u
+    if is_free is False:
+        return frame.u
+    return remove_rigid_motion(frame.X, frame.u, vertex_areas(frame.X, frame.F), is_free)
 
 
-def displacement_error(X: Array, F: Array, u: Array, u_reference: Array, is_free: bool) -> DisplacementError:
+def displacement_error(X: Array, F: Array, u: Array, u_reference: Array, is_free: Free) -> DisplacementError:
     """Relative difference of two surface displacements (n, 3) over the rest surface X, F.
 
-    is_free: the body has no supports, so a rigid motion means nothing and is removed from both.
+    is_free: rigid motion that means nothing is removed from both.
     """
     pair = (deformation(Frame(X, field, F), is_free) for field in (u, u_reference))
     return _error_of(np.zeros(1), [tuple(pair)], vertex_areas(X, F))
@@ -130,7 +146,7 @@ def displacement_at(run: Run, time: float) -> Array:
     return (1 - share) * run.frame(after - 1).u + share * run.frame(after).u
 
 
-def trajectory_error(run: Run, reference: Run, is_free: bool = False) -> DisplacementError:
+def trajectory_error(run: Run, reference: Run, is_free: Free = False) -> DisplacementError:
     """Relative difference of two motions, over surface and time.
 
     The run's frames are interpolated linearly to the reference's times, which is exact where both have the same.
@@ -148,7 +164,7 @@ def trajectory_error(run: Run, reference: Run, is_free: bool = False) -> Displac
     return _error_of(reference.times, pairs, vertex_areas(X, F))
 
 
-def root_mean_square(reference: Run, is_free: bool, time: float) -> float:
+def root_mean_square(reference: Run, is_free: Free, time: float) -> float:
     """Length (m) that errors are relative to: of the reference's displacement over its surface at a time, of a motion over it
     all."""
     X, F = reference.last.X, reference.last.F
@@ -171,7 +187,7 @@ class Tip:
     direction: Array
     time: float  #: of the reference's frame where it does
 
-    def curve(self, run: Run, is_free: bool) -> tuple[Array, Array]:
+    def curve(self, run: Run, is_free: Free) -> tuple[Array, Array]:
         """Times of a run's frames, and how far its tip has moved in that direction (m)."""
         moved = [
             deformation(run.frame(k), is_free)[self.vertex] @ self.direction for k in range(len(run.times))
@@ -179,7 +195,7 @@ class Tip:
         return run.times, np.array(moved)
 
 
-def tip_of(reference: Run, is_free: bool) -> Tip:
+def tip_of(reference: Run, is_free: Free) -> Tip:
     """Of a motion, where it is widest; else at its end."""
     index = reference.widest if is_dynamic(reference) else len(reference.times) - 1
     u = deformation(reference.frame(index), is_free)
@@ -288,7 +304,7 @@ class ReferenceSummary:
     unrefined_error: float | None = None  #: of that, by the finest
 
 
-def compare_runs(run: Run, reference: Run, is_free: bool) -> ModelComparison:
+def compare_runs(run: Run, reference: Run, is_free: Free) -> ModelComparison:
     """The figures of a run against the reference; displacements at the end, of a dynamic scene over the whole time.
 
     The end is the last moment that both have reached. is_free: as in displacement_error. Raises RunError where the two
@@ -356,7 +372,7 @@ def describe_alone(run: Run) -> ModelSummary:
 
 
 def describe_reference(
-    reference: Run, is_free: bool = False, estimated_error: float | None = None
+    reference: Run, is_free: Free = False, estimated_error: float | None = None
 ) -> ReferenceSummary:
     """The figures of the reference; estimated_error: of its displacement, relative in the L2 norm, where it is known."""
     frame, scene = _widest_frame(reference), scene_of(reference)

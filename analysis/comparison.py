@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from .compare import (
+    Free,
     ModelComparison,
     ModelSummary,
     ReferenceSummary,
@@ -74,7 +75,7 @@ class Comparison:
         if self.of_reference:
             reference = asdict(self.of_reference)
             comparison |= {
-                "rigid_motion_removed": experiment.is_free,
+                "rigid_motion_removed": experiment.is_free is not False,
                 **{key: main.get(key) for key in _MAIN},
                 "n_dofs_reference": reference["n_dofs"],
                 "smaller_steps": self._smaller_steps(),
@@ -165,7 +166,7 @@ def _judged_by(
     return Comparison(experiment, seen, models, reference, described)
 
 
-def errors_of_references(levels: list[Run], is_free: bool) -> list[float | None]:
+def errors_of_references(levels: list[Run], is_free: Free) -> list[float | None]:
     """Estimated displacement errors of references, each refined once more than the one before; None of one alone.
 
     Each is as far from the finest as that is from the limit, which the last two changes tell: they fall by _FASTEST at most.

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .compare import Free, free_motions
+from .runs import record_of
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -51,8 +54,14 @@ class Experiment:
         return self.scene["material"]["law"]
 
     @property
-    def is_free(self) -> bool:
-        return not self.scene.get("supports")
+    def is_free(self) -> Free:
+        """Where supports leave motions free, all programs find the same."""
+        if not self.scene.get("supports"):
+            return True
+        records = self.folder.glob("**/run.json")
+        return next(
+            (free for file in records if (free := free_motions(record_of(file.parent))) is not False), False
+        )
 
     @property
     def is_static(self) -> bool:

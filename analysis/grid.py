@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .cluster import engine_of
-from .compare import compare_runs
+from .compare import compare_runs, free_motions
 from .drawing.style import number_logarithmic, style_of, svg_of
 from .experiment import default_folder, surface_overrides
 from .folder_lock import locked
@@ -100,7 +100,7 @@ def measure(store: Store, scene: Path, settings: dict[str, str]) -> Row:
             }
     try:
         springs, reference = (load_run(run.folder) for run in runs)
-        figures = asdict(compare_runs(springs, reference, is_free=reference.record["is_free"]))
+        figures = asdict(compare_runs(springs, reference, is_free=free_motions(reference.record)))
     except RunError as error:
         return {**settings, "status": "failed", "message": str(error)}
     for run in (springs, reference):

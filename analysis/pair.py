@@ -12,11 +12,13 @@ import numpy as np
 import pyvista as pv
 
 from .compare import (
+    Free,
     ModelComparison,
     area_change,
     compare_runs,
     deformation,
     displacement_error,
+    free_motions,
     vertex_areas,
     volume,
     volume_change,
@@ -49,7 +51,7 @@ class Pair:
     F: Array
     u: Array
     u_reference: Array
-    is_free: bool  #: rigid motion is removed from both
+    is_free: Free  #: rigid motion is removed from both
     apart: float  #: m, of matched vertices at most
 
     def as_json(self) -> dict[str, Any]:
@@ -60,7 +62,7 @@ class Pair:
             "reference": self.reference.name,
             "displacement_error_l2": error.l2,
             "displacement_error_max": error.max,
-            "rigid_motion_removed": self.is_free,
+            "rigid_motion_removed": self.is_free is not False,
             "n_vertices": len(self.X),
             "largest_distance_of_matched": self.apart,
             "problem_differences": self.problem_differences(),
@@ -146,8 +148,10 @@ def match(model: Result, reference: Result) -> Pair:
             f"{n_shared} vertices of {holder.name} share a node of {other.name}, expected one for each"
         )
     fields = {id(holder): holder.u[used], id(other): other.u[nodes]}
-    scenes = [scene_of(result.run) for result in (model, reference) if result.run]
-    is_free = bool(scenes) and not any(scene.get("supports") for scene in scenes)
+    runs = [result.run for result in (model, reference) if result.run]
+    is_free: Free = bool(runs)
+    if any(scene_of(run).get("supports") for run in runs):
+        is_free = free_motions(runs[0].record)
     return Pair(
         model, reference, X, F, fields[id(model)], fields[id(reference)], is_free, float(distances.max())
     )

@@ -298,14 +298,14 @@ _LAWS = {
 }
 
 _EXPLAINED_ALONE = """<h2>How to read this</h2>
-<p>Self-contact, wrinkles and skin have no fair finite-element reference here, so nothing is compared. <b>Kinetic energy
+<p>No finite elements have solved this scene, so nothing is compared. <b>Kinetic energy
 left</b>: at the end, of its largest; little means that the body came to rest without jitter.</p>"""
 
 
 def _explained(comparison: dict[str, Any]) -> str:
     """What the figures of a comparison mean."""
     rigid = (
-        "The body is free, so rigid motion is removed from both displacements first. "
+        "Rigid motion that nothing holds is removed from both displacements first. "
         if comparison["rigid_motion_removed"]
         else ""
     )

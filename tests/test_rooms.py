@@ -14,7 +14,7 @@ BELOW = {
     "meshing/algebra": ["meshing/base"],
     "meshing/surface": ["meshing/base"],
     "meshing/tetrahedra": ["meshing/base", "meshing/surface"],
-    "meshing/scene": ["meshing/base", "meshing/surface"],
+    "meshing/scene": ["meshing/base", "meshing/algebra", "meshing/surface"],
     "meshing/network": ["meshing/base", "meshing/surface", "meshing/tetrahedra", "meshing/scene"],
     "meshing/surface_energies": ["meshing/base", "meshing/algebra", "meshing/surface", "meshing/scene"],
     "meshing/run": ["meshing/base", "meshing/surface", "meshing/tetrahedra", "meshing/scene"],

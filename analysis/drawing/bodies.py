@@ -10,7 +10,7 @@ import numpy as np
 import pyvista as pv
 from PIL import Image
 
-from ..compare import deformation, displacement_at, root_mean_square, volume
+from ..compare import Free, deformation, displacement_at, root_mean_square, volume
 from ..runs import Array, Frame, Run
 from .error_scale import CLAY, COLOURS, POWERS, powers_of
 from .pictures import LOOK, add_outline, aim, floor_of, panel_of, skin_of, stage, surface_of, view_axes
@@ -31,7 +31,7 @@ class Body:
     inside: pv.PolyData | None = None
 
 
-def bodies_of(run: Run, reference: Run, time: float, is_free: bool, is_cut: bool) -> tuple[Body, Body]:
+def bodies_of(run: Run, reference: Run, time: float, is_free: Free, is_cut: bool) -> tuple[Body, Body]:
     """The reference's body and the run's at a time, without rigid motion where they are free.
 
     The error is given in % of the root mean square of the reference's displacement, of a motion over all of it.

@@ -24,8 +24,10 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
 from ..compare import (
+    Free,
     deformation,
     displacement_at,
+    free_motions,
     keeps_volume,
     root_mean_square,
     tip_of,
@@ -74,7 +76,7 @@ class _Paint:
     limits: tuple[float, float]  #: of the values at vertices
 
 
-def _errors(runs: dict[str, Run], reference: Run, times: Array, is_free: bool) -> dict[str, list[Array]]:
+def _errors(runs: dict[str, Run], reference: Run, times: Array, is_free: Free) -> dict[str, list[Array]]:
     """At each vertex, at the times, of all runs but the reference, relative to what the report's are: powers of ten of %."""
     X, F = reference.last.X, reference.last.F
 
@@ -110,7 +112,8 @@ class _Camera:
         self.times = times
         scene = scene_of(next(iter(runs.values())))
         self.is_static = scene.get("time", {}).get("mode") == "static"
-        self.is_free = bool(scene) and not scene.get("supports")
+        record = next(iter(runs.values())).record
+        self.is_free: Free = free_motions(record) if scene.get("supports") else bool(scene)
         reference = runs.get(REFERENCE) if len(runs) > 1 else None
         if reference:
             runs = {name: on_points_of(run, reference) for name, run in runs.items()}

@@ -23,7 +23,7 @@ import numpy as np
 import pyvista as pv
 from matplotlib.figure import Figure
 
-from ..compare import displacement_error
+from ..compare import displacement_error, free_motions
 from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..grid import csv_of
 from ..methods import FEM_P2, label_of
@@ -166,7 +166,7 @@ class Bench:
 def error_of(run: Run, reference: Run) -> float:
     """Over the vertices of the refined reference's surface as it was cut."""
     seen, end = on_points_of(run, reference).last, reference.last
-    return displacement_error(end.X, end.F, seen.u, end.u, reference.record["is_free"]).l2
+    return displacement_error(end.X, end.F, seen.u, end.u, free_motions(reference.record)).l2
 
 
 def exact_rows(folder: Path, of: list[Body]) -> list[Row]:

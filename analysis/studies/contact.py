@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compare import compare_runs
+from ..compare import compare_runs, free_motions
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES
 from ..report import Table
@@ -105,7 +105,7 @@ def plates_table(store: Store, scenes: Sequence[Path]) -> Table:
         for method, run in runs.items():
             row = [scene.stem, label_of(method), str(run.record["n_nodes"]), percent(run.times[-1])]
             if method != FEM_P2:
-                found = compare_runs(run, referee, referee.record["is_free"])
+                found = compare_runs(run, referee, free_motions(referee.record))
                 row += [percent(found.displacement_error_l2, 2), percent(found.volume_change_error, 2)]
                 row += [
                     percent_signed(_at(run, name, found.reached) / _at(referee, name, found.reached) - 1)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compare import compare_runs, keeps_volume, trajectory_error, volume_change
+from ..compare import compare_runs, free_motions, keeps_volume, trajectory_error, volume_change
 from ..machine import has_waited
 from ..methods import FEM_P1, FEM_P1_EXPLICIT, FEM_P2, FEM_P2_EXPLICIT
 from ..run_store import Outcome, RunRequest, Store, say
@@ -339,7 +339,7 @@ class SceneStudy:
 
     def _errors(self, outcome: Outcome, exact: Run) -> tuple[float, float]:
         run = load_run(outcome.folder)
-        figures = compare_runs(run, exact, exact.record["is_free"])
+        figures = compare_runs(run, exact, free_motions(exact.record))
         if is_dynamic(self.scene):
             return trajectory_error(run, exact).l2, figures.volume_change_error
         # Curves of a static solve in one step have no points between.

@@ -22,13 +22,17 @@ Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A) {
          Eigen::MatrixXd::Identity(A.rows(), A.cols());
 }
 
-Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions,
-                                   const Eigen::Matrix<double, 6, 6>& constrained) {
+Eigen::MatrixXd free_sums(const Eigen::Matrix<double, 6, 6>& constrained) {
   constexpr double kZero = 1e-10;  // squared sine of the angle at which supports hold a motion
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(constrained);
-  const auto m = (eigen.eigenvalues().array() < kZero).count();
-  if (m == 0) return Eigen::MatrixXd(motions.rows(), 0);
-  return orthonormal(motions * eigen.eigenvectors().leftCols(m));
+  return eigen.eigenvectors().leftCols((eigen.eigenvalues().array() < kZero).count());
+}
+
+Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions,
+                                   const Eigen::Matrix<double, 6, 6>& constrained) {
+  const Eigen::MatrixXd sums = free_sums(constrained);
+  if (sums.cols() == 0) return Eigen::MatrixXd(motions.rows(), 0);
+  return orthonormal(motions * sums);
 }
 
 void check_balance(const Eigen::Matrix3Xd& X, const Eigen::MatrixXd& free, const Eigen::Matrix3Xd& load,

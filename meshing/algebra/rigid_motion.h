@@ -29,9 +29,13 @@ Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X);
 /// Orthonormal basis of the span of independent columns.
 Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A);
 
+/// Which sums of the six rigid motions supports leave free, 6 x m.
+/// @param constrained  H^T H, H what the supports hold of each motion
+Eigen::MatrixXd free_sums(const Eigen::Matrix<double, 6, 6>& constrained);
+
 /// Orthonormal basis of the rigid motions that supports leave free, 3n x m, m <= 6.
 /// @param motions      of all points, see rigid_motions
-/// @param constrained  H^T H, 6 x 6, H what the supports hold of each motion
+/// @param constrained  see free_sums
 Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions,
                                    const Eigen::Matrix<double, 6, 6>& constrained);
 

@@ -269,6 +269,10 @@ void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::ve
   head["problem_hash"] = hash_of(bytes_of(problem_));
   head["n_surface"] = n_surface;
   head["n_nodes"] = X.cols();
+  head["free_motions"] = nlohmann::json::array();
+  const Eigen::MatrixXd motions = free_motions(problem_, surface.X);
+  for (const auto& motion : motions.colwise())
+    head["free_motions"].push_back(std::vector<double>(motion.begin(), motion.end()));
   record.update(head);
   known_ = record;
   if (!before_) return;

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "meshing/algebra/rigid_motion.h"
 #include "meshing/base/kd_tree.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface/surface_tree.h"
@@ -103,6 +104,23 @@ SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface) {
     for (StressTerm& term : problem.stressed.back().terms) term.tail<6>() *= factor;
   }
   return problem;
+}
+
+Eigen::MatrixXd free_motions(const SurfaceProblem& problem, const Eigen::Matrix3Xd& X) {
+  const Eigen::Vector3d centre = X.rowwise().mean();
+  const double size = (X.colwise() - centre).colwise().norm().maxCoeff();
+  Eigen::Matrix<double, 6, 6> constrained = Eigen::Matrix<double, 6, 6>::Zero();
+  for (const auto& [vertices, support] : problem.constrained)
+    for (const Eigen::Vector3d& direction : constrained_directions(support))
+      for (const int v : vertices) {
+        const Eigen::Vector<double, 6> held =
+            rigid_motions_at((X.col(v) - centre) / size).transpose() * direction;
+        constrained += held * held.transpose();
+      }
+  Eigen::MatrixXd motions = free_sums(constrained);
+  motions.bottomRows<3>() /= size;
+  motions.topRows<3>() += cross_product_matrix(centre) * motions.bottomRows<3>();
+  return motions;
 }
 
 Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time, double t) {

@@ -43,6 +43,10 @@ struct SurfaceProblem {
 /// itself, or a follower pressure acts on a part of a component of the surface.
 SurfaceProblem discretise(const Scene& scene, const SurfaceMesh& surface);
 
+/// The rigid motions of a surface's points X (3 x n) that supports leave free, 6 x m: translation (m) and turn (rad) about
+/// the origin.
+Eigen::MatrixXd free_motions(const SurfaceProblem& problem, const Eigen::Matrix3Xd& X);
+
 /// Displacement (m) that a support prescribes at a time (s), in static scenes at a load factor.
 Eigen::Vector3d displacement_at(const Support& support, const TimeOptions& time, double t);
 

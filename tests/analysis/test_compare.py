@@ -14,6 +14,7 @@ from analysis.compare import (
     describe_reference,
     displacement_at,
     displacement_error,
+    free_motions,
     remove_rigid_motion,
     tip_of,
     trajectory_error,
@@ -109,6 +110,24 @@ def test_removing_rigid_motion_leaves_a_deformation_alone(ball):
     X, F = ball
     u = X * [1, -1, 0]
     assert remove_rigid_motion(X, u + rigid_motion(X), vertex_areas(X, F)) == pytest.approx(u, abs=1e-6)
+
+
+def test_motions_that_supports_leave_free_are_removed_alone(ball):
+    """A turn about a hinge beside a body that is not at the origin; shifts and other turns stay."""
+    X, F = ball[0] + [7, -5, 3], ball[1]
+    hinge, axis = np.array([6, -5, 3.5]), np.array([0, 0.5, 0])
+    motions = np.array([[*np.cross(hinge, axis), *axis]])
+    free = np.cross(3 * axis, X - hinge)
+    stretch = np.array([0.1, 0, 0]) * (X - X.mean(axis=0))
+    left = remove_rigid_motion(X, free + stretch, vertex_areas(X, F), motions)
+    assert left == pytest.approx(remove_rigid_motion(X, stretch, vertex_areas(X, F), motions), abs=1e-9)
+    assert left == pytest.approx(stretch, abs=0.01)
+    shift = remove_rigid_motion(X, np.tile([0, 0.2, 0], (len(X), 1)), vertex_areas(X, F), motions)
+    assert shift == pytest.approx(np.tile([0, 0.2, 0], (len(X), 1)), abs=1e-9)
+    record = {"is_free": True, "free_motions": motions.tolist()}
+    assert displacement_error(X, F, free + stretch, stretch, free_motions(record)).l2 < 1e-6
+    for record in ({"is_free": False, "free_motions": motions.tolist()}, {"is_free": True}, {}):
+        assert free_motions(record) is False
 
 
 def test_what_is_left_has_no_mean_motion_over_the_surface(uneven):

@@ -35,6 +35,20 @@ from analysis.verdict import conclusion, finding
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
 
 
+def test_motions_that_supports_leave_free_are_those_of_the_runs(tmp_path):
+    scene = {"supports": [{"components": "yz"}]}
+    assert Experiment(tmp_path, {}, {}).is_free is True
+    assert Experiment(tmp_path, scene, {}).is_free is False
+    motions = [[1.0, 0, 0, 0, 0, 0]]
+    for name, record in (
+        ("massspring/affine", {"status": "refused"}),
+        ("fem_reference", {"is_free": True, "free_motions": motions}),
+    ):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "run.json").write_text(json.dumps(record))
+    assert Experiment(tmp_path, scene, {}).is_free == pytest.approx(np.array(motions))
+
+
 @pytest.fixture
 def experiment(ball, tmp_path):
     scene = {

@@ -151,6 +151,20 @@ def test_two_runs_are_compared_over_all_that_they_hold(ball, tmp_path, capsys):
     assert np.ptp(pictures[0]) < 20 and np.ptp(pictures[1]) > 100  # clay, and the colour of 20 %
 
 
+def test_rigid_motion_that_supports_leave_free_is_removed_from_two_runs(ball, tmp_path):
+    """Of a body that rolls along x alone the shift along x means nothing, that along y does."""
+    record = {"is_free": True, "free_motions": [[1, 0, 0, 0, 0, 0]]}
+    folders = [
+        write_run(tmp_path / name, *ball, lambda X, shift=shift: 0.01 * X + shift, **record)
+        for name, shift in (("model", np.array([0.3, 0.02, 0])), ("reference", np.array([0.1, 0, 0])))
+    ]
+    for folder in folders:
+        (folder / "scene.toml").write_text('[[supports]]\ncomponents = "yz"\n')
+    pair = match(*map(read_result, folders))
+    assert pair.as_json()["displacement_error_l2"] == pytest.approx(2, rel=1e-6)
+    assert pair.as_json()["runs"]["displacement_error_l2"] == pytest.approx(2, rel=1e-6)
+
+
 def test_curves_of_two_runs_are_drawn_as_they_were_written(drawn, ball, tmp_path):
     from analysis.drawing import plots
 

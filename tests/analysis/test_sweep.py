@@ -410,7 +410,7 @@ def test_killed_sweep_continues_to_the_same_table(ball, scene, tmp_path):
 
 def test_rigid_motion_of_a_free_body_is_no_error(ball, tmp_path):
     write_run(tmp_path / "massspring", *ball, lambda X: 0.012 * X + [0.1, 0, 0])
-    more = {"program": "fem_reference", "is_free": True}
+    more = {"program": "fem_reference", "is_free": True, "free_motions": [[1, 0, 0, 0, 0, 0]]}
     write_run(tmp_path / "fem_reference", *ball, lambda X: 0.01 * X, **more)
     (tmp_path / "scene.toml").write_text("")
 

@@ -113,6 +113,36 @@ TEST(Discretise, RefusesARegionThatHoldsNothingWithItsPlaceAndTheBodysBox) {
   expect_parts(refusal_on(scene, surface), {"loads.0.region: no triangle"});
 }
 
+/// Displacement of points X in a motion, see free_motions.
+Eigen::Matrix3Xd displacement_of(const Eigen::VectorXd& motion, const Eigen::Matrix3Xd& X) {
+  Eigen::Matrix3Xd u(3, X.cols());
+  for (Eigen::Index i = 0; i < X.cols(); ++i)
+    u.col(i) = motion.head<3>() + Eigen::Vector3d(motion.tail<3>()).cross(Eigen::Vector3d(X.col(i)));
+  return u;
+}
+
+TEST(FreeMotions, AreThoseThatASupportOnAPlaneLeavesWhereverItIs) {
+  SurfaceMesh surface = make_shape("bar", 100, {3, 2, 1});
+  surface.X.colwise() += Eigen::Vector3d(5, -7, 2);
+  const Eigen::Vector3d normal = Eigen::Vector3d(1, 2, -1).normalized();
+  Scene scene = ball();
+  EXPECT_EQ(free_motions(discretise(scene, surface), surface.X).cols(), 6);
+  Support& support = scene.supports.emplace_back();
+  support.region.shape = HalfSpace{surface.X.rowwise().mean(), {1, 0, 0}};
+  support.normal = normal;
+  const SurfaceProblem problem = discretise(scene, surface);
+  const Eigen::MatrixXd motions = free_motions(problem, surface.X);
+  ASSERT_EQ(motions.cols(), 3);
+  for (const auto& motion : motions.colwise())
+    EXPECT_LT(
+        (normal.transpose() * displacement_of(motion, surface.X)(Eigen::all, problem.constrained[0].vertices))
+            .norm(),
+        1e-9);
+  support.normal.reset();
+  support.fixed = {{true, true, true}};
+  EXPECT_EQ(free_motions(discretise(scene, surface), surface.X).cols(), 0);
+}
+
 TEST(CheckSupports, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
   const SurfaceMesh surface = two_balls();
   Scene scene = ball();
