@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -64,6 +64,13 @@ def free_motions(record: dict[str, Any]) -> Free:
     """By what run.json holds: of a static body those that supports leave free, where nothing else holds it."""
     motions = record.get("free_motions") if record.get("is_free") else None
     return np.array(motions) if motions else False
+
+
+def free_motions_of(scene: dict[str, Any], records: Iterable[dict[str, Any]]) -> Free:
+    """Of a body that programs have run, by the first of their records that knows. Obstacles may let go of it: they hold none."""
+    if not (scene.get("supports") or scene.get("handles")):
+        return True
+    return next((free for record in records if (free := free_motions(record)) is not False), False)
 
 
 def remove_rigid_motion(X: Array, u: Array, weights: Array, motions: Free = True) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .compare import Free, free_motions
+from .compare import Free, free_motions_of
 from .runs import record_of
 
 
@@ -55,12 +55,8 @@ class Experiment:
 
     @property
     def is_free(self) -> Free:
-        """Where supports leave motions free, all programs find the same."""
-        if not self.scene.get("supports"):
-            return True
-        records = self.folder.glob("**/run.json")
-        return next(
-            (free for file in records if (free := free_motions(record_of(file.parent))) is not False), False
+        return free_motions_of(
+            self.scene, (record_of(file.parent) for file in self.folder.glob("**/run.json"))
         )
 
     @property

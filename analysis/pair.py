@@ -18,7 +18,7 @@ from .compare import (
     compare_runs,
     deformation,
     displacement_error,
-    free_motions,
+    free_motions_of,
     vertex_areas,
     volume,
     volume_change,
@@ -149,9 +149,9 @@ def match(model: Result, reference: Result) -> Pair:
         )
     fields = {id(holder): holder.u[used], id(other): other.u[nodes]}
     runs = [result.run for result in (model, reference) if result.run]
-    is_free: Free = bool(runs)
-    if any(scene_of(run).get("supports") for run in runs):
-        is_free = free_motions(runs[0].record)
+    scenes = [scene_of(run) for run in runs]
+    held = next((scene for scene in scenes if scene.get("supports") or scene.get("handles")), {})
+    is_free = free_motions_of(held, (run.record for run in runs)) if runs else False
     return Pair(
         model, reference, X, F, fields[id(model)], fields[id(reference)], is_free, float(distances.max())
     )

@@ -27,7 +27,7 @@ from ..compare import (
     Free,
     deformation,
     displacement_at,
-    free_motions,
+    free_motions_of,
     keeps_volume,
     root_mean_square,
     tip_of,
@@ -112,8 +112,7 @@ class _Camera:
         self.times = times
         scene = scene_of(next(iter(runs.values())))
         self.is_static = scene.get("time", {}).get("mode") == "static"
-        record = next(iter(runs.values())).record
-        self.is_free: Free = free_motions(record) if scene.get("supports") else bool(scene)
+        self.is_free = free_motions_of(scene, (run.record for run in runs.values())) if scene else False
         reference = runs.get(REFERENCE) if len(runs) > 1 else None
         if reference:
             runs = {name: on_points_of(run, reference) for name, run in runs.items()}

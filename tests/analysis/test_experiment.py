@@ -39,6 +39,7 @@ def test_motions_that_supports_leave_free_are_those_of_the_runs(tmp_path):
     scene = {"supports": [{"components": "yz"}]}
     assert Experiment(tmp_path, {}, {}).is_free is True
     assert Experiment(tmp_path, scene, {}).is_free is False
+    assert Experiment(tmp_path, {"handles": [{"vertex": 0}]}, {}).is_free is False
     motions = [[1.0, 0, 0, 0, 0, 0]]
     for name, record in (
         ("massspring/affine", {"status": "refused"}),
