@@ -128,9 +128,11 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   const Eigen::Index n = network.n_surface;
   const Matrix3Xd X = network.X.leftCols(n);
   const VectorXd areas = vertex_areas(X, network.F);
-  const bool is_free = simulation.equilibrium()->n_free_rigid_motions() > 0;
+  Eigen::MatrixXd free(6, 0);
+  if (simulation.equilibrium()->n_free_rigid_motions() > 0)
+    free = free_motions(discretise(scene, {X, network.F}), X);
   const auto deformation = [&](const Matrix3Xd& v) -> VectorXd {
-    return (is_free ? without_rigid_motion(v, X, areas) : v).colwise().norm().transpose();
+    return without_motions(v, X, areas, free).colwise().norm().transpose();
   };
   const auto norm = [&](const VectorXd& lengths) { return std::sqrt(lengths.cwiseAbs2().dot(areas)); };
   const Matrix3Xd of_finer = simulation.snapshot().u.leftCols(n);

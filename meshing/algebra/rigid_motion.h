@@ -61,4 +61,9 @@ SmallRotation best_rotation(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X
 Eigen::Matrix3Xd without_rigid_motion(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
                                       const Eigen::VectorXd& weights);
 
+/// Likewise without the sum of some rigid motions that fits it best.
+/// @param motions  6 x m, independent: translation (m) and turn (rad) about the origin
+Eigen::Matrix3Xd without_motions(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
+                                 const Eigen::VectorXd& weights, const Eigen::MatrixXd& motions);
+
 }  // namespace testbed::meshing

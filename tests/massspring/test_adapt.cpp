@@ -105,6 +105,17 @@ TEST(ErrorEstimate, OfABodyThatHandlesHoldCountsRigidMotions) {
   EXPECT_NEAR(estimate_error(scene, network, u).error, expected, 0.03 * expected);
 }
 
+// How far its weight moves it in the mean is no rigid motion that is free.
+TEST(ErrorEstimate, OfABodyThatRollsLeavesOutWhatItsSupportLeavesFreeAlone) {
+  Scene scene = bent_bar(60);
+  scene.gravity = Eigen::Vector3d(-1, 0, 0);
+  scene.supports[0].fixed = {{true, false, false}};
+  const SpringNetwork network = network_of(scene);
+  const Matrix3Xd u = displacement_on(network, scene, network.X.cols());
+  const double expected = error_by_finer(scene, network, u);
+  EXPECT_NEAR(estimate_error(scene, network, u).error, expected, 0.03 * expected);
+}
+
 TEST(ErrorEstimate, OfUniformStretchIsBelowWhatItIsSolvedTo) {
   Scene scene = bent_bar(60);
   scene.gravity.reset();
