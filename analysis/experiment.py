@@ -223,6 +223,10 @@ def run_solvers(
                 outcome = outcome_of(record_of(out))
             if outcome != "ok":
                 experiment.failed[calibration] = outcome
+            if errors and calibration != experiment.calibration:
+                experiment = replace(
+                    experiment, notes=(*experiment.notes, f"{label_of(calibration)}: {errors}.")
+                )
 
         def solve_by(program: str, *more: str) -> Callable[[Path, list[str], float], tuple[int, str]]:
             def solve(out: Path, words: list[str], limit: float) -> tuple[int, str]:

@@ -12,7 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from .methods import REFERENCE, label_of
-from .verdict import RULES, conclusion, finding, has_figures, next_command, title, total, trust_in_reference
+from .verdict import (
+    RULES,
+    conclusion,
+    finding,
+    has_figures,
+    is_refused,
+    next_command,
+    title,
+    total,
+    trust_in_reference,
+)
 from .wording import percent, percent_signed, significant, unit_of_length
 
 _LEGIBLE = 0.65  # of a plot's size: smaller letters cannot be read
@@ -104,7 +114,8 @@ def tables(comparison: dict[str, Any]) -> tuple[Table, ...]:
     for name, model in models.items():
         label = label_of(name)
         if not has_figures(model):
-            errors[1].append([label, model["status"], *[""] * (len(sizes + figures) - 1)])
+            status = "no result" if is_refused(model) else model["status"]
+            errors[1].append([label, status, *[""] * (len(sizes + figures) - 1)])
             continue
         if model["status"] != "ok":
             label += f", up to {significant(model['reached'])} of the load"

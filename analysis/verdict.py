@@ -205,6 +205,11 @@ def _time_saved(name: str, model: dict[str, Any], reference: dict[str, Any]) -> 
     return f"{took}, {off}: it saves {saved}."
 
 
+def is_refused(model: dict[str, Any]) -> bool:
+    """Whether a model ended with an error in words, instead of a status."""
+    return not has_figures(model) and " " in model["status"].split(", ")[0]
+
+
 def needs_finer_reference(comparison: dict[str, Any]) -> bool:
     """Whether a statement on a model, or the target of adaptive springs, waits for a smaller error of the reference's."""
     reference = comparison["reference"]
@@ -240,6 +245,8 @@ def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
         return None
     if _BEST not in comparison["models"]:
         return step("To try a model that may serve", f"network.calibration={_BEST}", 1)
+    if is_refused(comparison["models"][_BEST]):
+        return None
     if _BEST not in models or models[_BEST]["status"] != "ok":
         return step(f"To bring {_BEST} to the end in smaller steps", comparison["smaller_steps"], 2)
     if any("--remesh" in note for note in comparison["notes"]):

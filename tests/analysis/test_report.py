@@ -312,6 +312,15 @@ def test_a_verdict_that_helps_nobody_names_a_command_that_may():
     assert next_command(comparison_of({"a": model_of(0.01)}, "a")) is None
 
 
+def test_no_smaller_steps_are_named_for_a_model_that_was_refused_in_words():
+    models = {"node_averaged": {"status": "the supports leave 6 rigid motions free, and loads drive them"}}
+    comparison = comparison_of(models, "node_averaged")
+    assert next_command(comparison) is None
+    assert tables(comparison)[0][1][0][:2] == ["springs, node_averaged", "no result"]
+    comparison["models"]["node_averaged"]["status"] = "not_converged, load factor 0.5"
+    assert tables(comparison)[0][1][0][1] == "not_converged, load factor 0.5"
+
+
 @pytest.mark.parametrize(
     "error, own, ending",
     [
