@@ -66,7 +66,7 @@ def experiment(ball, tmp_path):
     write_run(
         tmp_path / "massspring" / "node_averaged", *ball, lambda X: [-0.02, -0.01, -0.01] * X, n_patches=5
     )
-    return Experiment(tmp_path, scene, {"moment": "not converged"})
+    return Experiment(tmp_path, scene, {"moment": "not_converged"})
 
 
 def test_comparison_of_known_runs(experiment):
@@ -92,7 +92,7 @@ def test_comparison_of_known_runs(experiment):
     assert written["models"]["node_averaged"]["displacement_error_l2"] == pytest.approx(
         np.sqrt(1 / 3), rel=1e-6
     )
-    assert written["models"]["moment"] == {"status": "not converged"}
+    assert written["models"]["moment"] == {"status": "not_converged"}
     assert list(written["models"]) == ["affine", "node_averaged", "moment"]
 
 
@@ -104,7 +104,7 @@ def test_report_stands_alone_and_opens_with_the_finding(experiment):
     assert not fetched(page)
     assert page.count("data:image/svg+xml") == 5
     assert page.count("data:image/png") == 3
-    assert "not converged" in page
+    assert "not_converged" in page
     for part in (
         "libraries",
         "libdeal.ii-dev",
@@ -422,7 +422,7 @@ def test_every_method_has_a_picture_and_its_figure_in_the_report(experiment):
 
 def test_failed_model_of_the_scene_is_the_status(experiment):
     failed = Experiment(
-        experiment.folder, experiment.scene, {"affine": "diverged", "moment": "not converged"}
+        experiment.folder, experiment.scene, {"affine": "diverged", "moment": "not_converged"}
     )
     comparison = write_results(failed)
     assert comparison["status"] == "diverged"
@@ -467,7 +467,7 @@ def test_fingerprint_follows_the_runs(experiment):
 
 def test_fingerprint_follows_what_failed(experiment):
     """A model that failed leaves no record, so that the reason stands for it."""
-    others = [{}, {"moment": "diverged"}, {"lloyd": "not converged"}]
+    others = [{}, {"moment": "diverged"}, {"lloyd": "not_converged"}]
     prints = {fingerprint(replace(experiment, failed=failed)) for failed in others}
     assert len(prints | {fingerprint(experiment)}) == 4
 
@@ -687,7 +687,7 @@ def test_what_springs_reached_before_they_stopped_is_compared_there(ball, experi
     page = (experiment.folder / "report.html").read_text()
     assert "springs, moment, up to 0.5 of the load" in page and "error 100 % at load factor 0.5<" in page
     # What an earlier run left is not what this one reached.
-    assert write_results(experiment)["models"]["moment"] == {"status": "not converged"}
+    assert write_results(experiment)["models"]["moment"] == {"status": "not_converged"}
 
 
 def test_reference_that_stopped_is_compared_there_and_is_the_status(ball, experiment):
