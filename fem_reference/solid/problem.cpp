@@ -5,8 +5,8 @@
 #include <stdexcept>
 
 #include "fem_reference/elements/refine.h"
-#include "fem_reference/solid/collapse.h"
 #include "fem_reference/solid/schemes.h"
+#include "meshing/scene/collapse.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/barrier.h"
@@ -132,8 +132,8 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
 }
 
 /// The scene's skin, and what keeps its volume, on the surface of a body.
-meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid) {
-  meshing::SurfaceEnergies energies = meshing::skin_of(scene, solid.X(), solid.faces());
+meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, const Eigen::Matrix3d& frame) {
+  meshing::SurfaceEnergies energies = meshing::skin_of(scene, solid.X(), solid.faces(), frame);
   if (!scene.volume) return energies;
   const meshing::Faces faces = meshing::faces_of(solid.faces());
   const meshing::TargetVolume target = target_volume_of(scene, volume_of(faces, solid.X()));
@@ -216,7 +216,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
   const std::vector<ConstrainedComponent> constrained =
       constrained_by(scene, problem, boundaries, frame, loads);
-  loads.surface = bag_of(scene, solid);
+  loads.surface = bag_of(scene, solid, frame);
   if (!scene.seams.empty())
     loads.surface.push_back(
         std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem), "seam"));

@@ -7,7 +7,7 @@
 #include <sstream>
 #include <utility>
 
-#include "fem_reference/solid/collapse.h"
+#include "meshing/scene/collapse.h"
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/changed_keys.h"
 #include "meshing/scene/initial_motion.h"

@@ -84,11 +84,11 @@ Eigen::Matrix3Xd without_rigid_motion(const Eigen::Matrix3Xd& u, const Eigen::Ma
 Eigen::Matrix3Xd without_motions(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& X,
                                  const Eigen::VectorXd& weights, const Eigen::MatrixXd& motions) {
   if (motions.cols() == 0) return u;
-  const Eigen::Vector3d centre = X * weights / weights.sum();
-  Eigen::MatrixXd about_centre = motions, moved(u.size(), motions.cols());
-  about_centre.topRows<3>() -= cross_product_matrix(centre) * motions.bottomRows<3>();
+  const Eigen::Vector3d mean = X * weights / weights.sum();
+  Eigen::MatrixXd about_mean = motions, moved(u.size(), motions.cols());
+  about_mean.topRows<3>() -= cross_product_matrix(mean) * motions.bottomRows<3>();
   for (Eigen::Index i = 0; i < u.cols(); ++i)
-    moved.middleRows<3>(3 * i) = rigid_motions_at(X.col(i) - centre) * about_centre;
+    moved.middleRows<3>(3 * i) = rigid_motions_at(X.col(i) - mean) * about_mean;
   const Eigen::VectorXd root = weights.cwiseSqrt().transpose().replicate(3, 1).reshaped();
   const Eigen::VectorXd sum =
       (root.asDiagonal() * moved).colPivHouseholderQr().solve(root.cwiseProduct(u.reshaped()));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "meshing/scene/collapse.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/surface_points.h"
 
@@ -33,8 +34,13 @@ Matrix3d energy_of_squares(const Matrix3d& edges, double stiffness, double nu) {
 }  // namespace
 
 Membrane::Membrane(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double stiffness, double nu,
-                   std::optional<Relaxation> relaxation)
-    : F_(F), E_(edges_of(F)), edge_(3, F.cols()), relaxation_(std::move(relaxation)) {
+                   std::optional<Relaxation> relaxation, std::optional<ShrinkingRest> shrinking)
+    : F_(F),
+      E_(edges_of(F)),
+      edge_(3, F.cols()),
+      relaxation_(std::move(relaxation)),
+      shrinking_(std::move(shrinking)),
+      middles_(middles(X)) {
   std::map<std::pair<int, int>, int> number;
   SurfaceMemory rest;
   rest.rest_length.resize(E_.cols());
@@ -42,6 +48,7 @@ Membrane::Membrane(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double stiffne
     number[std::minmax(E_(0, s), E_(1, s))] = s;
     rest.rest_length(s) = (X.col(E_(0, s)) - X.col(E_(1, s))).norm();
   }
+  first_length_ = rest.rest_length;
   memory_ = std::make_shared<const SurfaceMemory>(std::move(rest));
   for (Eigen::Index t = 0; t < F.cols(); ++t) {
     Matrix3d edges;
@@ -52,6 +59,10 @@ Membrane::Membrane(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double stiffne
     }
     D_.push_back(energy_of_squares(edges, stiffness, nu));
   }
+}
+
+Matrix3Xd Membrane::middles(const Matrix3Xd& x) const {
+  return (x(Eigen::all, E_.row(0)) + x(Eigen::all, E_.row(1))) / 2;
 }
 
 /// Calls visit(number, q, edges as they are).
@@ -103,14 +114,27 @@ void Membrane::add_hessian(const Matrix3Xd& x, SurfaceHessian& H, Curvature curv
   });
 }
 
-void Membrane::begin_step(double, double h, const Matrix3Xd& x) {
-  if (!relaxation_) return;
-  auto relaxed = std::make_shared<SurfaceMemory>(*memory_);
-  relax(relaxation_->bending, E_, relaxation_->coefficient, h, x, relaxed->rest_length);
-  memory_ = std::move(relaxed);
+void Membrane::begin_step(double t, double h, const Matrix3Xd& x) {
+  if (!relaxation_ && !shrinking_) return;
+  auto next = std::make_shared<SurfaceMemory>(*memory_);
+  Eigen::VectorXd& length = next->rest_length;
+  if (shrinking_) {
+    const auto& [collapse, side, frame, is_static] = *shrinking_;
+    if (is_static) {
+      for (Eigen::Index s = 0; s < length.size(); ++s)
+        length(s) = first_length_(s) * static_length(collapse, side, 1, frame * middles_.col(s), t + h);
+    } else {
+      Eigen::VectorXd left = length.cwiseQuotient(first_length_);
+      collapse_in_step(collapse, side, Eigen::VectorXd::Ones(length.size()), frame * middles(x), t, h, left);
+      length = first_length_.cwiseProduct(left);
+    }
+  }
+  if (relaxation_) relax(relaxation_->bending, E_, relaxation_->coefficient, h, x, length);
+  memory_ = std::move(next);
 }
 
-SurfaceEnergies skin_of(const Scene& scene, const Matrix3Xd& X, const Eigen::MatrixXi& faces) {
+SurfaceEnergies skin_of(const Scene& scene, const Matrix3Xd& X, const Eigen::MatrixXi& faces,
+                        const Matrix3d& frame) {
   if (!scene.skin) return {};
   const Skin& skin = *scene.skin;
   const Eigen::Matrix3Xi F = flat_triangles(faces);
@@ -120,8 +144,12 @@ SurfaceEnergies skin_of(const Scene& scene, const Matrix3Xd& X, const Eigen::Mat
     std::optional<Relaxation> relaxation;
     if (skin.relaxation > 0 && scene.time.mode == TimeMode::Dynamic)
       relaxation = Relaxation{skin.relaxation, bending};
-    energies.push_back(
-        std::make_shared<Membrane>(X, F, skin.stiffness, scene.material.nu, std::move(relaxation)));
+    std::optional<ShrinkingRest> shrinking;
+    if (scene.collapse && scene.collapse->surface)
+      shrinking = ShrinkingRest{*scene.collapse, shortest_side({frame * X, F}), frame,
+                                scene.time.mode == TimeMode::Static};
+    energies.push_back(std::make_shared<Membrane>(X, F, skin.stiffness, scene.material.nu,
+                                                  std::move(relaxation), std::move(shrinking)));
   }
   if (skin.bending > 0) energies.push_back(std::make_shared<PlainEnergy<Bending>>(bending));
   return energies;

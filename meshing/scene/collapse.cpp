@@ -1,9 +1,9 @@
-#include "fem_reference/solid/collapse.h"
+#include "meshing/scene/collapse.h"
 
 #include <algorithm>
 #include <cmath>
 
-namespace testbed::fem {
+namespace testbed::meshing {
 namespace {
 
 /// What a pivot, where it is at t, depletes at a point: R w [paper eq. 8].
@@ -44,4 +44,4 @@ void collapse_in_step(const Collapse& collapse, double shortest_side, const Eige
   }
 }
 
-}  // namespace testbed::fem
+}  // namespace testbed::meshing

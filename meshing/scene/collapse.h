@@ -6,7 +6,7 @@
 #include "meshing/base/mesh.h"
 #include "meshing/scene/scene.h"
 
-namespace testbed::fem {
+namespace testbed::meshing {
 
 /// Smallest side of the surface's bounding box at rest (m), the unit of distances to pivots.
 double shortest_side(const SurfaceMesh& surface);
@@ -26,4 +26,4 @@ void collapse_in_step(const Collapse& collapse, double shortest_side, const Eige
                       const Eigen::Ref<const Eigen::Matrix3Xd>& x, double t, double h,
                       Eigen::VectorXd& length);
 
-}  // namespace testbed::fem
+}  // namespace testbed::meshing
