@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import functools
 import json
+import os
 import subprocess
 import sys
 import time
@@ -144,6 +145,7 @@ class Preview:
             "m": self.next_model, "l": self.next_law,
             "s": lambda: self.say(f"save {Path('preview.toml').resolve()}"), "p": self.save_picture, "v": self.toggle_film,
         } | {str(n): functools.partial(self.toggle_part, part) for n, part in enumerate(_PARTS, 1)}  # fmt: skip
+        os.environ.setdefault("LP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) - 1)))  # Mesa's; a core is for steps
         self.window = Window("preview", _WIDTHS, keys, is_linked=False)
         plotter = self.window.plotter
         plotter.subplot(1, 0)
