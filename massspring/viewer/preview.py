@@ -145,7 +145,8 @@ class Preview:
             "m": self.next_model, "l": self.next_law,
             "s": lambda: self.say(f"save {Path('preview.toml').resolve()}"), "p": self.save_picture, "v": self.toggle_film,
         } | {str(n): functools.partial(self.toggle_part, part) for n, part in enumerate(_PARTS, 1)}  # fmt: skip
-        os.environ.setdefault("LP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) - 1)))  # Mesa's; a core is for steps
+        n_drawing = max(1, (os.cpu_count() or 1) - 1)  # threads: a core is left to steps
+        os.environ.setdefault("LP_NUM_THREADS", str(n_drawing))  # Mesa's
         self.window = Window("preview", _WIDTHS, keys, is_linked=False)
         plotter = self.window.plotter
         plotter.subplot(1, 0)
