@@ -93,6 +93,7 @@ class Window:
         interactor.EnableRenderOff()  # the loop draws, not each move of the mouse
         style = interactor.GetInteractorStyle()
         style.AddObserver("CharEvent", lambda *_: None)  # in place of VTK's own keys
+        self.plotter.iren.clear_key_event_callbacks()  # and of pyvista's
         interactor.AddObserver("KeyPressEvent", self._press, 1.0)
         interactor.AddObserver("ExitEvent", lambda *_: self.close())
         if self.hold:

@@ -73,11 +73,12 @@ class Slider:
 
 def sliders_of(scene: dict[str, Any], step: float) -> list[Slider]:
     """What can change on the way, of a scene with every default filled in; step: of time (s), 0 in statics."""
-    E, nu = scene["material"]["E"], scene["material"]["nu"]
+    E, nu, gravity = scene["material"]["E"], scene["material"]["nu"], scene.get("gravity", [0, 0, 0])[1]
+    strongest = max(20, 2 * abs(gravity))
     found = [
         Slider("material.E", "E (Pa)", E / 100, 100 * E, E, is_log=True),
-        Slider("material.nu", "nu", 0.0, 0.49, nu),
-        Slider("gravity", "gravity up (m/s2)", -20, 20, scene.get("gravity", [0, 0, 0])[1]),
+        Slider("material.nu", "nu", 0.0, max(0.49, nu), nu),
+        Slider("gravity", "gravity up (m/s2)", -strongest, strongest, gravity),
     ]
     for number, load in enumerate(scene.get("loads", [])):
         if pressure := load.get("pressure"):
@@ -138,6 +139,7 @@ class Preview:
         self.hand: Hand
         self.plane, self.axes, self.share = vtkPlane(), deque([None, 2, 0, 1]), 0.5
         self.film: list[Image.Image] | None = None
+        self.floors = [self._floor()]
         keys = {
             "space": self.toggle, "Right": lambda: self.say("step"), "r": lambda: self.say("reset"),
             "f": lambda: self.set_speed(2), "d": lambda: self.set_speed(0.5), "c": self.next_colour, "x": self.next_cut,
@@ -151,8 +153,9 @@ class Preview:
         plotter = self.window.plotter
         plotter.subplot(1, 0)
         self.text = self.window.add_text(0.98)
+        x_label = "load factor" if self.engine.is_static else "time (s)"
         self.charts = {
-            title: pv.Chart2D(x_label="time (s)", y_label=title)
+            title: pv.Chart2D(x_label=x_label, y_label=title)
             for title in ("volume (%)", "tip (m)", "energy (J)")
         }
         self.lines = {
@@ -183,6 +186,8 @@ class Preview:
             **LOOK,
         )
         self.plane.SetOrigin(*X.mean(axis=0))
+        if self.axes[0] is not None:
+            self.actor.mapper.AddClippingPlane(self.plane)
         self.inside = Inside(plotter, engine, self.plane)
         aim(plotter.camera, X, self.window.panel, _ROOM)
         self.points: deque[tuple[float, ...]] = deque(maxlen=_KEPT)
@@ -231,6 +236,8 @@ class Preview:
         self.sliders[key] = slider
 
     def slide(self, slider: Slider, moved: float) -> None:
+        if slider.key not in self.sliders:  # it is being made: nobody has moved it
+            return
         value = 10**moved if slider.is_log else moved
         if slider.key == "gravity":
             x, _, z = self.scene.get("gravity", [0, 0, 0])
@@ -317,6 +324,7 @@ class Preview:
         self.overrides = [*self._overrides_now(), f"{key}={following}"]
         self.engine.end()
         self.engine = engine
+        self.set_speed(1)
         self.note = f"{following}, from rest"
         self._begin()
 
@@ -331,14 +339,20 @@ class Preview:
         return [*self.overrides, *taken]
 
     def toggle_floor(self) -> None:
-        if any("plane" in obstacle for obstacle in self.scene.get("obstacles", [])):
-            self.set("obstacles", "[]")
-            return
+        """Takes all planes away, or puts them back; other obstacles stay."""
+        obstacles = self.scene.get("obstacles", [])
+        planes = [obstacle for obstacle in obstacles if "plane" in obstacle]
+        others = [obstacle for obstacle in obstacles if "plane" not in obstacle]
+        if planes:
+            self.floors = planes
+        self.set("obstacles", toml_of(others if planes else [*others, *self.floors], "obstacles"))
+
+    def _floor(self) -> dict[str, Any]:
+        """Below the body at rest."""
         low, high = self.engine.X.min(axis=0), self.engine.X.max(axis=0)
         below = (low + high) / 2
         below[1] = low[1] - 0.5 * float(np.max(high - low))
-        point = [float(x) for x in below]
-        self.set("obstacles", f"[{{plane = {{point = {point}, normal = [0, 1, 0]}}}}]")
+        return {"plane": {"point": [float(x) for x in below], "normal": [0.0, 1.0, 0.0]}}
 
     def save_picture(self) -> None:
         self.window.plotter.screenshot("preview.png")
@@ -420,10 +434,12 @@ class Preview:
             state += f", a step takes {head['busy']:.0f} s so far"
         if self.engine.has_died:
             state = "the program that steps has died: close the window"
+        unit, pace = "s", f", {factor:.2g} of real time (at most {self.speed:g})"
+        if self.engine.is_static:
+            unit, pace = "of the load", ""
         lines = [
-            f"{head['time']:.4g} s, {state}; {steps:.0f} steps/s, {self.window.frames_per_second:.0f} frames/s, "
-            f"{factor:.2g} of real time (at most {self.speed:g}); {scene['network']['calibration']}, "
-            f"{scene['time']['integrator']}",
+            f"{head['time']:.4g} {unit}, {state}; {steps:.0f} steps/s, {self.window.frames_per_second:.0f} frames/s"
+            f"{pace}; {scene['network']['calibration']}, {scene['time']['integrator']}",
             head["message"] or head["reason"] or self.note,
         ]
         self.text.input = "\n".join(lines)
