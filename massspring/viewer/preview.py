@@ -13,6 +13,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -44,6 +45,7 @@ _LATE = 0.5  # s: a step that takes longer is told of
 _ROOM = (0.5, 0.5)  # of the panel, left to the body at rest
 _BRIGHT = 95  # per cent of nodes whose colours are told apart
 _FILMED = 0.5  # size of a film's pictures, over the window's
+_LONGEST = 1000  # pictures of a film: 0.8 GB
 _LAWS = ["neo_hookean", "small_strain"]
 _PARTS = ("springs", "patches", "nodes")
 _KEYS = """\
@@ -135,7 +137,7 @@ class Preview:
         self.colours = ["displacement (m)", "speed (m/s)", "strain (%)"]
         self.changed: set[str] = set()
         self.speed = 1.0
-        self.note = ""
+        self.note = self.told = ""  # what was told last, and what by the engine
         self.hand: Hand
         self.plane, self.axes, self.share = vtkPlane(), deque([None, 2, 0, 1]), 0.5
         self.film: list[Image.Image] | None = None
@@ -355,18 +357,27 @@ class Preview:
         return {"plane": {"point": [float(x) for x in below], "normal": [0.0, 1.0, 0.0]}}
 
     def save_picture(self) -> None:
-        self.window.plotter.screenshot("preview.png")
-        self.note = f"saved {Path('preview.png').resolve()}"
+        self._write(Path("preview.png"), self.window.plotter.screenshot)
 
     def toggle_film(self) -> None:
-        """Of all pictures from here on; or writes it."""
+        """Of all pictures from here on; or writes it, which takes longer than a window may stand still."""
         if self.film is None:
             self.film, self.note = [], "a film is made: v ends it"
             return
         if self.film:
-            write_film(Path("preview.webp"), self.film, 1 / max(self.window.frames_per_second, 1))
-            self.note = f"saved {Path('preview.webp').resolve()}"
+            self.note = "the film is written"
+            write = functools.partial(
+                write_film, pictures=self.film, seconds=1 / max(self.window.frames_per_second, 1)
+            )
+            threading.Thread(target=self._write, args=(Path("preview.webp"), write)).start()
         self.film = None
+
+    def _write(self, file: Path, write: Callable[[Path], object]) -> None:
+        try:
+            write(file)
+            self.note = f"saved {file.resolve()}"
+        except OSError as error:
+            self.note = str(error)
 
     def picture(self) -> Image.Image:
         """The window as it is, smaller."""
@@ -382,6 +393,8 @@ class Preview:
         self._tell(head, *rates)
         if self.film is not None:
             self.film.append(self.picture())
+            if len(self.film) == _LONGEST:
+                self.toggle_film()
 
     def _values(self, moment: Moment) -> Array:
         """(n,): what colours all nodes."""
@@ -404,6 +417,9 @@ class Preview:
             self.obstacles.remove()
             self.obstacles = Obstacles(self.window.plotter, obstacles, engine.X)
         self.obstacles.move(head["time"])
+        if self.points and head["time"] < self.points[-1][0]:
+            self.points.clear()
+            self.largest = dict.fromkeys(self.colours, 0.0)
         colour, values = self.colours[0], self._values(moment)
         self.largest[colour] = max(self.largest[colour], float(np.percentile(values, _BRIGHT)))
         self._cut(x)
@@ -413,8 +429,6 @@ class Preview:
         entitle(self.window.plotter.scalar_bars["body"], colour)
         self.inside.move(x, values, self.largest[colour] or 1)
         self.hand.draw(x, head["time"])
-        if self.points and head["time"] < self.points[-1][0]:
-            self.points.clear()
         if not self.points or head["time"] > self.points[-1][0]:
             change = 100 * (head["volume"] / self.volume_at_rest - 1)
             energy = head["kinetic_energy"] + head["elastic_energy"]
@@ -427,8 +441,9 @@ class Preview:
 
     def _tell(self, head: dict[str, Any], steps: float, factor: float) -> None:
         scene = self.scene
+        ended = "ended" if head["status"] == "ok" else head["status"].replace("_", " ")
         state = (
-            "ended: r begins again" if head["has_ended"] else "running" if head["is_running"] else "paused"
+            f"{ended}: r begins again" if head["has_ended"] else "running" if head["is_running"] else "paused"
         )
         if head["busy"] > _LATE:
             state += f", a step takes {head['busy']:.0f} s so far"
@@ -437,10 +452,12 @@ class Preview:
         unit, pace = "s", f", {factor:.2g} of real time (at most {self.speed:g})"
         if self.engine.is_static:
             unit, pace = "of the load", ""
+        if head["message"] != self.told:
+            self.told = self.note = head["message"]
         lines = [
             f"{head['time']:.4g} {unit}, {state}; {steps:.0f} steps/s, {self.window.frames_per_second:.0f} frames/s"
             f"{pace}; {scene['network']['calibration']}, {scene['time']['integrator']}",
-            head["message"] or head["reason"] or self.note,
+            "; ".join(filter(None, [head["reason"], self.note])),
         ]
         self.text.input = "\n".join(lines)
 

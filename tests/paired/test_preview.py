@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 from screen import screen
@@ -371,6 +372,11 @@ ANOTHER = (
 press("s")
 told(lambda head: "saved" in head["message"])
 assert "events" not in Path("preview.toml").read_text(), "nobody has changed anything"
+assert "saved" in preview.text.input
+press("g")
+preview.draw(0)
+assert "held" in preview.text.input and "saved" not in preview.text.input
+press("g")
 assert preview.scene["gravity"] == [0, -30, 0] and preview.scene["material"]["nu"] == 0.495
 camera = window.plotter.renderers[0].camera
 view = np.array([*camera.position, *camera.up, camera.parallel_scale])
@@ -422,6 +428,45 @@ FAR = [
 
 def test_another_body_is_shown_as_the_one_before(tmp_path):
     play(ANOTHER, tmp_path, BAR, *SHORT, *FAR)
+
+
+def test_a_scene_that_diverges_says_so_and_begins_anew(tmp_path):
+    session = """
+press("f")
+press("space")
+told(lambda head: head["has_ended"])
+assert ", diverged: r begins again;" in preview.text.input
+assert preview.largest["displacement (m)"] > 0
+press("space")
+press("r")
+told(lambda head: head["n_steps"] == 0)
+assert not any(preview.largest.values()), "colours begin anew"
+preview.engine.end()
+print("closed")
+"""
+    explicit = ["time.integrator=symplectic_euler", "time.step=0.05", "time.end=9", "surface.n_vertices=60"]
+    play(WINDOW + session, tmp_path, BAR, *explicit)
+
+
+def test_a_film_ends_before_memory_does_and_what_cannot_be_written_is_told(tmp_path):
+    session = """
+from massspring.viewer import preview as module
+module._LONGEST = 3
+press("v")
+for _ in range(4):
+    window.plotter.render()
+    preview.draw(0)
+assert preview.film is None and preview.note != "a film is made: v ends it"
+Path("preview.png").mkdir()
+press("p")
+preview.draw(0)
+assert "directory" in preview.text.input
+preview.engine.end()
+print("closed")
+"""
+    play(WINDOW + session, tmp_path, BAR, *SHORT)
+    with Image.open(tmp_path / "preview.webp") as film:
+        assert film.n_frames <= 3
 
 
 def test_statics_are_told_of_by_their_load(tmp_path):
