@@ -314,21 +314,25 @@ class Preview:
         self._begin_with("material.law", _LAWS)
 
     def _begin_with(self, key: str, choices: list[str]) -> None:
-        """The next choice of a key of the scene, from rest, since it is another body."""
+        """The next choice of a key that does not refuse the scene, from rest, since it is another body."""
         part, name = key.split(".")
-        following = choices[(choices.index(self.scene[part][name]) + 1) % len(choices)]
+        now = choices.index(self.scene[part][name])
         self.changed.discard("handles")
-        try:
-            engine = Engine(self.file, [*self._overrides_now(), f"{key}={following}"])
-        except RunError:
-            self.note = f"{following} refuses the scene"
+        overrides, refused = self._overrides_now(), ""
+        for following in [*choices[now + 1 :], *choices[:now]]:
+            try:
+                engine = Engine(self.file, [*overrides, f"{key}={following}"])
+            except RunError:
+                refused += f"; {following} refuses the scene"
+                continue
+            self.overrides = [*overrides, f"{key}={following}"]
+            self.engine.end()
+            self.engine = engine
+            self.set_speed(1)
+            self.note = f"{following}, from rest{refused}"
+            self._begin()
             return
-        self.overrides = [*self._overrides_now(), f"{key}={following}"]
-        self.engine.end()
-        self.engine = engine
-        self.set_speed(1)
-        self.note = f"{following}, from rest"
-        self._begin()
+        self.note = refused[2:]
 
     def _overrides_now(self) -> list[str]:
         """Those of the command line, then what the engine has taken since."""

@@ -232,6 +232,7 @@ WINDOW = """
 import sys, time
 from pathlib import Path
 import numpy as np
+from massspring.viewer import preview as module
 from massspring.viewer.engine import Engine
 from massspring.viewer.preview import Preview
 
@@ -377,7 +378,8 @@ press("g")
 preview.draw(0)
 assert "held" in preview.text.input and "saved" not in preview.text.input
 press("g")
-assert preview.scene["gravity"] == [0, -30, 0] and preview.scene["material"]["nu"] == 0.495
+shown = {key: preview.sliders[key].GetRepresentation().GetValue() for key in ("gravity", "material.nu")}
+assert shown == {"gravity": -30, "material.nu": 0.495}, shown
 camera = window.plotter.renderers[0].camera
 view = np.array([*camera.position, *camera.up, camera.parallel_scale])
 for key in ("v", "Up", "C", "plus"):  # pyvista's own keys turn, zoom and pick
@@ -410,6 +412,16 @@ press("o")
 told(lambda head: [list(o)[0] for o in preview.scene.get("obstacles", [])] == ["sphere"])
 press("o")
 told(lambda head: preview.scene.get("obstacles") == own)
+
+def refusing(file, overrides):
+    if overrides[-1].endswith("=affine"):
+        raise module.RunError("")
+    return Engine(file, overrides)
+
+module.Engine = refusing
+press("m")
+assert preview.scene["network"]["calibration"] == "van_gelder", "past the one that refuses"
+assert preview.note == "van_gelder, from rest; affine refuses the scene"
 window.close()
 window.loop(preview.draw)
 preview.engine.end()
@@ -450,7 +462,6 @@ print("closed")
 
 def test_a_film_ends_before_memory_does_and_what_cannot_be_written_is_told(tmp_path):
     session = """
-from massspring.viewer import preview as module
 module._LONGEST = 3
 press("v")
 for _ in range(4):
