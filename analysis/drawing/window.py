@@ -14,6 +14,7 @@ from ..runs import Array, RunError
 from .pictures import light
 
 _FRAME = 1 / 30  # s, at least, from one picture to the next
+_SELDOM = 1 / 5  # s, about, between pictures of a panel without a body
 _HEIGHT = 600  # pixels of a panel, at first
 _CURVES = 0.78  # of the height of their panel, below text and slider
 _SMOOTHED = 0.9  # share of the former rate in the one that is shown
@@ -54,15 +55,14 @@ class Window:
         )  # fmt: skip
         self.plotter.set_background("white", all_renderers=True)
         self._linked = list(range(len(widths))) if is_linked else []
-        for panel in range(len(widths)):
-            self.plotter.subplot(0, panel)
-            light(self.plotter)
+        light(self.plotter)  # all panels
         self.is_open = True
         self.frames_per_second = 0.0
         self._keys = keys | {"q": self.close}
         self.hold: Hold | None = None
         self._depth: float | None = None  # of what is held
         self._tags: dict[str, int] = {}  # of observers
+        self._drawn = ((0, 0), 0.0)  # size (pixels) and time (s) of the last picture of all panels
 
     def add_curves(self, charts: list[pv.Chart2D]) -> None:
         """Side by side below the bodies."""
@@ -83,12 +83,17 @@ class Window:
     def open(self) -> None:
         if self._linked:
             self.plotter.link_views(self._linked)
+        for renderer in self.plotter.renderers:
+            renderer.SetUseOIT(False)  # passes over all pixels, for layers that obstacles do not have
         self.plotter.show(interactive_update=True, auto_close=False)
         if "llvmpipe" in self.plotter.render_window.ReportCapabilities():
             self.plotter.render_window.SetMultiSamples(0)  # smooth edges take a processor three times as long
+            self.plotter.render_window.SetFrameBlitModeToBlitToCurrent()  # colours: nothing reads a window's depths
         interactor = self.plotter.iren.interactor
+        interactor.EnableRenderOff()  # the loop draws, not each move of the mouse
         style = interactor.GetInteractorStyle()
         style.AddObserver("CharEvent", lambda *_: None)  # in place of VTK's own keys
+        self.plotter.iren.clear_key_event_callbacks()  # and of pyvista's
         interactor.AddObserver("KeyPressEvent", self._press, 1.0)
         interactor.AddObserver("ExitEvent", lambda *_: self.close())
         if self.hold:
@@ -141,16 +146,28 @@ class Window:
     def loop(self, draw: Callable[[float], None]) -> None:
         """Draws with the seconds since the last picture, until the window is closed."""
         last = time.perf_counter()
+        due = last + _FRAME
         while self.is_open:
             self.plotter.iren.process_events()
             now = time.perf_counter()
-            if now - last < _FRAME:
-                time.sleep(0.2 * _FRAME)
+            if now < due:
+                time.sleep(due - now)
                 continue
             draw(now - last)
             rate = 1 / (now - last)
             self.frames_per_second += (1 - _SMOOTHED) * (rate - self.frames_per_second)
-            last = now
+            last, due = now, max(due, now - _FRAME) + _FRAME
             if self.is_open:
-                self.plotter.render()
+                self._render(now)
         self.plotter.close()
+
+    def _render(self, now: float) -> None:
+        """Bodies always; words, sliders and curves seldom, but at once under the mouse and in a window of another size."""
+        size, interactor = self.plotter.render_window.GetSize(), self.plotter.iren.interactor
+        is_due = size != self._drawn[0] or now - self._drawn[1] > _SELDOM
+        if is_due:
+            self._drawn = size, now
+        under = interactor.FindPokedRenderer(*interactor.GetEventPosition())
+        for panel in self.plotter.renderers:
+            panel.SetDraw(is_due or panel is under or panel.GetActors().GetNumberOfItems() > 0)
+        self.plotter.render()

@@ -120,22 +120,35 @@ const SurfaceEnergies& surface_at(const Forces& forces, const State& state, doub
 
 void add_skin(const Skin& skin, MassSpringModel& model) {
   const auto& [X, T, F, n_surface] = model.network;
+  if (skin.bending > 0) model.bending = make_bending(X, F, skin.bending);
   if (skin.stiffness > 0) {
-    const Eigen::Index n_edges = F.cols() * 3 / 2;  // of the surface, which come first
-    if (!model.springs) model.springs = Springs{edges_of(F), Eigen::VectorXd::Zero(n_edges)};
+    if (!model.springs) model.springs = Springs{edges_of(F), Eigen::VectorXd::Zero(F.cols() * 3 / 2)};
     std::map<std::pair<int, int>, double> areas;
     for (const auto& t : F.colwise()) {
       const double area = (X.col(t(1)) - X.col(t(0))).cross(X.col(t(2)) - X.col(t(0))).norm() / 2;
       for (int k = 0; k < 3; ++k) areas[std::minmax(t(k), t((k + 1) % 3))] += area;
     }
     Springs& springs = *model.springs;
-    for (Eigen::Index s = 0; s < n_edges; ++s) {
-      const int a = springs.E(0, s), b = springs.E(1, s);
-      springs.stiffness(s) +=
-          skin.stiffness * areas.at(std::minmax(a, b)) / (X.col(a) - X.col(b)).squaredNorm();
+    const auto stiffness_of = [&](const auto& edge) {
+      const auto& [nodes, area] = edge;
+      return skin.stiffness * area / (X.col(nodes.first) - X.col(nodes.second)).squaredNorm();
+    };
+    Eigen::Index n = springs.E.cols();
+    for (Eigen::Index s = 0; s < n; ++s) {
+      const auto edge = areas.find(std::minmax(springs.E(0, s), springs.E(1, s)));
+      if (edge == areas.end()) continue;
+      springs.stiffness(s) += stiffness_of(*edge);
+      areas.erase(edge);
+    }
+    if (areas.empty()) return;
+    springs.E.conservativeResize(2, n + static_cast<Eigen::Index>(areas.size()));
+    springs.stiffness.conservativeResize(springs.E.cols());
+    springs.first.clear();
+    for (const auto& edge : areas) {
+      springs.E.col(n) << edge.first.first, edge.first.second;
+      springs.stiffness(n++) = stiffness_of(edge);
     }
   }
-  if (skin.bending > 0) model.bending = make_bending(X, F, skin.bending);
 }
 
 void add_momenta(const MassSpringModel& model, double factor, const Eigen::Matrix3Xd& v,

@@ -73,8 +73,9 @@ class Hand:
         return at_hand[vertex]
 
     def drag(self, point: Array) -> None:
-        assert self._dragged
-        self._dragged(point)
+        """Nothing, if another body has begun since the button was pressed."""
+        if self._dragged:
+            self._dragged(point)
 
     def drop(self) -> None:
         self._dragged = None

@@ -10,8 +10,10 @@ from __future__ import annotations
 import argparse
 import functools
 import json
+import os
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -43,6 +45,7 @@ _LATE = 0.5  # s: a step that takes longer is told of
 _ROOM = (0.5, 0.5)  # of the panel, left to the body at rest
 _BRIGHT = 95  # per cent of nodes whose colours are told apart
 _FILMED = 0.5  # size of a film's pictures, over the window's
+_LONGEST = 1000  # pictures of a film: 0.8 GB
 _LAWS = ["neo_hookean", "small_strain"]
 _PARTS = ("springs", "patches", "nodes")
 _KEYS = """\
@@ -72,11 +75,12 @@ class Slider:
 
 def sliders_of(scene: dict[str, Any], step: float) -> list[Slider]:
     """What can change on the way, of a scene with every default filled in; step: of time (s), 0 in statics."""
-    E, nu = scene["material"]["E"], scene["material"]["nu"]
+    E, nu, gravity = scene["material"]["E"], scene["material"]["nu"], scene.get("gravity", [0, 0, 0])[1]
+    strongest = max(20, 2 * abs(gravity))
     found = [
         Slider("material.E", "E (Pa)", E / 100, 100 * E, E, is_log=True),
-        Slider("material.nu", "nu", 0.0, 0.49, nu),
-        Slider("gravity", "gravity up (m/s2)", -20, 20, scene.get("gravity", [0, 0, 0])[1]),
+        Slider("material.nu", "nu", 0.0, max(0.49, nu), nu),
+        Slider("gravity", "gravity up (m/s2)", -strongest, strongest, gravity),
     ]
     for number, load in enumerate(scene.get("loads", [])):
         if pressure := load.get("pressure"):
@@ -133,10 +137,11 @@ class Preview:
         self.colours = ["displacement (m)", "speed (m/s)", "strain (%)"]
         self.changed: set[str] = set()
         self.speed = 1.0
-        self.note = ""
+        self.note = self.told = ""  # what was told last, and what by the engine
         self.hand: Hand
         self.plane, self.axes, self.share = vtkPlane(), deque([None, 2, 0, 1]), 0.5
         self.film: list[Image.Image] | None = None
+        self.floors = [self._floor()]
         keys = {
             "space": self.toggle, "Right": lambda: self.say("step"), "r": lambda: self.say("reset"),
             "f": lambda: self.set_speed(2), "d": lambda: self.set_speed(0.5), "c": self.next_colour, "x": self.next_cut,
@@ -144,12 +149,15 @@ class Preview:
             "m": self.next_model, "l": self.next_law,
             "s": lambda: self.say(f"save {Path('preview.toml').resolve()}"), "p": self.save_picture, "v": self.toggle_film,
         } | {str(n): functools.partial(self.toggle_part, part) for n, part in enumerate(_PARTS, 1)}  # fmt: skip
+        n_drawing = max(1, (os.cpu_count() or 1) - 1)  # threads: a core is left to steps
+        os.environ.setdefault("LP_NUM_THREADS", str(n_drawing))  # Mesa's
         self.window = Window("preview", _WIDTHS, keys, is_linked=False)
         plotter = self.window.plotter
         plotter.subplot(1, 0)
         self.text = self.window.add_text(0.98)
+        x_label = "load factor" if self.engine.is_static else "time (s)"
         self.charts = {
-            title: pv.Chart2D(x_label="time (s)", y_label=title)
+            title: pv.Chart2D(x_label=x_label, y_label=title)
             for title in ("volume (%)", "tip (m)", "energy (J)")
         }
         self.lines = {
@@ -180,6 +188,8 @@ class Preview:
             **LOOK,
         )
         self.plane.SetOrigin(*X.mean(axis=0))
+        if self.axes[0] is not None:
+            self.actor.mapper.AddClippingPlane(self.plane)
         self.inside = Inside(plotter, engine, self.plane)
         aim(plotter.camera, X, self.window.panel, _ROOM)
         self.points: deque[tuple[float, ...]] = deque(maxlen=_KEPT)
@@ -228,6 +238,8 @@ class Preview:
         self.sliders[key] = slider
 
     def slide(self, slider: Slider, moved: float) -> None:
+        if slider.key not in self.sliders:  # it is being made: nobody has moved it
+            return
         value = 10**moved if slider.is_log else moved
         if slider.key == "gravity":
             x, _, z = self.scene.get("gravity", [0, 0, 0])
@@ -302,20 +314,25 @@ class Preview:
         self._begin_with("material.law", _LAWS)
 
     def _begin_with(self, key: str, choices: list[str]) -> None:
-        """The next choice of a key of the scene, from rest, since it is another body."""
+        """The next choice of a key that does not refuse the scene, from rest, since it is another body."""
         part, name = key.split(".")
-        following = choices[(choices.index(self.scene[part][name]) + 1) % len(choices)]
+        now = choices.index(self.scene[part][name])
         self.changed.discard("handles")
-        try:
-            engine = Engine(self.file, [*self._overrides_now(), f"{key}={following}"])
-        except RunError:
-            self.note = f"{following} refuses the scene"
+        overrides, refused = self._overrides_now(), ""
+        for following in [*choices[now + 1 :], *choices[:now]]:
+            try:
+                engine = Engine(self.file, [*overrides, f"{key}={following}"])
+            except RunError:
+                refused += f"; {following} refuses the scene"
+                continue
+            self.overrides = [*overrides, f"{key}={following}"]
+            self.engine.end()
+            self.engine = engine
+            self.set_speed(1)
+            self.note = f"{following}, from rest{refused}"
+            self._begin()
             return
-        self.overrides = [*self._overrides_now(), f"{key}={following}"]
-        self.engine.end()
-        self.engine = engine
-        self.note = f"{following}, from rest"
-        self._begin()
+        self.note = refused[2:]
 
     def _overrides_now(self) -> list[str]:
         """Those of the command line, then what the engine has taken since."""
@@ -328,28 +345,43 @@ class Preview:
         return [*self.overrides, *taken]
 
     def toggle_floor(self) -> None:
-        if any("plane" in obstacle for obstacle in self.scene.get("obstacles", [])):
-            self.set("obstacles", "[]")
-            return
+        """Takes all planes away, or puts them back; other obstacles stay."""
+        obstacles = self.scene.get("obstacles", [])
+        planes = [obstacle for obstacle in obstacles if "plane" in obstacle]
+        others = [obstacle for obstacle in obstacles if "plane" not in obstacle]
+        if planes:
+            self.floors = planes
+        self.set("obstacles", toml_of(others if planes else [*others, *self.floors], "obstacles"))
+
+    def _floor(self) -> dict[str, Any]:
+        """Below the body at rest."""
         low, high = self.engine.X.min(axis=0), self.engine.X.max(axis=0)
         below = (low + high) / 2
         below[1] = low[1] - 0.5 * float(np.max(high - low))
-        point = [float(x) for x in below]
-        self.set("obstacles", f"[{{plane = {{point = {point}, normal = [0, 1, 0]}}}}]")
+        return {"plane": {"point": [float(x) for x in below], "normal": [0.0, 1.0, 0.0]}}
 
     def save_picture(self) -> None:
-        self.window.plotter.screenshot("preview.png")
-        self.note = f"saved {Path('preview.png').resolve()}"
+        self._write(Path("preview.png"), self.window.plotter.screenshot)
 
     def toggle_film(self) -> None:
-        """Of all pictures from here on; or writes it."""
+        """Of all pictures from here on; or writes it, which takes longer than a window may stand still."""
         if self.film is None:
             self.film, self.note = [], "a film is made: v ends it"
             return
         if self.film:
-            write_film(Path("preview.webp"), self.film, 1 / max(self.window.frames_per_second, 1))
-            self.note = f"saved {Path('preview.webp').resolve()}"
+            self.note = "the film is written"
+            write = functools.partial(
+                write_film, pictures=self.film, seconds=1 / max(self.window.frames_per_second, 1)
+            )
+            threading.Thread(target=self._write, args=(Path("preview.webp"), write)).start()
         self.film = None
+
+    def _write(self, file: Path, write: Callable[[Path], object]) -> None:
+        try:
+            write(file)
+            self.note = f"saved {file.resolve()}"
+        except OSError as error:
+            self.note = str(error)
 
     def picture(self) -> Image.Image:
         """The window as it is, smaller."""
@@ -365,6 +397,8 @@ class Preview:
         self._tell(head, *rates)
         if self.film is not None:
             self.film.append(self.picture())
+            if len(self.film) == _LONGEST:
+                self.toggle_film()
 
     def _values(self, moment: Moment) -> Array:
         """(n,): what colours all nodes."""
@@ -387,6 +421,9 @@ class Preview:
             self.obstacles.remove()
             self.obstacles = Obstacles(self.window.plotter, obstacles, engine.X)
         self.obstacles.move(head["time"])
+        if self.points and head["time"] < self.points[-1][0]:
+            self.points.clear()
+            self.largest = dict.fromkeys(self.colours, 0.0)
         colour, values = self.colours[0], self._values(moment)
         self.largest[colour] = max(self.largest[colour], float(np.percentile(values, _BRIGHT)))
         self._cut(x)
@@ -396,8 +433,6 @@ class Preview:
         entitle(self.window.plotter.scalar_bars["body"], colour)
         self.inside.move(x, values, self.largest[colour] or 1)
         self.hand.draw(x, head["time"])
-        if self.points and head["time"] < self.points[-1][0]:
-            self.points.clear()
         if not self.points or head["time"] > self.points[-1][0]:
             change = 100 * (head["volume"] / self.volume_at_rest - 1)
             energy = head["kinetic_energy"] + head["elastic_energy"]
@@ -410,18 +445,23 @@ class Preview:
 
     def _tell(self, head: dict[str, Any], steps: float, factor: float) -> None:
         scene = self.scene
+        ended = "ended" if head["status"] == "ok" else head["status"].replace("_", " ")
         state = (
-            "ended: r begins again" if head["has_ended"] else "running" if head["is_running"] else "paused"
+            f"{ended}: r begins again" if head["has_ended"] else "running" if head["is_running"] else "paused"
         )
         if head["busy"] > _LATE:
             state += f", a step takes {head['busy']:.0f} s so far"
         if self.engine.has_died:
             state = "the program that steps has died: close the window"
+        unit, pace = "s", f", {factor:.2g} of real time (at most {self.speed:g})"
+        if self.engine.is_static:
+            unit, pace = "of the load", ""
+        if head["message"] != self.told:
+            self.told = self.note = head["message"]
         lines = [
-            f"{head['time']:.4g} s, {state}; {steps:.0f} steps/s, {self.window.frames_per_second:.0f} frames/s, "
-            f"{factor:.2g} of real time (at most {self.speed:g}); {scene['network']['calibration']}, "
-            f"{scene['time']['integrator']}",
-            head["message"] or head["reason"] or self.note,
+            f"{head['time']:.4g} {unit}, {state}; {steps:.0f} steps/s, {self.window.frames_per_second:.0f} frames/s"
+            f"{pace}; {scene['network']['calibration']}, {scene['time']['integrator']}",
+            "; ".join(filter(None, [head["reason"], self.note])),
         ]
         self.text.input = "\n".join(lines)
 

@@ -57,20 +57,28 @@ def cases() -> list[Case]:
 
 
 class Watch:
-    """Steps of an engine from now on."""
+    """Steps of an engine from now on. A scene that ends begins anew."""
 
     def __init__(self, engine: Engine, seconds: float) -> None:
         self.engine, self.seconds, self.start = engine, seconds, time.perf_counter()
+        self._now, self._n_before, self._time_before = engine.latest.head, 0, 0.0
         engine.say("speed 1e9")
         engine.say("run")
 
     def is_over(self) -> bool:
-        return self.engine.latest.head["has_ended"] or time.perf_counter() - self.start > self.seconds
+        before, self._now = self._now, self.engine.latest.head
+        if self._now["n_steps"] < before["n_steps"]:
+            self._n_before += before["n_steps"]
+            self._time_before += before["time"]
+        elif self._now["has_ended"] and not before["has_ended"]:
+            self.engine.say("reset")
+        return time.perf_counter() - self.start > self.seconds
 
     def rates(self) -> tuple[float, float]:
         """Steps, and seconds of the scene, for each second."""
-        head, passed = self.engine.latest.head, time.perf_counter() - self.start
-        return head["n_steps"] / passed, head["time"] / passed
+        passed = time.perf_counter() - self.start
+        n_steps = self._n_before + self._now["n_steps"]
+        return n_steps / passed, (self._time_before + self._now["time"]) / passed
 
 
 def row_of(case: Case, seconds: float) -> list[str]:
@@ -78,7 +86,7 @@ def row_of(case: Case, seconds: float) -> list[str]:
     alone = Engine(case.scene, case.overrides)
     watch = Watch(alone, seconds)
     while not watch.is_over():
-        time.sleep(0.01)
+        time.sleep(1 / 30)  # as seldom as a picture is drawn
     steps, _ = watch.rates()
     alone.end()
     preview = Preview(case.scene, case.overrides)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analysis"))
 from screen import screen
@@ -227,10 +228,12 @@ def test_without_a_display_a_run_is_offered(monkeypatch, capsys):
     assert "no display" in (said := capsys.readouterr().err) and f"./testbed run {BAR} draws a film" in said
 
 
-SESSION = """
+WINDOW = """
 import sys, time
 from pathlib import Path
 import numpy as np
+from massspring.viewer import preview as module
+from massspring.viewer.engine import Engine
 from massspring.viewer.preview import Preview
 
 preview = Preview(Path(sys.argv[1]), sys.argv[2:])
@@ -238,7 +241,6 @@ window = preview.window
 window.open()
 
 def press(key):
-    interactor = window.plotter.iren.interactor
     interactor.SetKeySym(key)
     interactor.InvokeEvent("KeyPressEvent")
 
@@ -249,12 +251,6 @@ def told(is_so):
         time.sleep(0.01)
     preview.draw(0)
 
-press("Right")
-told(lambda head: head["n_steps"] == 1)
-slider = preview.sliders["material.E"]
-slider.GetRepresentation().SetValue(5.0)
-slider.InvokeEvent("EndInteractionEvent")
-told(lambda head: preview.scene["material"]["E"] == 1e5)
 interactor = window.plotter.iren.interactor
 
 def mouse(event, pixels):
@@ -265,6 +261,22 @@ def drag(pixels, way):
     mouse("LeftButtonPressEvent", pixels)
     mouse("MouseMoveEvent", pixels[:2] + way)
 
+def body_pixels():
+    preview.draw(0)
+    window.plotter.render()
+    picture = window.plotter.screenshot(None, return_img=True).astype(int)
+    return (np.ptp(picture[:600, :750], axis=2) > 20).sum()
+"""
+
+SESSION = (
+    WINDOW
+    + """
+press("Right")
+told(lambda head: head["n_steps"] == 1)
+slider = preview.sliders["material.E"]
+slider.GetRepresentation().SetValue(5.0)
+slider.InvokeEvent("EndInteractionEvent")
+told(lambda head: preview.scene["material"]["E"] == 1e5)
 camera = np.array(window.plotter.renderers[0].camera.position)
 body = window.pixels_of(np.array(preview.skin.mesh.center))
 drag(body, [0, 0])
@@ -287,12 +299,6 @@ told(lambda head: not preview.scene.get("handles"))
 drag(np.array([5, 300]), [40, 40])
 mouse("LeftButtonReleaseEvent", body)
 assert not preview.hand.pulled and np.abs(window.plotter.renderers[0].camera.position - camera).max() > 0.01
-
-def body_pixels():
-    preview.draw(0)
-    window.plotter.render()
-    picture = window.plotter.screenshot(None, return_img=True).astype(int)
-    return (np.ptp(picture[:600, :750], axis=2) > 20).sum()
 
 whole = body_pixels()
 press("x")
@@ -342,17 +348,149 @@ preview.engine.end()
 assert preview.engine.has_died
 print("closed")
 """
+)
+
+
+def play(session, folder, *words):
+    """In a window on a virtual screen, until it is closed."""
+    with screen() as environment:
+        environment["PYTHONPATH"] = str(ROOT)
+        done = subprocess.run(
+            [sys.executable, "-c", session, *map(str, words)],
+            cwd=folder, env=environment, capture_output=True, text=True, timeout=300,
+        )  # fmt: skip
+    assert (done.returncode, done.stdout, "Traceback" in done.stderr) == (0, "closed\n", False), done.stderr
 
 
 def test_a_window_obeys_keys_sliders_and_the_mouse_and_ends(tmp_path):
-    with screen() as environment:
-        words = [sys.executable, "-c", SESSION, str(BAR), *SHORT]
-        environment["PYTHONPATH"] = str(ROOT)
-        done = subprocess.run(
-            words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300
-        )
-    assert (done.returncode, done.stdout) == (0, "closed\n"), done.stderr
+    play(SESSION, tmp_path, BAR, *SHORT)
     assert {file.name for file in tmp_path.iterdir()} == {"preview.webp", "preview.png", "preview.toml"}
+
+
+ANOTHER = (
+    WINDOW
+    + """
+press("s")
+told(lambda head: "saved" in head["message"])
+assert "events" not in Path("preview.toml").read_text(), "nobody has changed anything"
+assert "saved" in preview.text.input
+press("g")
+preview.draw(0)
+assert "held" in preview.text.input and "saved" not in preview.text.input
+press("g")
+shown = {key: preview.sliders[key].GetRepresentation().GetValue() for key in ("gravity", "material.nu")}
+assert shown == {"gravity": -30, "material.nu": 0.495}, shown
+camera = window.plotter.renderers[0].camera
+view = np.array([*camera.position, *camera.up, camera.parallel_scale])
+for key in ("v", "Up", "C", "plus"):  # pyvista's own keys turn, zoom and pick
+    press(key)
+np.testing.assert_array_equal([*camera.position, *camera.up, camera.parallel_scale], view)
+said = []
+say = Engine.say
+Engine.say = lambda engine, command: said.append((engine, command)) or say(engine, command)
+press("f")
+whole = body_pixels()
+press("x")
+press("x")
+preview.move_cut(0.2)
+cut = body_pixels() / whole
+assert cut < 0.5
+body = window.pixels_of(np.array(preview.skin.mesh.center))
+preview.move_cut(0.8)
+body_pixels()
+drag(body, [0, 0])
+assert preview.hand.pulled
+press("m")
+mouse("MouseMoveEvent", body + 10)  # of a body that is no more
+mouse("LeftButtonReleaseEvent", body + 10)
+preview.move_cut(0.2)
+assert preview.scene["network"]["calibration"] == "uniform", preview.note
+assert abs(body_pixels() / whole - cut) < 0.02, "still cut open"
+assert (preview.engine, "speed 2.0") in said
+own = preview.scene["obstacles"]
+press("o")
+told(lambda head: [list(o)[0] for o in preview.scene.get("obstacles", [])] == ["sphere"])
+press("o")
+told(lambda head: preview.scene.get("obstacles") == own)
+
+def refusing(file, overrides):
+    if overrides[-1].endswith("=affine"):
+        raise module.RunError("")
+    return Engine(file, overrides)
+
+module.Engine = refusing
+press("m")
+assert preview.scene["network"]["calibration"] == "van_gelder", "past the one that refuses"
+assert preview.note == "van_gelder, from rest; affine refuses the scene"
+window.close()
+window.loop(preview.draw)
+preview.engine.end()
+print("closed")
+"""
+)
+SPHERE = "{sphere = {center = [9, 9, 9], radius = 0.1}}"
+PLANE = "{plane = {point = [0, -9, 0], normal = [0, 1, 0]}, friction = 0.3}"
+FAR = [
+    "gravity=[0, -30, 0]",
+    "material.nu=0.495",
+    "time.integrator=implicit_euler",
+    f"obstacles=[{SPHERE}, {PLANE}]",
+]
+
+
+def test_another_body_is_shown_as_the_one_before(tmp_path):
+    play(ANOTHER, tmp_path, BAR, *SHORT, *FAR)
+
+
+def test_a_scene_that_diverges_says_so_and_begins_anew(tmp_path):
+    session = """
+press("f")
+press("space")
+told(lambda head: head["has_ended"])
+assert ", diverged: r begins again;" in preview.text.input
+assert preview.largest["displacement (m)"] > 0
+press("space")
+press("r")
+told(lambda head: head["n_steps"] == 0)
+assert not any(preview.largest.values()), "colours begin anew"
+preview.engine.end()
+print("closed")
+"""
+    explicit = ["time.integrator=symplectic_euler", "time.step=0.05", "time.end=9", "surface.n_vertices=60"]
+    play(WINDOW + session, tmp_path, BAR, *explicit)
+
+
+def test_a_film_ends_before_memory_does_and_what_cannot_be_written_is_told(tmp_path):
+    session = """
+module._LONGEST = 3
+press("v")
+for _ in range(4):
+    window.plotter.render()
+    preview.draw(0)
+assert preview.film is None and preview.note != "a film is made: v ends it"
+Path("preview.png").mkdir()
+press("p")
+preview.draw(0)
+assert "directory" in preview.text.input
+preview.engine.end()
+print("closed")
+"""
+    play(WINDOW + session, tmp_path, BAR, *SHORT)
+    with Image.open(tmp_path / "preview.webp") as film:
+        assert film.n_frames <= 3
+
+
+def test_statics_are_told_of_by_their_load(tmp_path):
+    session = """
+press("Right")
+told(lambda head: head["n_steps"] == 1)
+preview.draw(0)
+assert preview.text.input.startswith("0.5 of the load, paused; ") and "real time" not in preview.text.input
+assert {chart.x_label for chart in preview.charts.values()} == {"load factor"}
+preview.engine.end()
+print("closed")
+"""
+    play(WINDOW + session, tmp_path, SCENES / "bar_sag.toml", "surface.n_vertices=60", "time.load_steps=2")
 
 
 RATES = """

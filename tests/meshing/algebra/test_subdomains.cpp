@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <omp.h>
 
+#include <map>
 #include <set>
 
 #include "massspring/calibrations/calibrate.h"
@@ -143,6 +144,33 @@ TEST(Springs, AreStiffenedByASkinAlongTheEdgesOfTheSurface) {
   }
   EXPECT_EQ(n_sides, 6 * 3 * 3 * 2);
   EXPECT_EQ(n_diagonals, 6 * 3 * 3);
+}
+
+// As those of `moment`, which are in another order and need not have every edge of the surface.
+TEST(Springs, AreStiffenedByASkinWhicheverThereAre) {
+  const SpringNetwork network = box_network();
+  MassSpringModel model = calibrate(network, Material{}, find_calibration("van_gelder"));
+  Skin skin;
+  skin.stiffness = 10;
+  MassSpringModel expected = model;
+  add_skin(skin, expected);
+  const auto stiffness_of = [](const Springs& springs) {
+    std::map<std::pair<int, int>, double> stiffness;
+    for (Eigen::Index s = 0; s < springs.E.cols(); ++s)
+      stiffness[std::minmax(springs.E(0, s), springs.E(1, s))] += springs.stiffness(s);
+    return stiffness;
+  };
+  auto lacking = stiffness_of(*expected.springs);
+  const int a = model.springs->E(0, 0), b = model.springs->E(1, 0);  // along the surface
+  lacking[std::minmax(a, b)] -= model.springs->stiffness(0);
+  const Eigen::Index n = model.springs->E.cols() - 1;
+  model.springs->E = model.springs->E.rightCols(n).rowwise().reverse().eval();
+  model.springs->stiffness = model.springs->stiffness.tail(n).reverse().eval();
+  model.springs->first.clear();
+  add_skin(skin, model);
+  const auto found = stiffness_of(*model.springs);
+  ASSERT_EQ(found.size(), lacking.size());
+  for (const auto& [edge, k] : lacking) EXPECT_NEAR(found.at(edge), k, 1e-12 * k);
 }
 
 TEST_F(Subdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
