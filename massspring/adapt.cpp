@@ -100,11 +100,17 @@ SurfaceMesh cut_where_strain_jumps(const SurfaceMesh& surface, const VectorXd& j
   return cut_surface(surface, longest, std::numeric_limits<int>::max());
 }
 
-/// Of dead loads in load plus internal forces; 1 without such loads. A slender body that sets out from elsewhere has
-/// internal forces beside which its load is nothing, and so would be taken for balanced at once.
+/// Of what deforms the body in that plus internal forces: dead loads, or where these do less than half of the work the
+/// force that would store as much by an equal motion. A slender body that sets out from elsewhere has internal forces
+/// beside which either is nothing, and so would be taken for balanced at once.
 double share_of_load(const Simulation& simulation) {
-  const double load = simulation.forces().load.norm();
-  return load > 0 ? load / (load + elastic_forces(simulation.model(), simulation.state()).norm()) : 1;
+  const State& state = simulation.state();
+  const Matrix3Xd& load = simulation.forces().load;
+  const double stored = elastic_energy(simulation.model(), state);
+  double force = load.norm();
+  if (load.cwiseProduct(state.u).sum() < stored)
+    force = 2 * stored / (state.u.colwise() - state.u.rowwise().mean()).norm();
+  return force / (force + elastic_forces(simulation.model(), state).norm());
 }
 
 }  // namespace
@@ -121,7 +127,9 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   Simulation simulation(loosely, finer);
   if (!has_friction(scene)) {
     simulation.start_at(interpolated(u, between));
-    simulation.set_residual(std::min(kResidual, kOfLoad * share_of_load(simulation)));
+    if (!scene.collapse)
+      simulation.set_residual(
+          std::max(scene.time.residual, std::min(kResidual, kOfLoad * share_of_load(simulation))));
   }
   balance(simulation);
 
