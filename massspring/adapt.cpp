@@ -48,12 +48,6 @@ Matrix3Xd equilibrium(const Scene& scene, const SpringNetwork& network) {
   return simulation.snapshot().u;
 }
 
-/// Whether what came before decides an equilibrium.
-bool has_friction(const Scene& scene) {
-  return std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
-                     [](const Obstacle& obstacle) { return obstacle.friction > 0; });
-}
-
 /// For each vertex of the surface, squared jumps of the displacement's gradient between the tetrahedra that are
 /// nearest to it and their nodes' averages, times volume [Zienkiewicz & Zhu 1987].
 VectorXd jumps(const SpringNetwork& network, const Matrix3Xd& u) {
@@ -115,6 +109,11 @@ double share_of_load(const Simulation& simulation) {
 
 }  // namespace
 
+bool has_friction(const Scene& scene) {
+  return std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
+                     [](const Obstacle& obstacle) { return obstacle.friction > 0; });
+}
+
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Matrix3Xd& u) {
   // Of the finer network's forces, and of its load alone: an error of a hundredth to two digits.
   constexpr double kResidual = 1e-4, kOfLoad = 1e-3;
@@ -145,7 +144,9 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   const double left =
       static_cast<double>(n) / finer.n_surface;  // part of the error that the finer network has
   const VectorXd error = deformation(u.leftCols(n) - of_finer) / (1 - left);
-  return {norm(error) / norm(deformation(of_finer)), error};
+  const double size = norm(deformation(of_finer));
+  if (size == 0) throw std::runtime_error("nothing deforms, so that no error is a part of it");
+  return {norm(error) / size, error};
 }
 
 AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, double target) {
