@@ -123,6 +123,7 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   const auto [finer, between] = split_in_eight(network);
   Scene loosely = in_one_step(scene);
   loosely.time.residual = kResidual;
+  loosely.network.mass = MassMatrix::Lumped;  // what a consistent one takes to set up serves motions alone
   Simulation simulation(loosely, finer);
   if (!has_friction(scene)) {
     simulation.start_at(interpolated(u, between));
