@@ -179,17 +179,21 @@ def run_solvers(
     with _no_report_of_a_failure(folder):
         wanted = load_scale.wanted_strain(read_toml(scene_file), overrides)
         if wanted is not None:
-            trial = folder / "load_scale_trial"
+            folder_of_trial = folder / "load_scale_trial"
+            failed = f"load_scale.strain = {wanted}: the trial solve that finds a factor for it failed, see {folder_of_trial}"
             say(f"a trial for a strain of {wanted:g}", is_quiet)
-            status, errors = run("massspring", trial, *load_scale.TRIAL, options=load_scale.OPTIONS)
-            if status == NOT_OK:
-                _expect_end(trial)
-            if status != SOLVED:
-                raise RunError(
-                    errors
-                    or f"load_scale.strain = {wanted}: the trial solve that finds a factor for it failed, see {trial}"
-                )
-            overrides = [*overrides, load_scale.factor_override(wanted, trial)]
+
+            def trial(words: tuple[str, ...]) -> tuple[str, Path]:
+                status, errors = run("massspring", folder_of_trial, *words, options=load_scale.OPTIONS)
+                if status not in (SOLVED, NOT_OK):
+                    raise RunError(errors or f"{failed} (exit status {status})")
+                _expect_end(folder_of_trial)
+                return record_of(folder_of_trial)["status"], folder_of_trial
+
+            factor = load_scale.factor_override(wanted, trial)
+            if not factor:
+                raise RunError(failed)
+            overrides = [*overrides, factor]
         say(label_of(REFERENCE), is_quiet)
         status, errors = run("fem_reference", folder / "fem_reference", options=("--checked",))
         if status not in (SOLVED, NOT_OK, NOT_MODELLED):

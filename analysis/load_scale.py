@@ -6,14 +6,14 @@ Both programs then get the factor, and so do equal loads.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 
-from .runs import Array, RunError, load_frames
+from .runs import STRAIN_TOO_LARGE, Array, RunError, load_frames
 from .small_strain import stays_below
 
 _SHARE = (
@@ -21,13 +21,17 @@ _SHARE = (
 )
 #: What the trial takes in place of the scene's own.
 TRIAL = (
-    "load_scale.factor=1.0",
     "network.calibration=edge_coupled",
     'material.law="small_strain"',
     "time.load_steps=1",
+    "network.estimate=false",
     "output.curves=true",
 )
 OPTIONS = ("--no-diagnostics", "--checked")
+_LESS = 1e-3  # times the load of a trial that strains too much
+
+#: Makes a trial run with these overrides: its status, and its folder.
+Trial = Callable[[tuple[str, ...]], tuple[str, Path]]
 
 
 def wanted_strain(scene: dict[str, Any], overrides: Sequence[str]) -> float | None:
@@ -40,11 +44,22 @@ def wanted_strain(scene: dict[str, Any], overrides: Sequence[str]) -> float | No
     return None if "factor" in found else found.get("strain")
 
 
-def factor_override(wanted: float, trial: Path) -> str:
-    """KEY=VALUE of the factor, by the trial's folder. Raises RunError where the trial strains nothing."""
-    measured = strain_of(trial)
+def factor_override(wanted: float, trial: Trial) -> str | None:
+    """KEY=VALUE of the factor; None where the trial ends with another status than ok.
+
+    A load that strains too much for small strain is lessened until it does not. Raises RunError where it strains nothing.
+    """
+    load = 1.0
+    while True:
+        status, folder = trial((f"load_scale.factor={load}", *TRIAL))
+        if status != STRAIN_TOO_LARGE:
+            break
+        load *= _LESS
+    if status != "ok":
+        return None
+    measured = strain_of(folder) / load
     if not measured > 0:
-        raise RunError(f"load_scale.strain = {wanted}: the loads strain nothing, see {trial}")
+        raise RunError(f"load_scale.strain = {wanted}: the loads strain nothing, see {folder}")
     return f"load_scale.factor={wanted / measured:.6g}"
 
 

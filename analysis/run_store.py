@@ -233,16 +233,15 @@ class Store:
         wanted = load_scale.wanted_strain(read_toml(request.scene), request.overrides)
         if wanted is None:
             return request
-        trial = self.run(
-            RunRequest(
-                "massspring", request.scene, (*request.overrides, *load_scale.TRIAL), load_scale.OPTIONS
+
+        def trial(words: tuple[str, ...]) -> tuple[str, Path]:
+            found = self.run(
+                RunRequest("massspring", request.scene, (*request.overrides, *words), load_scale.OPTIONS)
             )
-        )
-        if trial.status != "ok":
-            return request
-        return replace(
-            request, overrides=(*request.overrides, load_scale.factor_override(wanted, trial.folder))
-        )
+            return found.status, found.folder
+
+        factor = load_scale.factor_override(wanted, trial)
+        return replace(request, overrides=(*request.overrides, factor)) if factor else request
 
     def _execute(self, request: RunRequest, folder: Path) -> Outcome:
         command = solver(

@@ -23,6 +23,7 @@ Array = np.ndarray
 _KEPT = 1_000_000  # points, of the frames of a run that are kept in memory: some 100 MB
 SOLVED, REFUSED, NOT_OK, NOT_MODELLED = range(4)  # exit statuses of both programs: meshing/exit_status.h
 STOPPED_EARLY = "stopped_early"  #: status of one that reached its budget: meshing/record.h
+STRAIN_TOO_LARGE = "strain_too_large"  #: status of one that is not of small strain: meshing/algebra/status.h
 LATE = 124  #: of one that was stopped for its time, as timeout(1) has it
 
 

@@ -48,12 +48,6 @@ Matrix3Xd equilibrium(const Scene& scene, const SpringNetwork& network) {
   return simulation.snapshot().u;
 }
 
-/// Whether what came before decides an equilibrium.
-bool has_friction(const Scene& scene) {
-  return std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
-                     [](const Obstacle& obstacle) { return obstacle.friction > 0; });
-}
-
 /// For each vertex of the surface, squared jumps of the displacement's gradient between the tetrahedra that are
 /// nearest to it and their nodes' averages, times volume [Zienkiewicz & Zhu 1987].
 VectorXd jumps(const SpringNetwork& network, const Matrix3Xd& u) {
@@ -100,14 +94,25 @@ SurfaceMesh cut_where_strain_jumps(const SurfaceMesh& surface, const VectorXd& j
   return cut_surface(surface, longest, std::numeric_limits<int>::max());
 }
 
-/// Of dead loads in load plus internal forces; 1 without such loads. A slender body that sets out from elsewhere has
-/// internal forces beside which its load is nothing, and so would be taken for balanced at once.
+/// Of what deforms the body in that plus internal forces: dead loads, or where these do less than half of the work the
+/// force that would store as much by an equal motion. A slender body that sets out from elsewhere has internal forces
+/// beside which either is nothing, and so would be taken for balanced at once.
 double share_of_load(const Simulation& simulation) {
-  const double load = simulation.forces().load.norm();
-  return load > 0 ? load / (load + elastic_forces(simulation.model(), simulation.state()).norm()) : 1;
+  const State& state = simulation.state();
+  const Matrix3Xd& load = simulation.forces().load;
+  const double stored = elastic_energy(simulation.model(), state);
+  double force = load.norm();
+  if (load.cwiseProduct(state.u).sum() < stored)
+    force = 2 * stored / (state.u.colwise() - state.u.rowwise().mean()).norm();
+  return force / (force + elastic_forces(simulation.model(), state).norm());
 }
 
 }  // namespace
+
+bool has_friction(const Scene& scene) {
+  return std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
+                     [](const Obstacle& obstacle) { return obstacle.friction > 0; });
+}
 
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Matrix3Xd& u) {
   // Of the finer network's forces, and of its load alone: an error of a hundredth to two digits.
@@ -118,10 +123,13 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   const auto [finer, between] = split_in_eight(network);
   Scene loosely = in_one_step(scene);
   loosely.time.residual = kResidual;
+  loosely.network.mass = MassMatrix::Lumped;  // what a consistent one takes to set up serves motions alone
   Simulation simulation(loosely, finer);
   if (!has_friction(scene)) {
     simulation.start_at(interpolated(u, between));
-    simulation.set_residual(std::min(kResidual, kOfLoad * share_of_load(simulation)));
+    if (!scene.collapse)
+      simulation.set_residual(
+          std::max(scene.time.residual, std::min(kResidual, kOfLoad * share_of_load(simulation))));
   }
   balance(simulation);
 
@@ -139,7 +147,9 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   const double left =
       static_cast<double>(n) / finer.n_surface;  // part of the error that the finer network has
   const VectorXd error = deformation(u.leftCols(n) - of_finer) / (1 - left);
-  return {norm(error) / norm(deformation(of_finer)), error};
+  const double size = norm(deformation(of_finer));
+  if (size == 0) throw std::runtime_error("nothing deforms, so that no error is a part of it");
+  return {norm(error) / size, error};
 }
 
 AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, double target) {

@@ -7,6 +7,9 @@
 
 namespace testbed::massspring {
 
+/// Whether what came before decides an equilibrium.
+bool has_friction(const Scene& scene);
+
 /// Of the surface's displacement at full load.
 struct ErrorEstimate {
   double error;               ///< relative, in the L2 norm
@@ -17,7 +20,8 @@ struct ErrorEstimate {
 /// if errors fell with the square of their edges. The latter starts from the former and is solved to what an estimate
 /// needs.
 /// @param u  displacements (m), 3 x n
-/// @throws std::runtime_error when the finer network finds no equilibrium or is too large to be tried.
+/// @throws std::runtime_error when the finer network finds no equilibrium or is too large to be tried, and where
+/// nothing deforms.
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Eigen::Matrix3Xd& u);
 
 struct AdaptedSurface {

@@ -105,8 +105,8 @@ void estimate(const Simulation& simulation, const Scene& scene, const SpringNetw
   if (simulation.status() != Status::Ok) return;
   std::string why_not = why_not_estimated(scene, find_calibration(scene.network.calibration));
   if (why_not.empty() && arguments.budget) why_not = "a budget of time is spent on solutions alone";
-  if (why_not.empty() && !scene.obstacles.empty())
-    why_not = "contact of a finer surface is found anew, at many times the price of the run";
+  if (why_not.empty() && has_friction(scene))
+    why_not = "friction hangs on all load steps, which finer springs would take anew";
   if (!why_not.empty()) {
     session.record["not_estimated"] = why_not;
     return;

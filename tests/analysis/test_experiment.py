@@ -29,7 +29,7 @@ from analysis.references import refine
 from analysis.report import text_of
 from analysis.results import fingerprint, write_results
 from analysis.run_store import Outcome, Store
-from analysis.runs import RunError, StoppedEarlyError, load_run
+from analysis.runs import RunError, StoppedEarlyError, load_run, record_of
 from analysis.verdict import conclusion, finding
 
 REFERENCE_SECONDS = {"mesh": 1, "setup": 1, "assemble": 1, "solve": 5, "output": 1}
@@ -613,6 +613,24 @@ def test_a_wanted_strain_is_reached_by_one_factor_that_all_runs_get(home, tmp_pa
     run_solvers(tmp_path / "scene.toml", tmp_path / "out", None, [], is_quiet=True)
     trial, *others = calls(home / "bin")
     assert "('load_scale.factor', '1.0')" in trial and "edge_coupled" in trial
+    assert len(others) == 3 and all("('load_scale.factor', '0.5')" in call for call in others)
+
+
+def test_a_trial_that_strains_too_much_is_made_again_with_less_load(home, tmp_path, monkeypatch):
+    monkeypatch.setattr("analysis.load_scale.strain_of", lambda folder: 2e-6)
+    (tmp_path / "scene.toml").write_text("[load_scale]\nstrain = 1e-3\n")
+    record = home / "massspring_0.25" / "run.json"
+    sound = record.read_text()
+    record.write_text(json.dumps(json.loads(sound) | {"status": "strain_too_large"}))
+
+    def mend(folder):
+        record.write_text(sound)
+        return record_of(folder)
+
+    monkeypatch.setattr("analysis.experiment.record_of", mend)
+    run_solvers(tmp_path / "scene.toml", tmp_path / "out", None, [], is_quiet=True)
+    first, second, *others = calls(home / "bin")
+    assert "('load_scale.factor', '1.0')" in first and "('load_scale.factor', '0.001')" in second
     assert len(others) == 3 and all("('load_scale.factor', '0.5')" in call for call in others)
 
 

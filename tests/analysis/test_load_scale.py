@@ -43,12 +43,40 @@ def test_a_factor_is_found_where_a_strain_is_wanted_and_none_given(scene, overri
     assert load_scale.wanted_strain(scene, overrides) == wanted
 
 
+def trial_of(status_at, tmp_path, tried):
+    """A trial of a linear body that ends as status_at(load) says."""
+
+    def trial(words):
+        load = float(dict(word.split("=", 1) for word in words)["load_scale.factor"])
+        tried.append(load)
+        return status_at(load), tmp_path
+
+    return trial
+
+
 def test_factor_is_the_wanted_strain_over_that_of_the_trial(monkeypatch, tmp_path):
+    trial = trial_of(lambda load: "ok", tmp_path, [])
     monkeypatch.setattr(load_scale, "strain_of", lambda folder: 0.04)
-    assert load_scale.factor_override(1e-3, tmp_path) == "load_scale.factor=0.025"
+    assert load_scale.factor_override(1e-3, trial) == "load_scale.factor=0.025"
     monkeypatch.setattr(load_scale, "strain_of", lambda folder: 0.0)
     with pytest.raises(RunError, match="the loads strain nothing"):
-        load_scale.factor_override(1e-3, tmp_path)
+        load_scale.factor_override(1e-3, trial)
+
+
+def test_a_load_that_strains_too_much_is_lessened_and_the_factor_stays_that_of_the_whole(
+    monkeypatch, tmp_path
+):
+    tried: list[float] = []
+    trial = trial_of(lambda load: "ok" if load < 1e-5 else "strain_too_large", tmp_path, tried)
+    monkeypatch.setattr(load_scale, "strain_of", lambda folder: 4e4 * tried[-1])
+    assert load_scale.factor_override(1e-3, trial) == "load_scale.factor=2.5e-08"
+    assert tried == pytest.approx([1, 1e-3, 1e-6])
+
+
+def test_a_trial_that_ends_otherwise_gives_no_factor(tmp_path):
+    tried: list[float] = []
+    assert load_scale.factor_override(1e-3, trial_of(lambda load: "not_converged", tmp_path, tried)) is None
+    assert tried == [1]
 
 
 def test_both_programs_of_a_sweep_get_the_same_factor(monkeypatch, tmp_path):
