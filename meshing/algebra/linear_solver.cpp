@@ -18,7 +18,8 @@ constexpr double kCycle = 6;         // an iteration with it
 constexpr double kCyclesADigit = 4;  // iterations with it, a good one
 constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;       // iterations more than at first, at which a factor is made anew
-constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried
+constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried,
+constexpr double kSlowest = 12;    // or of each digit, if these are more
 constexpr int kMaxIterations = 5000, kMaxWithFactor = 1000;
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
 
@@ -248,14 +249,15 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
   if (is_new) groups.multigrid = std::make_unique<Multigrid>(A.matrix(), *A.positions, A.filter);
   const OfSystem precondition{[&](const PaddedField& r, PaddedField& z) { groups.multigrid->apply(r, z); },
                               A};
-  SolveReport report = iterate(A, precondition, b, x, tolerance, kStandsStill, n);
-  if (!report.is_converged && report.iterations >= kStandsStill) {
+  const int patience = std::max(kStandsStill, static_cast<int>(kSlowest * digits(tolerance)));
+  SolveReport report = iterate(A, precondition, b, x, tolerance, patience, n);
+  if (!report.is_converged && report.iterations >= patience) {
     if (!is_new) {
       wear_out(groups);
       return solve_on(A, b, x, tolerance, n);
     }
     if (n_factor_entries(A.matrix()) <= kMostFactorEntries) {
-      choice_ = "Cholesky factor: multigrid took more than " + std::to_string(kStandsStill) + " iterations";
+      choice_ = "Cholesky factor: multigrid took more than " + std::to_string(patience) + " iterations";
       preconditioner_ = Factor{};
       return solve_on(A, b, x, tolerance, n);
     }
