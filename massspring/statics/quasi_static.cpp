@@ -66,22 +66,6 @@ double largest_linear_diagonal(const MassSpringModel& model) {
   return largest;
 }
 
-/// Stiffness of the model, or where springs are coupled of its single tetrahedra alone, which is sparser.
-BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
-  if (!model.tet_springs) {
-    BlockMatrix K = stiffness_pattern(model);
-    add_stiffness(model, state, K);
-    return K;
-  }
-  const TetSprings simple =
-      couple_springs(model.network.X, model.network.T, lame_of(model.material), kEdgeCoupled);
-  BlockMatrix K = make_block_matrix(static_cast<int>(state.x.cols()), pairs_of(simple));
-  add_hessian(simple, displacement(model, state), K);
-  K.kept = std::vector<int>();  // it is assembled once
-  K.kept_of = 0;
-  return K;
-}
-
 /// So that a factor exists where motions cost no energy.
 BlockMatrix shifted(BlockMatrix P, const std::vector<Constraint>& constraints) {
   constexpr double kShift = 1e-8;
@@ -163,7 +147,6 @@ BlockMatrix QuasiStaticSolver::stiffness() const {
 }
 
 const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state) {
-  constexpr double kLocks = 0.49;  // Poisson's ratio beyond which simple tetrahedra are a poor guide
   P_ = is_exact_ || model_.material.nu > kLocks ? stiffness() : simple_stiffness(model_, state);
   surface_.add_within(P_);
   P_ = shifted(std::move(P_), forces_.constraints);

@@ -36,6 +36,11 @@ ImplicitMatrix::ImplicitMatrix(const EquationOfMotion& motion, const Gradients& 
 void ImplicitMatrix::assemble(const State& at, Curvature curvature, BlockMatrix& A) const {
   A.set_zero();
   add_stiffness(model_, at, A, curvature);
+  complete(A);
+}
+
+/// Makes of a stiffness the matrix, but for the surface and constraints.
+void ImplicitMatrix::complete(BlockMatrix& A) const {
   for (Matrix3d& block : A.block) block *= factors_.stiffness;
   if (damping_) add_blocks(*model_.springs, *damping_, A);
   for (int i = 0; i < A.rows(); ++i) A.block[A.diagonal[i]].diagonal().array() += mass_(i);
@@ -141,7 +146,7 @@ const BlockMatrix& ImplicitMatrix::matrix() {
   if (K_) {
     A_ = *K_;
   } else if (is_linear_) {
-    if (!A_) A_ = stiffness_pattern(model_);
+    A_ = stiffness_pattern(model_);
     assemble({}, Curvature::Exact, *A_);
   } else {
     if (!A_) A_ = stiffness_pattern(model_);
@@ -155,13 +160,25 @@ const BlockMatrix& ImplicitMatrix::matrix() {
   return *A_;
 }
 
+/// Of many nodes of a linear model that of single tetrahedra, which has a fraction of the blocks.
+const BlockMatrix& ImplicitMatrix::preconditioning_matrix() {
+  constexpr Eigen::Index kFewNodes = 5000;
+  if (!is_linear_ || n_energies(model_) > 1 || mass_.size() <= kFewNodes || model_.material.nu > kLocks)
+    return matrix();
+  A_ = simple_stiffness(model_, initial_state(model_));
+  complete(*A_);
+  surface_.add_within(*A_);
+  filter(motion_.constraints, *A_);
+  return *A_;
+}
+
 LinearSystem ImplicitMatrix::system() {
   return {[this](const Matrix3Xd& p, Matrix3Xd& y) { multiply(p, y); },
           [this](const PaddedField& p, PaddedField& y) { return multiply_single(p, y); },
           [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
           [this](PaddedField& y) { filter_single(y); },
           [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
-          [this]() -> const BlockMatrix& { return matrix(); },
+          [this]() -> const BlockMatrix& { return preconditioning_matrix(); },
           &x_};
 }
 

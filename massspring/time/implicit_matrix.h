@@ -43,6 +43,8 @@ class ImplicitMatrix {
 
  private:
   void assemble(const State& at, Curvature curvature, BlockMatrix& A) const;
+  void complete(BlockMatrix& A) const;
+  const BlockMatrix& preconditioning_matrix();
   void make_single();
   void filter_single(PaddedField& y) const;
   double multiply_single(const PaddedField& p, PaddedField& y);
