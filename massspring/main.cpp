@@ -52,8 +52,9 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
   record["mass_damping"] = simulation.forces().mass_damping;
   record["n_springs"] = model.springs ? model.springs->E.cols() : 0;
   record["n_patches"] = model.tet_springs ? model.tet_springs->n_patches() : 0;
-  if (simulation.is_static() || !find_integrator(scene.time.integrator).is_explicit)
-    record["n_blocks"] = n_stiffness_blocks(model);
+  const bool forms_matrix = simulation.is_static() ? !model.linear || !model.tet_springs
+                                                   : !find_integrator(scene.time.integrator).is_explicit;
+  if (forms_matrix) record["n_blocks"] = n_stiffness_blocks(model);
   record["n_tetrahedra"] = T.cols();
   if (T.cols() > 0) record["tetrahedra"] = to_json(tet_quality(model.network.X, T));
   record["is_free"] = false;

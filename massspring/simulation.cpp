@@ -74,6 +74,11 @@ double rounding_of_energy(const MassSpringModel& model, const Forces& forces) {
          kOfPositions * forces.load.norm() * X.norm();
 }
 
+bool collapses(const Scene& scene) {
+  return scene.collapse || std::any_of(scene.events.begin(), scene.events.end(),
+                                       [](const Event& event) { return event.after->collapse.has_value(); });
+}
+
 void check_events(const Scene& scene) {
   const Scene* before = &scene;
   for (size_t e = 0; e < scene.events.size(); ++e) {
@@ -123,6 +128,8 @@ void Simulation::make_model() {
   model_ = model_of(scene_, problem_, network_);
   if (model_.consistent_mass)
     lump(driven_nodes(constraints_of(problem_, surface_of(model_))), *model_.consistent_mass);
+  // A quarter of what large bodies' patches take is for collapses alone.
+  if (model_.tet_springs && !collapses(scene_)) model_.tet_springs->weight.resize(0);
   find_collapsing();
   report_.full_geometry.clear();
   if (law_of(scene_) != MaterialLaw::SmallStrain) return;
@@ -267,10 +274,12 @@ void Simulation::turn_to(const Scene& scene) {
       state_.history.clearance.clear();
     }
   }
+  is_new_model |= scene.collapse && model_.tet_springs && model_.tet_springs->weight.size() == 0;
+  is_new_force |= is_new_model;
   scene_ = scene;
   report_.status = Status::Ok;
   report_.n_unsolved = 0;
-  find_collapsing();
+  if (!is_new_model) find_collapsing();
   if (!is_new_force) return;
   problem_ = discretise(scene_, surface_of(network_));
   if (is_new_model) make_model();

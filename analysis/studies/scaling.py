@@ -63,7 +63,7 @@ LINES = [
          ("network.calibration=node_averaged", *_dynamic("symplectic_euler", 1e-6, _EXPLICIT_STEPS)),
          {"mesh": "tetrahedra", "setup": "set-up", "solve": "explicit step"}, _EXPLICIT_STEPS),
     Line("node_averaged", "massspring", ("network.calibration=node_averaged", "time.load_steps=1", "network.estimate=false"),
-         {"solve": "static solve"}),
+         {"solve": "static solve"}, largest=4e5),
     Line(FEM_P1, "fem_reference", ("reference.degree=1", "time.load_steps=1"),
          {"mesh": "tetrahedra", "assemble": "assembly", "solve": "static solve"}),
     Line(FEM_P2, "fem_reference", ("reference.degree=2", "time.load_steps=1"),
@@ -317,7 +317,7 @@ def finding(sizes: list[Size]) -> str:
 
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """Seconds, memory and non-zeros over the number of nodes."""
-    sizes, repetitions = ([300.0, 1000.0], 2) if arguments.quick else ([1e3, 1e4, 1e5, 2e6], 3)
+    sizes, repetitions = ([300.0, 1000.0], 2) if arguments.quick else ([1e3, 1e4, 1e5, 4e5, 2e6], 3)
     repetitions = arguments.repetitions or repetitions
     with alone(arguments.quiet):
         measured = measure(

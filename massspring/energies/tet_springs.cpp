@@ -147,8 +147,8 @@ std::vector<int> order_of_patches(const Matrix3Xd& X, const Matrix4Xi& T, const 
   return order;
 }
 
-/// Lays the patches out in batches, none of them of two subdomains.
-void fill_batches(TetSprings& springs) {
+/// Lays the patches, whose entries have the vectors b, out in batches, none of them of two subdomains.
+void fill_batches(const Matrix3Xd& b, TetSprings& springs) {
   PatchBatches& batches = springs.batches;
   std::vector<int> first = springs.subdomain_first;  // of ranges
   if (first.empty()) first = {0, springs.n_patches()};
@@ -156,31 +156,31 @@ void fill_batches(TetSprings& springs) {
   for (std::size_t k = 0; k + 1 < first.size(); ++k) {
     if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
     for (int p = first[k]; p < first[k + 1]; p += kBatchSize) {
-      const int n = std::min(kBatchSize, first[k + 1] - p), n_before = batches.start.back();
+      const int n = std::min(kBatchSize, first[k + 1] - p);
       int n_entries = 0;
       for (int i = 0; i < n; ++i)
         n_entries = std::max(n_entries, springs.first[p + i + 1] - springs.first[p + i]);
       batches.first.push_back(p + n);
-      batches.start.push_back(n_before + n_entries);
+      batches.start.push_back(batches.start.back() + n_entries);
       batches.pair_start.push_back(batches.pair_start.back() + n_entries * (n_entries + 1) / 2);
-      batches.node.resize(kBatchSize * batches.start.back());
-      batches.b.resize(3 * kBatchSize * static_cast<std::size_t>(batches.start.back()));
-      for (int i = 0; i < kBatchSize; ++i) {
-        const int patch = p + std::min(i, n - 1), begin = springs.first[patch],
-                  end = springs.first[patch + 1];
-        for (int e = 0; e < n_entries; ++e) {
-          const bool is_there = i < n && begin + e < end;
-          const auto at = static_cast<std::size_t>(n_before) + e;
-          batches.node[kBatchSize * at + i] = springs.node[is_there ? begin + e : begin];
-          for (int j = 0; j < 3; ++j)
-            batches.b[kBatchSize * (3 * at + j) + i] = is_there ? springs.b(j, begin + e) : 0;
-        }
-      }
     }
   }
   if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
-  batches.node.shrink_to_fit();
-  batches.b.shrink_to_fit();
+  const std::size_t n_all = kBatchSize * static_cast<std::size_t>(batches.start.back());
+  batches.node.resize(n_all);
+  batches.b.resize(3 * n_all);
+  for (int batch = 0; batch < batches.n_batches(); ++batch) {
+    const int p = batches.first[batch], n = batches.first[batch + 1] - p;
+    for (int i = 0; i < kBatchSize; ++i) {
+      const int patch = p + std::min(i, n - 1), begin = springs.first[patch], end = springs.first[patch + 1];
+      for (int at = batches.start[batch], e = 0; at < batches.start[batch + 1]; ++at, ++e) {
+        const bool is_there = i < n && begin + e < end;
+        batches.node[kBatchSize * at + i] = springs.node[is_there ? begin + e : begin];
+        for (int j = 0; j < 3; ++j)
+          batches.b[kBatchSize * (3 * static_cast<std::size_t>(at) + j) + i] = is_there ? b(j, begin + e) : 0;
+      }
+    }
+  }
   springs.node.shrink_to_fit();
 }
 
@@ -192,9 +192,10 @@ PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
 /// Adds patches that average over tetrahedra: column t of `patches` names those that tetrahedron t belongs
 /// to, which share its volume evenly, and that of `part` how much of theirs they take. Their first Lame constant
 /// is lambda, and `whole` more for all of the volume, whatever the part of it: then a patch takes one part of
-/// all its tetrahedra, or uniform strain is out of balance.
+/// all its tetrahedra, or uniform strain is out of balance. Vectors of their entries are appended to b.
 void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches,
-                    const Eigen::MatrixXd& part, double lambda, double whole, TetSprings& springs) {
+                    const Eigen::MatrixXd& part, double lambda, double whole, TetSprings& springs,
+                    Matrix3Xd& b) {
   const auto n_sharers = static_cast<int>(patches.rows());
   std::vector<Eigen::Matrix<double, 3, 4>> gradients(T.cols());
   Eigen::VectorXd even(T.cols());  // volume over sharers
@@ -231,9 +232,9 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
     springs.first.push_back(static_cast<int>(springs.node.size()));
   }
   const Eigen::Index n_entries = springs.first.back(), n_entries_before = springs.weight.size();
-  springs.b.conservativeResize(3, n_entries);
+  b.conservativeResize(3, n_entries);
   springs.weight.conservativeResize(n_entries);
-  springs.b.rightCols(n_entries - n_entries_before).setZero();
+  b.rightCols(n_entries - n_entries_before).setZero();
   springs.weight.tail(n_entries - n_entries_before).setZero();
   std::vector<int> entry_of(X.cols());  // of nodes in the patch at hand
   for (int q = 0; q < n_new; ++q) {
@@ -245,11 +246,11 @@ void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixX
       volume += share;
       whole_volume += even[t];
       for (int k = 0; k < 4; ++k) {
-        springs.b.col(entry_of[T(k, t)]) += share * gradients[t].col(k);
+        b.col(entry_of[T(k, t)]) += share * gradients[t].col(k);
         springs.weight[entry_of[T(k, t)]] += share / 4;
       }
     });
-    springs.b.middleCols(begin, n) /= volume;
+    b.middleCols(begin, n) /= volume;
     springs.weight.segment(begin, n) /= volume;
     springs.volume[n_before + q] = volume;
     if (volume > 0)  // a node may belong to no tetrahedron
@@ -270,6 +271,14 @@ std::vector<char> near(const std::vector<int>& nodes, Eigen::Index n_nodes, cons
 
 }  // namespace
 
+Vector3d TetSprings::b(int p, int entry) const {
+  const auto batch =
+      std::upper_bound(batches.first.begin(), batches.first.end(), p) - batches.first.begin() - 1;
+  const auto at = static_cast<std::size_t>(batches.start[batch]) + entry - first[p];
+  const double* const x = &batches.b[3 * kBatchSize * at + p - batches.first[batch]];
+  return {x[0], x[kBatchSize], x[2 * kBatchSize]};
+}
+
 Lame lame_of(const Material& material) {
   const double E = material.E, nu = material.nu;
   if (!(E > 0)) throw std::runtime_error("Young's modulus " + std::to_string(E) + " Pa, expected > 0");
@@ -281,6 +290,7 @@ Lame lame_of(const Material& material) {
 TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame, const Blend& blend,
                           const std::vector<int>& constrained) {
   TetSprings springs;
+  Matrix3Xd b(3, 0);
   springs.mu = lame.mu;
   springs.first.push_back(0);
   const double shared = blend.nodes > 0 ? std::min(lame.lambda, lame.mu) : lame.lambda;
@@ -298,12 +308,12 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
   }
   if (blend.tetrahedra > 0) {
     const Eigen::MatrixXi own = Eigen::RowVectorXi::LinSpaced(T.cols(), 0, static_cast<int>(T.cols()) - 1);
-    append_patches(X, T, own, everywhere(1, blend.tetrahedra), shared, 0, springs);
+    append_patches(X, T, own, everywhere(1, blend.tetrahedra), shared, 0, springs, b);
   }
-  if (blend.edges > 0) append_patches(X, T, edge_numbers(T), edges, shared, 0, springs);
-  if (blend.nodes > 0) append_patches(X, T, T, nodes, shared, lame.lambda - shared, springs);
+  if (blend.edges > 0) append_patches(X, T, edge_numbers(T), edges, shared, 0, springs, b);
+  if (blend.nodes > 0) append_patches(X, T, T, nodes, shared, lame.lambda - shared, springs, b);
   if (!springs.subdomain_first.empty()) springs.subdomain_first.push_back(springs.n_patches());
-  fill_batches(springs);
+  fill_batches(b, springs);
   return springs;
 }
 
@@ -332,6 +342,42 @@ void add_forces(const TetSprings& springs, const Matrix3Xd& u, Matrix3Xd& f, con
         });
       },
       u, f);
+}
+
+void add_linear_forces(const TetSprings& springs, const Matrix3Xd& u, Matrix3Xd& f) {
+  const PatchBatches& batches = springs.batches;
+  add_padded(
+      [&](const Double4* in, Double4* out) {
+        for_each_range(springs.subdomain_batch, batches.n_batches(), [&](int begin, int end) {
+          add_linear_patch_forces(begin, end, batches, arrays_of(springs, {}), in, out);
+        });
+      },
+      u, f);
+}
+
+void add_diagonal(const TetSprings& springs, double factor, std::vector<Matrix3d>& blocks) {
+  const PatchBatches& batches = springs.batches;
+  for (int batch = 0; batch < batches.n_batches(); ++batch)
+    for (int p = batches.first[batch]; p < batches.first[batch + 1]; ++p)
+      for (int e = batches.start[batch]; e < batches.start[batch + 1]; ++e) {
+        const int lane = p - batches.first[batch];
+        const double* const x = &batches.b[3 * kBatchSize * static_cast<std::size_t>(e) + lane];
+        const Vector3d b(x[0], x[kBatchSize], x[2 * kBatchSize]);
+        blocks[batches.node[kBatchSize * e + lane]] += factor * springs.volume[p] *
+                                                       ((springs.lambda[p] + springs.mu) * b * b.transpose() +
+                                                        springs.mu * b.squaredNorm() * Matrix3d::Identity());
+      }
+}
+
+SinglePatches single_precision(const TetSprings& springs) {
+  return single_precision(springs.batches, arrays_of(springs, {}));
+}
+
+void add_product(const TetSprings& springs, const SinglePatches& single, const PaddedField& p,
+                 PaddedField& y) {
+  for_each_range(springs.subdomain_batch, springs.batches.n_batches(), [&](int begin, int end) {
+    add_patch_products(begin, end, springs.batches, single, p.data(), y.data());
+  });
 }
 
 void add_hessian(const TetSprings& springs, const Matrix3Xd& u, BlockMatrix& K, Curvature curvature,

@@ -34,8 +34,7 @@ Lame lame_of(const Material& material);
 struct TetSprings {
   std::vector<int> first;  ///< n_patches + 1
   std::vector<int> node;   ///< node of each entry, ascending in a patch
-  Eigen::Matrix3Xd b;      ///< b_j of each entry (1/m)
-  Eigen::VectorXd weight;  ///< of each entry's node in the patch's centre of mass
+  Eigen::VectorXd weight;  ///< of each entry's node in the patch's centre of mass; needed by collapses alone
   Eigen::VectorXd volume;  ///< V of each patch (m3)
   Eigen::VectorXd lambda;  ///< first Lame constant of each patch (Pa)
   double mu = 0;           ///< shear modulus (Pa)
@@ -47,6 +46,8 @@ struct TetSprings {
   std::vector<int> subdomain_batch = {};
 
   int n_patches() const { return static_cast<int>(volume.size()); }
+  /// b_j of an entry of patch p (1/m), which the batches hold.
+  Eigen::Vector3d b(int p, int entry) const;
 };
 
 /// Parts of the energy that act on the strain of single tetrahedra, and on its averages around edges and
@@ -83,6 +84,17 @@ double energy(const TetSprings& springs, const Eigen::Matrix3Xd& u, const Eigen:
 /// Adds the negative gradient of energy (N) to f.
 void add_forces(const TetSprings& springs, const Eigen::Matrix3Xd& u, Eigen::Matrix3Xd& f,
                 const Eigen::VectorXd& scale = {});
+
+/// Adds the forces (N) that are linear in displacements u about rest.
+void add_linear_forces(const TetSprings& springs, const Eigen::Matrix3Xd& u, Eigen::Matrix3Xd& f);
+
+/// Adds factor times the diagonal blocks of the Hessian at rest (N/m) to those of each node.
+void add_diagonal(const TetSprings& springs, double factor, std::vector<Eigen::Matrix3d>& blocks);
+
+/// The patches in single precision, and y += K p of them, K the Hessian at rest.
+SinglePatches single_precision(const TetSprings& springs);
+void add_product(const TetSprings& springs, const SinglePatches& single, const PaddedField& p,
+                 PaddedField& y);
 
 /// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K is symmetric,
 /// its pattern holds pairs_of(springs).

@@ -42,6 +42,21 @@ void measure_patches(int begin, int end, const PatchBatches& batches, const Patc
 void add_patch_forces(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
                       const Double4* u, Double4* f);
 
+/// Adds the forces of small displacements u, linear in these, about rest lengths that have not shrunk.
+void add_linear_patch_forces(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
+                             const Double4* u, Double4* f);
+
+/// Patches in single precision, beside the batches that they are of.
+struct SinglePatches {
+  std::vector<float> b;           ///< as those of the batches
+  std::vector<float> lambda, mu;  ///< kBatchSize of each batch: Lame's constants times the volume (J)
+};
+SinglePatches single_precision(const PatchBatches& batches, const PatchArrays& of);
+
+/// y += K p of batches begin to end - 1, K the Hessian of their energies at rest; 4 floats for each node.
+void add_patch_products(int begin, int end, const PatchBatches& batches, const SinglePatches& of,
+                        const float* p, float* y);
+
 /// Adds the blocks of the Hessian of their energies (N/m) to those at given places: of batches begin to end - 1,
 /// projected patch by patch where that is asked for.
 /// @param at  of each pair of entries (r, e), r <= e, of a batch those of its patches, from the first batch on

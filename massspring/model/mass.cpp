@@ -1,23 +1,31 @@
 #include "massspring/model/mass.h"
 
 #include <algorithm>
-#include <map>
-#include <utility>
+#include <array>
+#include <vector>
 
 #include "meshing/base/geometry.h"
 
 namespace testbed::massspring {
 
 ConsistentMass consistent_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, double rho) {
-  std::map<std::pair<int, int>, double> edges;
+  std::vector<std::array<int, 3>> edges;  // of every tetrahedron: their ends, and which it is
+  edges.reserve(6 * T.cols());
   for (const auto& t : T.colwise())
     for (int i = 0; i < 4; ++i)
-      for (int j = i + 1; j < 4; ++j) edges[std::minmax({t[i], t[j]})] += rho / 20 * tet_volume(X, t);
-  ConsistentMass mass{Eigen::Matrix2Xi(2, edges.size()), Eigen::VectorXd(edges.size())};
-  Eigen::Index e = 0;
-  for (const auto& [edge, r] : edges) {
-    mass.E.col(e) << edge.first, edge.second;
-    mass.r(e++) = r;
+      for (int j = i + 1; j < 4; ++j)
+        edges.push_back({std::min(t[i], t[j]), std::max(t[i], t[j]), static_cast<int>(edges.size())});
+  std::sort(edges.begin(), edges.end());
+  const auto is_new = [&](std::size_t k) {
+    return k == 0 || edges[k][0] != edges[k - 1][0] || edges[k][1] != edges[k - 1][1];
+  };
+  Eigen::Index n_edges = 0;
+  for (std::size_t k = 0; k < edges.size(); ++k) n_edges += is_new(k);
+  ConsistentMass mass{Eigen::Matrix2Xi(2, n_edges), Eigen::VectorXd::Zero(n_edges)};
+  Eigen::Index e = -1;
+  for (std::size_t k = 0; k < edges.size(); ++k) {
+    if (is_new(k)) mass.E.col(++e) << edges[k][0], edges[k][1];
+    mass.r(e) += rho / 20 * tet_volume(X, T.col(edges[k][2] / 6));
   }
   return mass;
 }
@@ -28,13 +36,9 @@ void lump(const std::vector<int>& nodes, ConsistentMass& mass) {
       if (std::binary_search(nodes.begin(), nodes.end(), i)) mass.r(e) = 0;
 }
 
-void add_product(const ConsistentMass& mass, double factor, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) {
-  for (Eigen::Index e = 0; e < mass.E.cols(); ++e) {
-    const int i = mass.E(0, e), j = mass.E(1, e);
-    const Eigen::Vector3d exchanged = factor * mass.r(e) * (p.col(i) - p.col(j));
-    y.col(i) += exchanged;
-    y.col(j) -= exchanged;
-  }
+void add_diagonal(const ConsistentMass& mass, double factor, std::vector<Eigen::Matrix3d>& blocks) {
+  for (Eigen::Index e = 0; e < mass.E.cols(); ++e)
+    for (const int i : mass.E.col(e)) blocks[i].diagonal().array() += factor * mass.r(e);
 }
 
 void add_blocks(const ConsistentMass& mass, double factor, BlockMatrix& A) {

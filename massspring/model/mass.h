@@ -25,8 +25,21 @@ ConsistentMass consistent_mass(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi
 /// their neighbours.
 void lump(const std::vector<int>& nodes, ConsistentMass& mass);
 
-/// y += factor R p, 3 x n.
-void add_product(const ConsistentMass& mass, double factor, const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y);
+/// y += factor R p on the first three rows.
+template <class Field>
+void add_product(const ConsistentMass& mass, double factor, const Field& p, Field& y) {
+  using Scalar = typename Field::Scalar;
+  for (Eigen::Index e = 0; e < mass.E.cols(); ++e) {
+    const int i = mass.E(0, e), j = mass.E(1, e);
+    const Eigen::Matrix<Scalar, 3, 1> exchanged =
+        static_cast<Scalar>(factor * mass.r(e)) * (p.col(i).template head<3>() - p.col(j).template head<3>());
+    y.col(i).template head<3>() += exchanged;
+    y.col(j).template head<3>() -= exchanged;
+  }
+}
+
+/// Adds the diagonal blocks of factor R to those of each node.
+void add_diagonal(const ConsistentMass& mass, double factor, std::vector<Eigen::Matrix3d>& blocks);
 
 /// A += factor R; A's pattern must hold the edges.
 void add_blocks(const ConsistentMass& mass, double factor, BlockMatrix& A);

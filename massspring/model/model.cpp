@@ -289,14 +289,32 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model) {
 
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K, Curvature curvature) {
   if (model.linear) {
-    for (size_t k = 0; k < K.block.size(); ++k) K.block[k] += model.linear->K.block[k];
+    const State rest = initial_state(model);
+    for_each_energy(model,
+                    [&](const auto& energy) { add_hessian_at(model, rest, energy, K, Curvature::Exact); });
+    K.kept = std::vector<int>();  // it is assembled once
+    K.kept_of = 0;
     return;
   }
   for_each_energy(model, [&](const auto& energy) { add_hessian_at(model, state, energy, K, curvature); });
 }
 
+BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
+  if (!model.tet_springs) {
+    BlockMatrix K = stiffness_pattern(model);
+    add_stiffness(model, state, K);
+    return K;
+  }
+  const TetSprings simple =
+      couple_springs(model.network.X, model.network.T, lame_of(model.material), kEdgeCoupled);
+  BlockMatrix K = make_block_matrix(static_cast<int>(state.x.cols()), pairs_of(simple));
+  add_hessian(simple, displacement(model, state), K);
+  K.kept = std::vector<int>();  // it is assembled once
+  K.kept_of = 0;
+  return K;
+}
+
 Eigen::Index n_stiffness_blocks(const MassSpringModel& model) {
-  if (model.linear) return static_cast<Eigen::Index>(model.linear->K.block.size());
   const Eigen::Matrix2Xi pairs = coupled_pairs(model);
   std::vector<std::pair<int, int>> once(pairs.cols());
   for (Eigen::Index s = 0; s < pairs.cols(); ++s) once[s] = std::minmax(pairs(0, s), pairs(1, s));

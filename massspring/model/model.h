@@ -170,6 +170,10 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model);
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K,
                    Curvature curvature = Curvature::Projected);
 
+/// Stiffness of the model, or where springs are coupled of its single tetrahedra alone, which is sparser.
+BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state);
+constexpr double kLocks = 0.49;  ///< Poisson's ratio beyond which single tetrahedra are a poor guide
+
 /// Full geometry, and springs are all that add_stiffness adds, so that no step needs the matrix.
 bool is_springs_alone(const MassSpringModel& model);
 

@@ -32,22 +32,65 @@ void for_each_shrunk_patch(const State& state, const Visit& visit) {
     if (state.patch_scale(p) != 1) visit(static_cast<int>(p), 1 - state.patch_scale(p));
 }
 
+/// y -= K u.
+void subtract_product(const MassSpringModel& model, const Matrix3Xd& u, Matrix3Xd& y) {
+  if (model.tet_springs) add_linear_forces(*model.tet_springs, u, y);
+  const BlockMatrix& K = model.linear->K;
+  for_each_chunk(K.rows(), [&](Eigen::Index begin, Eigen::Index end) {
+    for (Eigen::Index i = begin; i < end; ++i) {
+      Vector3d sum = Vector3d::Zero();
+      for (int k = K.row_start[i]; k < K.row_start[i + 1]; ++k) sum += K.block[k] * u.col(K.column[k]);
+      y.col(i) -= sum;
+    }
+  });
+}
+
 }  // namespace
 
 void linearise(MassSpringModel& model) {
   const State rest = initial_state(model);
   auto linear = std::make_shared<LinearElasticity>();
-  linear->K = stiffness_pattern(model);
-  add_stiffness(model, rest, linear->K, Curvature::Exact);  // no negative eigenvalues at rest
-  linear->K.kept = std::vector<int>();                      // it is assembled once
-  linear->K.kept_of = 0;
+  std::optional<TetSprings> coupled;
+  coupled.swap(model.tet_springs);
+  if (n_energies(model) > 0) {
+    linear->K = stiffness_pattern(model);
+    add_stiffness(model, rest, linear->K, Curvature::Exact);  // no negative eigenvalues at rest
+  }
+  coupled.swap(model.tet_springs);
   linear->rest_length = rest.rest_length;
   model.linear = std::move(linear);
 }
 
+void multiply_stiffness(const MassSpringModel& model, const Matrix3Xd& u, Matrix3Xd& y) {
+  y = Matrix3Xd::Zero(3, u.cols());
+  subtract_product(model, u, y);
+  y = -y;
+}
+
+void add_diagonal(const MassSpringModel& model, double factor, std::vector<Matrix3d>& blocks) {
+  if (model.tet_springs) add_diagonal(*model.tet_springs, factor, blocks);
+  const BlockMatrix& K = model.linear->K;
+  for (int i = 0; i < K.rows(); ++i) blocks[i] += factor * K.block[K.diagonal[i]];
+}
+
+SingleStiffness single_stiffness(const MassSpringModel& model) {
+  SingleStiffness single;
+  if (model.linear->K.rows() > 0) single.K = single_precision(model.linear->K);
+  if (model.tet_springs) single.patches = single_precision(*model.tet_springs);
+  return single;
+}
+
+double add_product(const MassSpringModel& model, const SingleStiffness& single, const PaddedField& p,
+                   PaddedField& y) {
+  double p_y = 0;
+  if (model.tet_springs) add_product(*model.tet_springs, single.patches, p, y);
+  if (model.linear->K.rows() > 0) return add_product(model.linear->K, single.K, p, y);
+  return dot(p, y);
+}
+
 double linear_energy(const MassSpringModel& model, const State& state, const Matrix3Xd& u) {
   Matrix3Xd Ku, g = Matrix3Xd::Zero(3, u.cols());
-  multiply(model.linear->K, u, Ku);
+  multiply_stiffness(model, u, Ku);
   add_shrinkage_forces(model, state, g);
   double sum = u.cwiseProduct(Ku / 2 - g).sum();
   for_each_shrunk_spring(model, state, [&](Eigen::Index s, int, int, double shrinkage) {
@@ -72,20 +115,13 @@ void add_shrinkage_forces(const MassSpringModel& model, const State& state, Matr
     const TetSprings& springs = *model.tet_springs;
     const double stress = (2 * springs.mu + 3 * springs.lambda[p]) * shrinkage;
     for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
-      f.col(springs.node[e]) -= stress * springs.volume[p] * springs.b.col(e);
+      f.col(springs.node[e]) -= stress * springs.volume[p] * springs.b(p, e);
   });
 }
 
 void add_linear_forces(const MassSpringModel& model, const State& state, const Matrix3Xd& u, Matrix3Xd& f) {
   add_shrinkage_forces(model, state, f);
-  const BlockMatrix& K = model.linear->K;
-  for_each_chunk(u.cols(), [&](Eigen::Index begin, Eigen::Index end) {
-    for (Eigen::Index i = begin; i < end; ++i) {
-      Vector3d sum = Vector3d::Zero();
-      for (int k = K.row_start[i]; k < K.row_start[i + 1]; ++k) sum += K.block[k] * u.col(K.column[k]);
-      f.col(i) -= sum;
-    }
-  });
+  subtract_product(model, u, f);
 }
 
 double largest_linear_strain(const Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Matrix3Xd& u) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 
+#include "massspring/kernels/patch_kernels.h"
 #include "meshing/algebra/block_matrix.h"
 #include "meshing/base/mesh.h"
 
@@ -13,13 +14,30 @@ struct State;
 
 /// What linear forces are made of.
 struct LinearElasticity {
-  BlockMatrix K;                ///< Hessian of the energy at rest (N/m)
+  BlockMatrix K;  ///< Hessian at rest (N/m) of all but coupled springs; empty where these are all
   Eigen::VectorXd rest_length;  ///< of the independent springs at rest (m)
 };
 
 /// Makes the elastic forces of a model linear from now on: f = g - K u, u the displacement from rest and g
 /// the forces at rest of lengths that have shrunk [(28)]. Independent springs obey Hooke's law.
 void linearise(MassSpringModel& model);
+
+/// y = K u of a linear model, K the Hessian of its energy at rest (N/m), both 3 x n.
+void multiply_stiffness(const MassSpringModel& model, const Eigen::Matrix3Xd& u, Eigen::Matrix3Xd& y);
+
+/// Adds factor times the diagonal blocks of K (N/m) to those of each node.
+void add_diagonal(const MassSpringModel& model, double factor, std::vector<Eigen::Matrix3d>& blocks);
+
+/// K in single precision.
+struct SingleStiffness {
+  std::vector<float> K;
+  SinglePatches patches;
+};
+SingleStiffness single_stiffness(const MassSpringModel& model);
+
+/// y += K p; then p . y.
+double add_product(const MassSpringModel& model, const SingleStiffness& single, const PaddedField& p,
+                   PaddedField& y);
 
 /// Elastic energy (J) of a linear model at displacements u (3 x n, m), rest lengths as in the state [(28)].
 double linear_energy(const MassSpringModel& model, const State& state, const Eigen::Matrix3Xd& u);

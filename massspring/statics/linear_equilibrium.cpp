@@ -25,10 +25,7 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   const LoadPath::Equilibrium& last = state.loading->path.last.back();
   Matrix3Xd u = last.x;
   if (last.load_factor > 0) u *= load_factor / last.load_factor;
-  if (single_K_.empty()) {
-    single_K_ = single_precision(stiffness());
-    x_ = model_.network.X;
-  }
+  if (x_.size() == 0) x_ = model_.network.X;
   prescribe(forces_.constraints, Matrix3Xd::Zero(3, u.cols()), load_factor, 1, u);
 
   StepReport report;

@@ -58,18 +58,12 @@ double largest_diagonal(const BlockMatrix& A) {
   return largest;
 }
 
-/// Stiffness of the model, or where springs are coupled of its single tetrahedra alone, which is sparser.
-BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
-  if (!model.tet_springs) {
-    BlockMatrix K = stiffness_pattern(model);
-    add_stiffness(model, state, K);
-    return K;
-  }
-  const TetSprings simple =
-      couple_springs(model.network.X, model.network.T, lame_of(model.material), kEdgeCoupled);
-  BlockMatrix K = make_block_matrix(static_cast<int>(state.x.cols()), pairs_of(simple));
-  add_hessian(simple, displacement(model, state), K);
-  return K;
+double largest_linear_diagonal(const MassSpringModel& model) {
+  std::vector<Eigen::Matrix3d> blocks(model.network.X.cols(), Eigen::Matrix3d::Zero());
+  add_diagonal(model, 1, blocks);
+  double largest = 0;
+  for (const Eigen::Matrix3d& block : blocks) largest = std::max(largest, block.diagonal().maxCoeff());
+  return largest;
 }
 
 /// So that a factor exists where motions cost no energy.
@@ -125,7 +119,7 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
   rest_.patch_scale = rest.patch_scale;
   rest_.target_volume = rest.target_volume;
   if (!model.linear) add_stiffness(model, rest, K_);
-  largest_stiffness_ = largest_diagonal(stiffness());
+  largest_stiffness_ = model.linear ? largest_linear_diagonal(model) : largest_diagonal(K_);
   if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
     zero_energy_motions_ = zero_energy_motions(stiffness(), forces.constraints);
     if (!is_invariant(forces.surface))
@@ -143,8 +137,16 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
           zero_energy_motions_.col(k).segment<3>(3 * i).cast<float>();
 }
 
+/// At hand, or assembled for a linear model of coupled springs, which has none.
+BlockMatrix QuasiStaticSolver::stiffness() const {
+  if (!model_.linear) return K_;
+  if (!model_.tet_springs) return model_.linear->K;
+  BlockMatrix K = stiffness_pattern(model_);
+  add_stiffness(model_, initial_state(model_), K);
+  return K;
+}
+
 const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state) {
-  constexpr double kLocks = 0.49;  // Poisson's ratio beyond which simple tetrahedra are a poor guide
   P_ = is_exact_ || model_.material.nu > kLocks ? stiffness() : simple_stiffness(model_, state);
   surface_.add_within(P_);
   P_ = shifted(std::move(P_), forces_.constraints);
@@ -181,20 +183,27 @@ void QuasiStaticSolver::set_stiffness(const State& state, double load_factor, Cu
   K_.set_zero();
   add_stiffness(model_, state, K_, curvature);
   surface_ = surface_hessian(forces_, state, curvature, load_factor);
-  single_K_ = single_precision(K_);
+  single_.emplace().K = single_precision(K_);
   single_roots_ = surface_.single_roots();
   x_ = state.x;
 }
 
 void QuasiStaticSolver::product(const Matrix3Xd& p, Matrix3Xd& y) const {
-  multiply(stiffness(), p, y);
+  if (model_.linear)
+    multiply_stiffness(model_, p, y);
+  else
+    multiply(K_, p, y);
   surface_.add_product(p, y);
   project(y);
 }
 
-double QuasiStaticSolver::product(const PaddedField& p, PaddedField& y) const {
+double QuasiStaticSolver::product(const PaddedField& p, PaddedField& y) {
+  if (!single_) {
+    single_ = single_stiffness(model_);
+    P_ = BlockMatrix();  // whose preconditioner is there by now
+  }
   y.setZero(4, p.cols());
-  double p_y = add_product(stiffness(), single_K_, p, y);
+  const double p_y = model_.linear ? add_product(model_, *single_, p, y) : add_product(K_, single_->K, p, y);
   const bool is_all = surface_.empty() && zero_energy_motions_.cols() == 0;
   surface_.add_product(single_roots_, p, y);
   project(y);

@@ -61,9 +61,9 @@ class QuasiStaticSolver {
   void displace(const Eigen::Matrix3Xd& u, State& state) const;
   void set_stiffness(const State& state, double load_factor, Curvature curvature);
   LinearSystem system(const State& state);
-  const BlockMatrix& stiffness() const { return model_.linear ? model_.linear->K : K_; }
+  BlockMatrix stiffness() const;
   void product(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y) const;
-  double product(const PaddedField& p, PaddedField& y) const;
+  double product(const PaddedField& p, PaddedField& y);
   const BlockMatrix& preconditioning_matrix(const State& state);
   bool turn_to_factor();
   Eigen::Matrix3Xd residual(const State& state, double load_factor, double& size) const;
@@ -80,8 +80,8 @@ class QuasiStaticSolver {
   double largest_stiffness_;  ///< on the diagonal of the stiffness at rest (N/m)
 
   // The matrix at hand: K and what acts on the surface, at x.
-  BlockMatrix K_;  ///< empty for a linear model, which has its own
-  std::vector<float> single_K_;
+  BlockMatrix K_;                          ///< empty for a linear model, which has its own
+  std::optional<SingleStiffness> single_;  ///< of K_, or of a linear model once it is asked for
   SurfaceHessian surface_;
   std::vector<PaddedField> single_roots_;
   Eigen::Matrix3Xd x_;

@@ -25,16 +25,32 @@ ImplicitMatrix::ImplicitMatrix(const EquationOfMotion& motion, const Gradients& 
     : motion_(motion),
       has_volume_(gradients.volume),
       reduced_(without(motion.model, gradients)),
-      model_(reduced_ ? *reduced_ : motion.model) {
+      model_(reduced_ ? *reduced_ : motion.model),
+      is_linear_(model_.linear && model_.tet_springs && !(model_.springs && model_.springs->damping > 0)) {
   if (is_springs_alone(model_))
     rows_.emplace(model_.springs->E, static_cast<int>(model_.mass.size()));
-  else
+  else if (!is_linear_)
     K_ = stiffness_pattern(model_);
+}
+
+void ImplicitMatrix::assemble(const State& at, Curvature curvature, BlockMatrix& A) const {
+  A.set_zero();
+  add_stiffness(model_, at, A, curvature);
+  complete(A);
+}
+
+/// Makes of a stiffness the matrix, but for the surface and constraints.
+void ImplicitMatrix::complete(BlockMatrix& A) const {
+  for (Matrix3d& block : A.block) block *= factors_.stiffness;
+  if (damping_) add_blocks(*model_.springs, *damping_, A);
+  for (int i = 0; i < A.rows(); ++i) A.block[A.diagonal[i]].diagonal().array() += mass_(i);
+  if (model_.consistent_mass) add_blocks(*model_.consistent_mass, -factors_.mass, A);
 }
 
 void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Factors& factors,
                          Curvature curvature) {
   single_.reset();
+  factors_ = factors;
   mass_ = factors.mass * model_.mass;
   if (model_.springs && model_.springs->damping > 0)
     damping_ = damping_matrix(*model_.springs, motion_.damped_at(damped_at), factors.damping);
@@ -42,21 +58,19 @@ void ImplicitMatrix::set(const State& at, const Matrix3Xd& damped_at, const Fact
   surface_ = motion_.surface_hessian(at, curvature);
   if (!has_volume_) surface_.roots.clear();
   surface_.scale(factors.stiffness);
-  if (!K_) {
+  if (K_)
+    assemble(at, curvature, *K_);
+  else if (!is_linear_)
     springs_ = hessian(*model_.springs, at.rest_length, at.x, factors.stiffness, curvature);
-    return;
-  }
-  K_->set_zero();
-  add_stiffness(model_, at, *K_, curvature);
-  for (Matrix3d& block : K_->block) block *= factors.stiffness;
-  if (damping_) add_blocks(*model_.springs, *damping_, *K_);
-  for (int i = 0; i < K_->rows(); ++i) K_->block[K_->diagonal[i]].diagonal().array() += mass_(i);
-  if (model_.consistent_mass) add_blocks(*model_.consistent_mass, -factors.mass, *K_);
 }
 
 void ImplicitMatrix::multiply(const Matrix3Xd& p, Matrix3Xd& y) const {
   if (K_) {
     meshing::multiply(*K_, p, y);
+  } else if (is_linear_) {
+    multiply_stiffness(model_, p, y);
+    y = factors_.stiffness * y + p * mass_.asDiagonal();
+    if (model_.consistent_mass) add_product(*model_.consistent_mass, -factors_.mass, p, y);
   } else {
     y = p * mass_.asDiagonal();
     add_product(*model_.springs, *springs_, p, y);
@@ -72,20 +86,30 @@ void ImplicitMatrix::make_single() {
   if (springs_) single_->springs = rows_->in_rows(*springs_);
   if (springs_ && damping_) single_->damping = rows_->in_rows(*damping_);
   if (K_) single_->K = single_precision(*K_);
+  if (is_linear_ && !stiffness_) stiffness_ = single_stiffness(model_);
   single_->roots = surface_.single_roots();
 }
 
 double ImplicitMatrix::multiply_single(const PaddedField& p, PaddedField& y) {
   if (!single_) make_single();
   const SinglePrecision& A = *single_;
-  if (K_)
+  if (K_) {
     y.setZero(4, p.cols());
-  else
+  } else if (is_linear_) {
+    y.setZero(4, p.cols());
+    add_product(model_, *stiffness_, p, y);
+    y *= static_cast<float>(factors_.stiffness);
+    y.leftCols(mass_.size()) += p.leftCols(mass_.size()) * A.mass.asDiagonal();
+    if (model_.consistent_mass) add_product(*model_.consistent_mass, -factors_.mass, p, y);
+  } else {
     meshing::multiply(A.mass, p, y);
+  }
   surface_.add_product(A.roots, p, y);
   double p_Ap;
   if (K_) {
     p_Ap = add_product(*K_, A.K, p, y);
+  } else if (is_linear_) {
+    p_Ap = dot(p, y);
   } else {
     if (damping_) rows_->add_product(A.damping, p, y);
     p_Ap = rows_->add_product(A.springs, p, y);
@@ -106,7 +130,9 @@ void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
     for (int i = 0; i < n; ++i) blocks[i] = K_->block[K_->diagonal[i]];
   } else {
     for (int i = 0; i < n; ++i) blocks[i] = mass_(i) * Matrix3d::Identity();
-    add_diagonal(*model_.springs, *springs_, blocks);
+    if (is_linear_) add_diagonal(model_, factors_.stiffness, blocks);
+    if (is_linear_ && model_.consistent_mass) add_diagonal(*model_.consistent_mass, -factors_.mass, blocks);
+    if (springs_) add_diagonal(*model_.springs, *springs_, blocks);
     if (damping_) add_diagonal(*model_.springs, *damping_, blocks);
   }
   surface_.add_diagonal(blocks);
@@ -119,6 +145,9 @@ void ImplicitMatrix::diagonal(std::vector<Matrix3d>& blocks) const {
 const BlockMatrix& ImplicitMatrix::matrix() {
   if (K_) {
     A_ = *K_;
+  } else if (is_linear_) {
+    A_ = stiffness_pattern(model_);
+    assemble({}, Curvature::Exact, *A_);
   } else {
     if (!A_) A_ = stiffness_pattern(model_);
     A_->set_zero();
@@ -131,13 +160,25 @@ const BlockMatrix& ImplicitMatrix::matrix() {
   return *A_;
 }
 
+/// Of many nodes of a linear model that of single tetrahedra, which has a fraction of the blocks.
+const BlockMatrix& ImplicitMatrix::preconditioning_matrix() {
+  constexpr Eigen::Index kFewNodes = 5000;
+  if (!is_linear_ || n_energies(model_) > 1 || mass_.size() <= kFewNodes || model_.material.nu > kLocks)
+    return matrix();
+  A_ = simple_stiffness(model_, initial_state(model_));
+  complete(*A_);
+  surface_.add_within(*A_);
+  filter(motion_.constraints, *A_);
+  return *A_;
+}
+
 LinearSystem ImplicitMatrix::system() {
   return {[this](const Matrix3Xd& p, Matrix3Xd& y) { multiply(p, y); },
           [this](const PaddedField& p, PaddedField& y) { return multiply_single(p, y); },
           [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
           [this](PaddedField& y) { filter_single(y); },
           [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
-          [this]() -> const BlockMatrix& { return matrix(); },
+          [this]() -> const BlockMatrix& { return preconditioning_matrix(); },
           &x_};
 }
 

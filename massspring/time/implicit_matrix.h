@@ -15,8 +15,8 @@ struct Gradients {
 };
 
 /// A = mass M + stiffness K + damping D on the free directions: M the masses, K the Hessian of the potential,
-/// D the damping matrix of the springs. Where springs are all there is, A is applied spring by spring and only a
-/// factorisation forms it.
+/// D the damping matrix of the springs. Where springs are all there is, or coupled springs of a linear model,
+/// A is applied spring by spring, or patch by patch, and only a factorisation forms it.
 class ImplicitMatrix {
  public:
   struct Factors {
@@ -42,6 +42,9 @@ class ImplicitMatrix {
   const BlockMatrix& matrix();
 
  private:
+  void assemble(const State& at, Curvature curvature, BlockMatrix& A) const;
+  void complete(BlockMatrix& A) const;
+  const BlockMatrix& preconditioning_matrix();
   void make_single();
   void filter_single(PaddedField& y) const;
   double multiply_single(const PaddedField& p, PaddedField& y);
@@ -51,7 +54,9 @@ class ImplicitMatrix {
   bool has_volume_;
   std::unique_ptr<MassSpringModel> reduced_;  ///< without the parts whose gradients are dropped
   const MassSpringModel& model_;              ///< what the matrix knows of
-  Eigen::VectorXd mass_;                      ///< at nodes, times its factor
+  bool is_linear_;                            ///< applied patch by patch
+  Factors factors_{};
+  Eigen::VectorXd mass_;  ///< at nodes, times its factor
   std::optional<SpringBlocks> springs_, damping_;
   std::optional<BlockMatrix> K_;  ///< all of A but the surface and constraints, where not springs alone
   SurfaceHessian surface_;        ///< of what acts on the surface, times its factor
@@ -66,6 +71,7 @@ class ImplicitMatrix {
     std::vector<PaddedField> roots;  ///< of the surface
   };
   std::optional<SpringRows> rows_;
+  std::optional<SingleStiffness> stiffness_;  ///< of a linear model, without its factor
   std::optional<SinglePrecision> single_;
 };
 

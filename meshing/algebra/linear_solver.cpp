@@ -18,12 +18,22 @@ constexpr double kCycle = 6;         // an iteration with it
 constexpr double kCyclesADigit = 4;  // iterations with it, a good one
 constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;       // iterations more than at first, at which a factor is made anew
-constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried
+constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried,
+constexpr double kSlowest = 12;    // or of each digit, if these are more
 constexpr int kMaxIterations = 5000, kMaxWithFactor = 1000;
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
 
 double digits(double tolerance) {
   return std::max(1., -std::log10(tolerance));
+}
+
+/// Of those of the tolerance, what the guess in x leaves.
+double digits_left(const LinearSystem& A, const Matrix3Xd& b, const Matrix3Xd& x, double tolerance) {
+  if (x.isZero(0)) return digits(tolerance);
+  Matrix3Xd r;
+  A.product(x, r);
+  const double left = (b - r).norm();
+  return digits(left > 0 ? std::min(1., tolerance * b.norm() / left) : 1);
 }
 
 void set_inverse_diagonal(const LinearSystem& A, std::vector<Eigen::Matrix3d>& inverse) {
@@ -248,22 +258,24 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
   if (is_new) groups.multigrid = std::make_unique<Multigrid>(A.matrix(), *A.positions, A.filter);
   const OfSystem precondition{[&](const PaddedField& r, PaddedField& z) { groups.multigrid->apply(r, z); },
                               A};
-  SolveReport report = iterate(A, precondition, b, x, tolerance, kStandsStill, n);
-  if (!report.is_converged && report.iterations >= kStandsStill) {
+  const double n_digits = is_new ? digits_left(A, b, x, tolerance) : digits(tolerance);
+  const int patience = std::max(kStandsStill, static_cast<int>(kSlowest * digits(tolerance)));
+  SolveReport report = iterate(A, precondition, b, x, tolerance, patience, n);
+  if (!report.is_converged && report.iterations >= patience) {
     if (!is_new) {
       wear_out(groups);
       return solve_on(A, b, x, tolerance, n);
     }
     if (n_factor_entries(A.matrix()) <= kMostFactorEntries) {
-      choice_ = "Cholesky factor: multigrid took more than " + std::to_string(kStandsStill) + " iterations";
+      choice_ = "Cholesky factor: multigrid took more than " + std::to_string(patience) + " iterations";
       preconditioner_ = Factor{};
       return solve_on(A, b, x, tolerance, n);
     }
     report = iterate(A, precondition, b, x, tolerance, kMaxIterations, n);
   }
   Service& service = groups.service;
-  if (is_new) service = {report.iterations / digits(tolerance)};
-  service.excess += std::max(0., report.iterations - service.first_rate * digits(tolerance));
+  if (is_new) service = {report.iterations / n_digits};
+  service.excess += std::max(0., report.iterations - service.first_rate * n_digits);
   if (kCycle * service.excess > kMultigrid) wear_out(groups);
   return report;
 }

@@ -290,10 +290,10 @@ TEST(TetSprings, EnergyIsThatOfSquaredLengthsAmongThePatch) {
   for (int p = 0; p < springs.n_patches(); p += 10) {
     Matrix3d F = Matrix3d::Zero(), C = Matrix3d::Zero();
     for (int e = springs.first[p]; e < springs.first[p + 1]; ++e) {
-      F += x.col(springs.node[e]) * springs.b.col(e).transpose();
+      F += x.col(springs.node[e]) * springs.b(p, e).transpose();
       for (int r = springs.first[p]; r < springs.first[p + 1]; ++r)
-        C -= (x.col(springs.node[e]) - x.col(springs.node[r])).squaredNorm() / 2 * springs.b.col(e) *
-             springs.b.col(r).transpose();
+        C -= (x.col(springs.node[e]) - x.col(springs.node[r])).squaredNorm() / 2 * springs.b(p, e) *
+             springs.b(p, r).transpose();
     }
     EXPECT_LT((F.transpose() * F - C).norm(), kRounding);
   }
@@ -354,7 +354,7 @@ TEST(CoupleSprings, AveragedGradientsByBruteForce) {
     }
     Matrix3d F = Matrix3d::Zero();
     for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
-      F += x.col(springs.node[e]) * springs.b.col(e).transpose();
+      F += x.col(springs.node[e]) * springs.b(p, e).transpose();
     EXPECT_NEAR(springs.volume[p], weights, kRounding);
     EXPECT_LT((F - sum / weights).norm(), kRounding);
   }

@@ -20,6 +20,8 @@ void add_patch_forces(int begin, int end, const PatchBatches& batches, const Pat
                       const LibraryDouble4* u, LibraryDouble4* f);
 void add_patch_hessians(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
                         const LibraryDouble4* u, Curvature curvature, const int* at, Eigen::Matrix3d* block);
+void add_linear_patch_forces(int begin, int end, const PatchBatches& batches, const PatchArrays& of,
+                             const LibraryDouble4* u, LibraryDouble4* f);
 }  // namespace testbed::massspring
 #endif
 
@@ -76,7 +78,7 @@ TEST(PatchKernels, MeasuresAreThoseOfTheSumOverNodes) {
   for (int p = 0; p < of.springs.n_patches(); ++p) {
     Eigen::Matrix3d F = Eigen::Matrix3d::Zero();
     for (int e = of.springs.first[p]; e < of.springs.first[p + 1]; ++e)
-      F += of.x.col(of.springs.node[e]) * of.springs.b.col(e).transpose() / of.scale[p];
+      F += of.x.col(of.springs.node[e]) * of.springs.b(p, e).transpose() / of.scale[p];
     EXPECT_NEAR(1 + det[p], F.determinant(), 1e-12);
     EXPECT_NEAR(3 + squares[p], F.squaredNorm(), 1e-12);
   }
@@ -118,7 +120,7 @@ TEST(PatchKernels, HessiansAreThoseOfThePatchesOneByOneAlsoWhereTheyAreInverted)
       const double s = of.scale[p];
       Matrix3d F = Matrix3d::Zero();
       for (int e = springs.first[p]; e < springs.first[p + 1]; ++e)
-        F += of.x.col(springs.node[e]) * springs.b.col(e).transpose() / s;
+        F += of.x.col(springs.node[e]) * springs.b(p, e).transpose() / s;
       const Matrix9d H =
           s * springs.volume[p] * second_derivative(F, springs.lambda[p], springs.mu, curvature);
       for (int r = springs.first[p]; r < springs.first[p + 1]; ++r)
@@ -126,12 +128,37 @@ TEST(PatchKernels, HessiansAreThoseOfThePatchesOneByOneAlsoWhereTheyAreInverted)
           for (int a = 0; a < 3; ++a)
             for (int b = 0; b < 3; ++b)
               expected.block[expected.find(springs.node[r], springs.node[e])] +=
-                  springs.b(a, r) * springs.b(b, e) * H.block<3, 3>(3 * a, 3 * b);
+                  springs.b(p, r)[a] * springs.b(p, e)[b] * H.block<3, 3>(3 * a, 3 * b);
     }
     double size = 0;
     for (const Matrix3d& block : expected.block) size = std::max(size, block.norm());
     for (std::size_t k = 0; k < K.block.size(); ++k)
       ASSERT_LT((K.block[k] - expected.block[k]).norm(), kBatchedTolerance * size);
+  }
+}
+
+TEST(PatchKernels, LinearForcesAndProductsAreThoseOfTheHessianAtRest) {
+  const Case of;
+  const Eigen::Index n = of.u.cols();
+  BlockMatrix K = make_block_matrix(static_cast<int>(n), pairs_of(of.springs));
+  add_hessian(of.springs, Matrix3Xd::Zero(3, n), K, Curvature::Exact);
+  Matrix3Xd Ku, f = Matrix3Xd::Zero(3, n);
+  multiply(K, of.u, Ku);
+  add_linear_forces(of.springs, of.u, f);
+  EXPECT_LT((f + Ku).norm(), 1e-13 * Ku.norm());
+
+  PaddedField p, y;
+  meshing::pad(of.u, 1, p);
+  y.setZero(4, p.cols());
+  add_product(of.springs, single_precision(of.springs), p, y);
+  EXPECT_LT((y.topLeftCorner(3, n).cast<double>() - Ku).norm(), 1e-6 * Ku.norm());
+  EXPECT_TRUE(y.row(3).isZero(0));
+
+  std::vector<Matrix3d> blocks(n, Matrix3d::Identity());
+  add_diagonal(of.springs, 2, blocks);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Matrix3d expected = Matrix3d::Identity() + 2 * K.block[K.diagonal[i]];
+    EXPECT_LT((blocks[i] - expected).norm(), 1e-13 * expected.norm());
   }
 }
 
@@ -147,6 +174,10 @@ TEST(PatchKernels, GiveTheSameBitsWithVectorsAndWithout) {
                                                                           squares_2 = det;
   add_patch_forces(0, batches.n_batches(), batches, of.arrays(), reinterpret_cast<const LibraryDouble4*>(u),
                    reinterpret_cast<LibraryDouble4*>(by_vectors.data()));
+  add_linear_patch_forces(0, batches.n_batches(), batches, of.arrays(), u, f.data());
+  add_linear_patch_forces(0, batches.n_batches(), batches, of.arrays(),
+                          reinterpret_cast<const LibraryDouble4*>(u),
+                          reinterpret_cast<LibraryDouble4*>(by_vectors.data()));
   for (std::size_t i = 0; i < n; ++i)
     for (int k = 0; k < 3; ++k) EXPECT_EQ(f[i][k], by_vectors[4 * i + k]);
   measure_patches(0, batches.n_batches(), batches, of.arrays(), u, det.data(), squares.data());

@@ -2,6 +2,7 @@
 
 #include "massspring/time/implicit_matrix.h"
 #include "meshing/surface_energies/follower_pressure.h"
+#include "tests/massspring/linear_box.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed::massspring {
@@ -78,6 +79,39 @@ TEST(ImplicitMatrix, IsTheDerivativeOfTheForcesOfAStep) {
     ASSERT_GT(y.norm(), 1);
     EXPECT_LT((y - expected).norm(), kDifferenceTolerance * y.norm());
   }
+}
+
+TEST(ImplicitMatrix, OfALinearModelOfCoupledSpringsIsTheSameWhetherFormedOrNot) {
+  MassSpringModel model = full_box("node_averaged", 2);
+  model.consistent_mass = consistent_mass(model.network.X, model.network.T, 1000);
+  linearise(model);
+  const int n = static_cast<int>(model.mass.size());
+  const Forces forces = hanging(model);
+  const EquationOfMotion motion(model, forces);
+  ImplicitMatrix A(motion);
+  const State rest = initial_state(model);
+  A.set(rest, rest.x, {2, 1e-4, 1}, Curvature::Exact);
+  Matrix3Xd p = random_points(n, 1, 6), y, expected;
+  filter(forces.constraints, p);
+  A.multiply(p, y);
+  LinearSystem system = A.system();
+  const BlockMatrix& formed = A.matrix();
+  meshing::multiply(formed, p, expected);
+  EXPECT_LT((y - expected).norm(), 1e-13 * expected.norm());
+
+  PaddedField single, single_y;
+  meshing::pad(p, 1, single);
+  const double p_Ap = system.single_product(single, single_y);
+  EXPECT_LT((single_y.topLeftCorner(3, n).cast<double>() - expected).norm(), 1e-6 * expected.norm());
+  EXPECT_NEAR(p_Ap, p.cwiseProduct(expected).sum(), 1e-6 * p_Ap);
+
+  std::vector<Eigen::Matrix3d> blocks;
+  system.diagonal(blocks);
+  std::vector<char> is_constrained(n, 0);
+  for (const Constraint& c : forces.constraints) is_constrained[c.node] = 1;
+  for (int i = 0; i < n; ++i)
+    if (!is_constrained[i])
+      EXPECT_LT((blocks[i] - formed.block[formed.diagonal[i]]).norm(), 1e-13 * blocks[i].norm());
 }
 
 /// Two triangles whose edges touch each other, and a node that touches the floor.

@@ -264,9 +264,9 @@ TEST_P(CoupledSubdomains, OfOneSizeShareNoNodeAndHoldEveryPatchOnce) {
 TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
   struct Sums {
     double energy;
-    Matrix3Xd f, Kq;
+    Matrix3Xd f, linear_f, Kq;
     std::vector<Eigen::Matrix3d> K;
-    PaddedField single;
+    PaddedField single, of_patches;
     double p_Kp;
   };
   // Over twelve decades: not every order adds single-precision numbers exactly.
@@ -276,6 +276,8 @@ TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     sums.energy = energy(patches, x);
     sums.f = Matrix3Xd::Ones(3, n);
     add_forces(patches, x, sums.f);
+    sums.linear_f = Matrix3Xd::Ones(3, n);
+    add_linear_forces(patches, x, sums.linear_f);
     BlockMatrix K = stiffness_pattern(model);
     add_hessian(patches, x, K);
     multiply(K, q, sums.Kq);
@@ -284,6 +286,8 @@ TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     sums.single = p;
     sums.p_Kp = add_product(K, single_precision(K), p, sums.single);
     sums.K = K.block;
+    sums.of_patches = p;
+    add_product(patches, single_precision(patches), p, sums.of_patches);
     return sums;
   };
   const Sums one = on_threads(1, [&] { return sums_of(springs); });
@@ -295,6 +299,8 @@ TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     EXPECT_EQ(one.Kq, many.Kq) << n_threads;
     EXPECT_EQ(one.single, many.single) << n_threads;
     EXPECT_EQ(one.p_Kp, many.p_Kp) << n_threads;
+    EXPECT_EQ(one.linear_f, many.linear_f) << n_threads;
+    EXPECT_EQ(one.of_patches, many.of_patches) << n_threads;
   }
   TetSprings undivided = springs;
   undivided.subdomain_first.clear();
