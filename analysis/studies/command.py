@@ -59,7 +59,7 @@ STUDIES = {
     "stability": Study(
         "what becomes of a body let go from bad starts, over step and stiffness, as maps",
         stability.study,
-        frozenset({"quick", "seeds"}),
+        frozenset({"quick", "seeds", "candidates"}),
     ),
     "scaling": Study(
         "seconds, memory and non-zeros from a thousand nodes to a million",
@@ -167,6 +167,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N,N...",
         help="stability: coupled springs alone, from starts that these seeds draw",
     )
+    parser.add_argument(
+        "--candidates",
+        action="store_true",
+        help="stability: other laws of coupled springs, from crushed and random starts",
+    )
     parser.add_argument("--bodies", type=Path, metavar="DIR", help="survey: a folder of closed surfaces")
     parser.add_argument(
         "--against", metavar="COMMIT", help="kernels: build this commit apart, and measure it in the same run"
@@ -183,7 +188,17 @@ def _seeds(text: str) -> list[int]:
 def check_options(arguments: argparse.Namespace) -> None:
     """Raises RunError for an option that means nothing to the study."""
     takes = STUDIES[arguments.name].takes
-    for name in ("scenes", "quick", "repetitions", "time_limit", "against", "held_out", "bodies", "seeds"):
+    for name in (
+        "scenes",
+        "quick",
+        "repetitions",
+        "time_limit",
+        "against",
+        "held_out",
+        "bodies",
+        "seeds",
+        "candidates",
+    ):
         if getattr(arguments, name) and name not in takes:
             what = "scene" if name == "scenes" else f"--{name.replace('_', '-')}"
             known = ", ".join(sorted(study for study, entry in STUDIES.items() if name in entry.takes))

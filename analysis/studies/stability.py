@@ -10,6 +10,8 @@ body with a tetrahedron turned inside out, or, without tetrahedra, one that encl
 
 --seeds N,N... lets coupled springs alone go from starts that other seeds draw. Their bodies can end inverted although no
 patch of their tetrahedra, on which the law looks, is inside out.
+
+--candidates tries other laws on crushed and random bodies of four seeds.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from ..paths import PROGRAMS, write_text
 from ..report import Table
 from ..run_store import say
 from ..runs import RunError
+from ..wording import percent
 from .result import Figures, Result, Section
 
 Row = dict[str, str]
@@ -86,7 +89,7 @@ def measure(
             for line in running.stdout:
                 rows.write(line)
                 rows.flush()
-                if not line.startswith("method,"):
+                if not line.startswith(("method,", "candidate,")):
                     n_known += 1
                     if n_known % 35 == 0:
                         say(f"[{n_known} cells] {' from '.join(line.split(',')[:3:2])}", is_quiet)
@@ -134,6 +137,31 @@ def table_of_seeds(rows: Sequence[Row]) -> Table:
     return ["method", "start", "cells", "inverted", "patches sound"], lines
 
 
+def table_of_candidates(rows: Sequence[Row]) -> Table:
+    """A line for each law and model: its errors, cells, those that end inverted or do not converge, iterations."""
+    lines = []
+    for law, method in dict.fromkeys((row["candidate"], row["method"]) for row in rows):
+        of = [row for row in rows if (row["candidate"], row["method"]) == (law, method)]
+        counts = Counter(row["outcome"] for row in of)
+        n_iterations = sum(int(row["newton_iterations"]) for row in of)
+        errors = [percent(float(of[0][key])) for key in ("bend_error", "squash_error")]
+        bad = [str(counts[outcome]) for outcome in ("inverted", "not_converged")]
+        lines.append(
+            [law, method.removeprefix("minimising_"), *errors, str(len(of)), *bad, str(n_iterations)]
+        )
+    head = [
+        "law",
+        "springs",
+        "error, bent",
+        "changed, squashed",
+        "cells",
+        "inverted",
+        "not converged",
+        "iterations",
+    ]
+    return head, lines
+
+
 def plot(rows: list[Row]) -> str:
     """A square for every cell: a row of maps for each method, a column for each start."""
     methods, starts, stiffnesses, steps = (
@@ -175,6 +203,13 @@ CAPTION = "Outcome of every cell; step over stiffness, a column for each start."
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """What becomes of a body let go from bad starts; --quick: the first method alone."""
     n_cells = 210 if arguments.quick else None
+    if arguments.candidates:
+        rows = measure(folder, PROGRAMS / "stability_candidates", is_quiet=arguments.quiet)
+        laws = {row["candidate"] for row in rows}
+        failing = {row["candidate"] for row in rows if row["outcome"] == "inverted"}
+        section = Section("Crushed and random bodies", [], {}, {"candidates": table_of_candidates(rows)})
+        sentence = f"Of {len(laws)} laws {len(laws - failing)} leave no body inverted."
+        return Result("Other laws of coupled springs", sentence, [section])
     if arguments.seeds:
         rows = [
             row

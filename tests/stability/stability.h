@@ -94,18 +94,23 @@ struct Outcome {
   double t = 0;             ///< where it ended (s)
   double energy_ratio = 0;  ///< largest energy over the first
   double least_patch = 1;   ///< least det F of a patch of coupled springs at the end
+  int newton_iterations = 0;
 };
 
 constexpr std::uint64_t kSeed = 7;  ///< of the published map's starts
 
+/// Changes a model and what acts on it.
+using Change = std::function<void(MassSpringModel&, Forces&)>;
+
 /// Lets the body go for ten crossings of a wave and at least ten steps, though at most 2000 explicit or 100
 /// implicit ones.
 inline Outcome run_cell(const Method& method, const Start& start, double E, double h,
-                        std::uint64_t seed = kSeed) {
-  const MassSpringModel model = make_body(method, E);
+                        std::uint64_t seed = kSeed, const Change& change = {}) {
+  MassSpringModel model = make_body(method, E);
   Forces forces;
   forces.load = Eigen::Matrix3Xd::Zero(3, model.network.X.cols());
   if (method.has_volume_force) add_volume_penalty(E, model, forces);
+  if (change) change(model, forces);
   State state = initial_state(model);
   Random random(seed);
   state.x = start.deform(model.network.X, random);
@@ -127,7 +132,9 @@ inline Outcome run_cell(const Method& method, const Start& start, double E, doub
   Outcome outcome{"ok", 0, 1};
   Status worst = Status::Ok;
   for (int n = 0; n < max_steps && (n < 10 || state.t < end) && worst != Status::Diverged; ++n) {
-    worst = std::max(worst, stepper.step(state, h).status);
+    const StepReport report = stepper.step(state, h);
+    worst = std::max(worst, report.status);
+    outcome.newton_iterations += report.newton_iterations;
     outcome.energy_ratio = std::max(outcome.energy_ratio, energy() / first);
   }
   outcome.t = state.t;

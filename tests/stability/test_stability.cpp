@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "tests/stability/stability.h"
+#include "tests/stability/candidates.h"
 
 namespace testbed::massspring {
 namespace {
@@ -76,6 +76,42 @@ TEST(StabilityMap, TellsStableFromUnstableAndGainedEnergy) {
   EXPECT_EQ(run_cell(find_method("symplectic_euler"), find_start("rest"), 1e4, 1e-1).name, "diverged");
   EXPECT_EQ(run_cell(find_method("explicit_euler"), find_start("rest"), 1e4, 1e-3).name, "energy_gained");
   EXPECT_EQ(run_cell(find_method("explicit_euler"), find_start("mirrored"), 1e9, 1e-1).name, "diverged");
+}
+
+class CandidateLaws : public testing::TestWithParam<VolumeLaw> {};
+INSTANTIATE_TEST_SUITE_P(Stability, CandidateLaws,
+                         testing::Values(other_expansion(1), other_expansion(0.01), penalty(0.4, 150)));
+
+TEST_P(CandidateLaws, HaveForcesAndHessiansThatAreDifferences) {
+  constexpr double h = 1e-6, kTolerance = 1e-6;  // central differences: h^2 and rounding / h
+  const TetMesh mesh = box_tets(2, 2, 2, 0.5, 0.15);
+  const PatchVolumes volumes(couple_springs(mesh.X, mesh.T, {2, 1}, kNodeAveraged), mesh.X, GetParam());
+  Random random(3);
+  const Eigen::Matrix3Xd x = 0.3 * mesh.X + noise(mesh.X.cols(), 0.3, random);
+  const auto force = [&](const Eigen::Matrix3Xd& at) {
+    Eigen::Matrix3Xd f = Eigen::Matrix3Xd::Zero(3, at.cols());
+    volumes.add_forces(at, f);
+    return f;
+  };
+  const Eigen::Matrix3Xd f = force(x), d = noise(x.cols(), 1, random), ahead = x + h * d, behind = x - h * d;
+  const double slope = (volumes.energy(ahead) - volumes.energy(behind)) / (2 * h);
+  EXPECT_NEAR(-slope, f.cwiseProduct(d).sum(), kTolerance * f.norm() * d.norm());
+  SurfaceHessian H;
+  volumes.add_hessian(x, H, Curvature::Exact);
+  Eigen::Matrix3Xd product = Eigen::Matrix3Xd::Zero(3, x.cols());
+  H.add_product(d, product);
+  EXPECT_LT((product + (force(ahead) - force(behind)) / (2 * h)).norm(), kTolerance * product.norm());
+  EXPECT_GT(product.norm(), 0);
+}
+
+TEST(CandidateLaw, OfAnotherExpansionIsTheSumThatItNames) {
+  constexpr double kJ = -0.2, kRounding = 1e-12;
+  const VolumeLaw another = other_expansion(0.01);
+  EXPECT_NEAR(another(kJ, 2, 1).first + expanded(kJ, 2, 1, kLeastJacobian).first,
+              expanded(kJ, 2, 1, 0.01).first, kRounding);
+  EXPECT_EQ(another(kLeastJacobian, 2, 1).first, 0);
+  // Smith et al. 2018: lambda/2 (J - 1 - mu/lambda)^2, with lambda + mu for lambda to be linear elasticity at rest.
+  EXPECT_NEAR(expanded(0.3, 2, 1, 1).first, (2 + 1) * (0.3 - 1) - 1, kRounding);
 }
 
 }  // namespace

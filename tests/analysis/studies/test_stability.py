@@ -63,6 +63,27 @@ def test_seeds_are_those_of_the_command_line(tmp_path: Path, monkeypatch):
     assert "m,rest,4,2,2" in (tmp_path / "seeds.csv").read_text()
 
 
+def test_candidates_are_counted_by_law_and_springs(tmp_path: Path, monkeypatch):
+    program = tmp_path / "stability_candidates"
+    head = "candidate,method,start,E,h,seed,outcome,newton_iterations,bend_error,squash_error"
+    rows = [
+        f'"J, 1",minimising_{springs},random,1,1,1,{end},{n},{bend},0.5'
+        for springs, end, n, bend in [
+            ("a", "inverted", 7, 0.25),
+            ("a", "ok", 4, 0.25),
+            ("b", "not_converged", 1, 0.1),
+        ]
+    ]
+    program.write_text("\n".join(["#!/bin/sh", *(f"echo '{row}'" for row in [head, *rows]), ""]))
+    program.chmod(0o755)
+    monkeypatch.setattr(stability, "PROGRAMS", tmp_path)
+    words = ["study", "stability", "--candidates", "--out", str(tmp_path / "out")]
+    assert main(parse_arguments(words)) == 0
+    assert "Of 1 laws 0 leave no body inverted." in (tmp_path / "out" / "report.html").read_text()
+    lines = (tmp_path / "out" / "candidates.csv").read_text().splitlines()[1:]
+    assert lines == ['"J, 1",a,25 %,50 %,2,1,0,11', '"J, 1",b,10 %,50 %,1,0,1,1']
+
+
 def write_program(file: Path, end: str = "exit 1") -> Path:
     """Writes the cells without the first $1, and lists its calls in log.txt."""
     lines = ["#!/bin/sh", f"echo $1 >> {file.parent}/log.txt"]
