@@ -169,17 +169,12 @@ size_t Recorder::column(const std::string& name) {
   return columns.size() - 1;
 }
 
-namespace {
-
-/// Largest resident memory of this process so far (byte); unlike getrusage's, not that of who started it.
 double peak_memory() {
   std::istringstream status(fs::exists("/proc/self/status") ? read_file("/proc/self/status") : "");
   for (std::string line; std::getline(status, line);)
     if (line.rfind("VmHWM:", 0) == 0) return 1024 * std::stod(line.substr(6));
   return 0;
 }
-
-}  // namespace
 
 void Recorder::finish(nlohmann::ordered_json record) {
   end_frame();
