@@ -133,6 +133,7 @@ void TwoLevelSolver::hold(const std::vector<char>& is_constrained) {
   };
   mask(fine_, free_);
   if (corners_) mask(*corners_, free_corners_);
+  multigrid_.reset();
   is_ready_ = false;
 }
 

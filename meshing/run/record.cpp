@@ -114,10 +114,15 @@ void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Ma
   frame_ = {time, name};
   std::vector<Field> all{{"displacement", u}, {"rest_position", X}};
   all.insert(all.end(), fields.begin(), fields.end());
-  is_written_ = std::async(std::launch::async, [this, x = Eigen::Matrix3Xd(X + u), all = std::move(all)] {
-    return stamp_of(write_vtu(folder_ / frame_.second, x, cells_, all,
-                              {{"TimeValue", frame_.first}, {"n_surface", n_surface_}}));
-  });
+  is_written_ =
+      std::async(std::launch::async, [this, x = Eigen::Matrix3Xd(X + u), all = std::move(all)]() mutable {
+        nlohmann::ordered_json stamp =
+            stamp_of(write_vtu(folder_ / frame_.second, x, cells_, all,
+                               {{"TimeValue", frame_.first}, {"n_surface", n_surface_}}));
+        x = {};  // and not when the next frame ends this one
+        all = {};
+        return stamp;
+      });
 }
 
 /// Waits for the frame that is being written, and adds it to the list.
