@@ -47,8 +47,9 @@ nlohmann::ordered_json study_convergence(Session& session, const SurfaceMesh& su
     levels.push_back({{"refine", refined.reference.refine},
                       {"n_dofs", solid.n_dofs()},
                       {"elastic_energy", report.elastic_energy}});
-    u.push_back(solid.displacement().leftCols(mesh.n_surface));
+    if (processes().rank == 0) u.push_back(solid.whole_displacement().leftCols(surface.X.cols()));
   }
+  if (u.empty()) return {};
   const RefinementError error = richardson(u, surface);
   return {{"status", "ok"},
           {"levels", levels},
@@ -61,7 +62,7 @@ nlohmann::ordered_json study_convergence(Session& session, const SurfaceMesh& su
 void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
   const ElasticSolid& solid = simulation.solid();
   record["processes"] = processes().n;
-  record["n_tetrahedra"] = solid.mesh().T.cols();
+  record["n_tetrahedra"] = solid.share().n_tetrahedra;
   record["n_dofs"] = solid.n_dofs();
   record["degree"] = scene.reference.degree;
   record["is_free"] = solid.n_free_rigid_motions() > 0;
@@ -69,7 +70,7 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
 
 /// Seconds of the steps on one core of the 2020s, to a factor of two or so.
 double foreseen_seconds(const Simulation& simulation, const Scene& scene) {
-  const auto n = static_cast<double>(simulation.X().cols());
+  const auto n = static_cast<double>(simulation.solid().n_nodes());
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   if (!simulation.integrator()) return n * (is_linear ? 1e-4 : 2.8e-4 * scene.time.load_steps);
   const bool is_explicit = find_scheme(scene.reference.integrator).is_explicit();
@@ -103,6 +104,20 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
   if (!simulation.reason().empty()) record["reason"] = simulation.reason();
 }
 
+/// What processes told each other, and what each took: CPU time (s) without and within MPI's calls, largest memory (byte).
+void report_processes(nlohmann::ordered_json& record) {
+  if (processes().n == 1) return;
+  const Traffic own = traffic();
+  const double cpu = meshing::cpu_time();
+  const auto each = [](double value) { return to_first_process(value); };
+  record["of_processes"] = {{"messages", each(static_cast<double>(own.messages))},
+                            {"bytes", each(static_cast<double>(own.bytes))},
+                            {"sums", each(static_cast<double>(own.sums))},
+                            {"cpu", each(cpu - own.cpu)},
+                            {"cpu_in_mpi", each(own.cpu)},
+                            {"peak_memory", each(meshing::peak_memory())}};
+}
+
 void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann::ordered_json& record) {
   std::vector<int> constrained;
   for (const ConstrainedComponent& h : solid.constrained()) constrained.push_back(3 * h.node + h.component);
@@ -129,7 +144,8 @@ ExitStatus run(const Arguments& arguments) {
   TetOptions tets;
   tets.interior_size = scene.reference.interior_size;
   TetReport attempts;
-  TetMesh mesh;
+  TetMesh mesh;  // of the first process
+  int n_tetrahedra = 0;
   const SurfaceMesh surface = session.cut_surface([&](const SurfaceMesh& cut) {
     std::string refused;
     try {
@@ -137,8 +153,8 @@ ExitStatus run(const Arguments& arguments) {
     } catch (const std::runtime_error& error) {
       refused = error.what();
     }
-    mesh = from_first_process(std::move(mesh));  // where the first has none, no process has
-    if (mesh.T.cols() == 0) throw std::runtime_error(refused);
+    n_tetrahedra = from_first_process(static_cast<int>(mesh.T.cols()));
+    if (n_tetrahedra == 0) throw std::runtime_error(refused);  // where the first has none, no process has
   });
   const bool is_implicit =
       scene.time.mode == TimeMode::Dynamic && !find_scheme(scene.reference.integrator).is_explicit();
@@ -146,8 +162,8 @@ ExitStatus run(const Arguments& arguments) {
                       : is_implicit || scene.material.damping_ratio > 0 || arguments.n_frequencies > 0
                           ? Memory::Factor
                           : Memory::Iterations;
-  check_memory(mesh.T.cols(), scene.reference.refine + std::max(0, arguments.n_levels - 1),
-               scene.reference.degree, kind, memory_available());
+  check_memory(n_tetrahedra, scene.reference.refine + std::max(0, arguments.n_levels - 1),
+               scene.reference.degree, kind, memory_available(), processes());
 
   session.start("setup");
   Simulation simulation(scene, surface, mesh, session.timer);
@@ -155,17 +171,18 @@ ExitStatus run(const Arguments& arguments) {
   // The surface as it was cut, refined or not, so that every run of it can be compared vertex by vertex.
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
   const ElasticSolid& solid = simulation.solid();
-  session.open(simulation.X(), surface, {{vtk_type, solid.cells()}}, processes().n_threads);
+  session.open(simulation.X(), surface, {{vtk_type, solid.whole_cells()}}, processes().n_threads);
   session.record.update(to_json(attempts));
-  session.record["tetrahedra"] = to_json(tet_quality(mesh.X, mesh.T));
+  if (is_first) session.record["tetrahedra"] = to_json(tet_quality(mesh.X, mesh.T));
   describe(simulation, scene, session.record);
-  session.foresee(simulation.X().cols(), foreseen_seconds(simulation, scene));
+  session.foresee(solid.n_nodes(), foreseen_seconds(simulation, scene));
   take_steps(simulation, session);
   report(simulation, scene, session.record);
   if (arguments.n_levels > 0 && scene.time.mode == TimeMode::Static && simulation.status() == Status::Ok)
     session.record["convergence"] = study_convergence(session, surface, mesh, arguments.n_levels);
   if (arguments.n_frequencies > 0)
     add_frequencies(solid, scene.reference.mass, arguments.n_frequencies, session.record);
+  report_processes(session.record);
   return session.finish();
 }
 

@@ -26,9 +26,12 @@ double number_in(const char* file, const std::string& label, double unit) {
 
 }  // namespace
 
-double memory_needed(double n_tetrahedra, int degree, Memory kind) {
+double memory_needed(double n_tetrahedra, int degree, Memory kind, const Processes& processes) {
   constexpr double kProgram = 0.25e9, kPerTetrahedron[] = {2950, 5900};  // algebraic multigrid; two levels
+  constexpr double kWithGhosts = 1.15, kWhole = 600;  // of several processes; on the first, per tetrahedron
   const double matrix = kPerTetrahedron[degree - 1] * n_tetrahedra;
+  if (processes.n > 1)
+    return processes.n_here * (kProgram + kWithGhosts * matrix / processes.n) + kWhole * n_tetrahedra;
   if (kind == Memory::Iterations) return kProgram + matrix;
   constexpr double kDofs[] = {0.6, 4.4}, kFill[] = {280, 400};  // per tetrahedron; of nested dissection
   const double copies = kind == Memory::FactorAndCopy ? 1.5 : 1;
@@ -44,9 +47,10 @@ double memory_available() {
                   std::isfinite(of_group) ? of_group - number_in(used.c_str(), "", 1) : of_group);
 }
 
-void check_memory(std::int64_t n_tetrahedra, int refine, int degree, Memory kind, double available) {
+void check_memory(std::int64_t n_tetrahedra, int refine, int degree, Memory kind, double available,
+                  const Processes& processes) {
   const auto needed = [&](int r) {
-    return memory_needed(static_cast<double>(n_tetrahedra) * std::pow(8, r), degree, kind);
+    return memory_needed(static_cast<double>(n_tetrahedra) * std::pow(8, r), degree, kind, processes);
   };
   if (needed(refine) <= available) return;
   std::ostringstream what;
@@ -62,7 +66,7 @@ void check_memory(std::int64_t n_tetrahedra, int refine, int degree, Memory kind
     double low = 0, high = static_cast<double>(n_tetrahedra);
     for (int k = 0; k < 50; ++k) {
       const double middle = (low + high) / 2;
-      (memory_needed(middle, degree, kind) <= available ? low : high) = middle;
+      (memory_needed(middle, degree, kind, processes) <= available ? low : high) = middle;
     }
     what << "at most " << low << " tetrahedra (a coarser surface, a larger reference.interior_size"
          << (degree == 2 ? ", degree 1)" : ")");

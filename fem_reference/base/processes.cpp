@@ -5,18 +5,34 @@
 
 #include <chrono>
 #include <cstdlib>
+#include <ctime>
 #include <iostream>
 #include <thread>
 
 namespace testbed::fem {
 namespace {
 
-template <class Matrix>
-void broadcast(Matrix& values, MPI_Datatype type) {
-  long columns = values.cols();
-  MPI_Bcast(&columns, 1, MPI_LONG, 0, MPI_COMM_WORLD);
-  values.resize(Eigen::NoChange, columns);
-  MPI_Bcast(values.data(), static_cast<int>(values.size()), type, 0, MPI_COMM_WORLD);
+Traffic told;
+
+void count_message(int n, MPI_Datatype type) {
+  int size = 0;
+  PMPI_Type_size(type, &size);
+  ++told.messages;
+  told.bytes += static_cast<long>(n) * size;
+}
+
+double thread_seconds() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+template <class Call>
+int timed(const Call& call) {
+  const double begin = thread_seconds();
+  const int error = call();
+  told.cpu += thread_seconds() - begin;
+  return error;
 }
 
 }  // namespace
@@ -37,6 +53,10 @@ const Processes& processes() {
     MPI_Comm_size(MPI_COMM_WORLD, &started.n);
     MPI_Comm_rank(MPI_COMM_WORLD, &started.rank);
     started.n_threads = 1;
+    MPI_Comm here;
+    MPI_Comm_split_type(MPI_COMM_WORLD, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &here);
+    MPI_Comm_size(here, &started.n_here);
+    MPI_Comm_free(&here);
     return started;
   }();
   return kResult;
@@ -61,20 +81,71 @@ double largest_over_processes(double value) {
   return value;
 }
 
-TetMesh from_first_process(TetMesh mesh) {
-  if (processes().n > 1) {
-    broadcast(mesh.X, MPI_DOUBLE);
-    broadcast(mesh.T, MPI_INT);
-    broadcast(mesh.F, MPI_INT);
-    MPI_Bcast(&mesh.n_surface, 1, MPI_INT, 0, MPI_COMM_WORLD);
-  }
-  return mesh;
+double sum_over_processes(double value) {
+  if (processes().n > 1) MPI_Allreduce(MPI_IN_PLACE, &value, 1, MPI_DOUBLE, MPI_SUM, MPI_COMM_WORLD);
+  return value;
 }
 
-bool from_first_process(bool value) {
-  int number = value;
-  if (processes().n > 1) MPI_Bcast(&number, 1, MPI_INT, 0, MPI_COMM_WORLD);
-  return number != 0;
+Eigen::MatrixXi from_first_process(Eigen::MatrixXi values) {
+  if (processes().n == 1) return values;
+  int size[] = {static_cast<int>(values.rows()), static_cast<int>(values.cols())};
+  MPI_Bcast(size, 2, MPI_INT, 0, MPI_COMM_WORLD);
+  values.resize(size[0], size[1]);
+  MPI_Bcast(values.data(), static_cast<int>(values.size()), MPI_INT, 0, MPI_COMM_WORLD);
+  return values;
+}
+
+int from_first_process(int value) {
+  if (processes().n > 1) MPI_Bcast(&value, 1, MPI_INT, 0, MPI_COMM_WORLD);
+  return value;
+}
+
+std::vector<double> to_first_process(double value) {
+  std::vector<double> values(processes().n, value);
+  if (processes().n > 1) MPI_Gather(&value, 1, MPI_DOUBLE, values.data(), 1, MPI_DOUBLE, 0, MPI_COMM_WORLD);
+  return values;
+}
+
+Traffic traffic() {
+  return told;
 }
 
 }  // namespace testbed::fem
+
+// MPI's profiling interface: calls of all libraries come by here.
+using testbed::fem::count_message;
+using testbed::fem::timed;
+using testbed::fem::told;
+
+int MPI_Send(const void* from, int n, MPI_Datatype type, int to, int tag, MPI_Comm comm) {
+  count_message(n, type);
+  return timed([&] { return PMPI_Send(from, n, type, to, tag, comm); });
+}
+int MPI_Rsend(const void* from, int n, MPI_Datatype type, int to, int tag, MPI_Comm comm) {
+  count_message(n, type);
+  return timed([&] { return PMPI_Rsend(from, n, type, to, tag, comm); });
+}
+int MPI_Isend(const void* from, int n, MPI_Datatype type, int to, int tag, MPI_Comm comm,
+              MPI_Request* request) {
+  count_message(n, type);
+  return timed([&] { return PMPI_Isend(from, n, type, to, tag, comm, request); });
+}
+int MPI_Recv(void* to, int n, MPI_Datatype type, int from, int tag, MPI_Comm comm, MPI_Status* status) {
+  return timed([&] { return PMPI_Recv(to, n, type, from, tag, comm, status); });
+}
+int MPI_Wait(MPI_Request* request, MPI_Status* status) {
+  return timed([&] { return PMPI_Wait(request, status); });
+}
+int MPI_Waitall(int n, MPI_Request* requests, MPI_Status* statuses) {
+  return timed([&] { return PMPI_Waitall(n, requests, statuses); });
+}
+int MPI_Bcast(void* values, int n, MPI_Datatype type, int root, MPI_Comm comm) {
+  return timed([&] { return PMPI_Bcast(values, n, type, root, comm); });
+}
+int MPI_Barrier(MPI_Comm comm) {
+  return timed([&] { return PMPI_Barrier(comm); });
+}
+int MPI_Allreduce(const void* from, void* to, int n, MPI_Datatype type, MPI_Op op, MPI_Comm comm) {
+  ++told.sums;
+  return timed([&] { return PMPI_Allreduce(from, to, n, type, op, comm); });
+}

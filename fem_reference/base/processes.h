@@ -1,8 +1,9 @@
 // Processes that solve one scene together, started by mpirun.
-// Each holds the whole mesh and a part of the cells.
+// Each holds its share of the mesh.
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "meshing/base/mesh.h"
 
@@ -11,6 +12,7 @@ namespace testbed::fem {
 struct Processes {
   int n = 1, rank = 0;
   int n_threads = 1;  ///< that each may use
+  int n_here = 1;     ///< on this machine
 };
 
 /// One, unless mpirun (Open MPI) started several: then MPI runs from the first call on.
@@ -24,10 +26,21 @@ void start_mpi();
 
 /// Replaces values by their sum over the processes.
 void sum_over_processes(Eigen::Ref<Eigen::VectorXd> values);
+double sum_over_processes(double value);
 double largest_over_processes(double value);
 
 /// What process 0 has, on all.
-TetMesh from_first_process(TetMesh mesh);
-bool from_first_process(bool value);
+Eigen::MatrixXi from_first_process(Eigen::MatrixXi values);
+int from_first_process(int value);
+/// On process 0 what each has, in their order.
+std::vector<double> to_first_process(double value);
+
+/// What this process has told others, by MPI's own calls.
+struct Traffic {
+  long messages = 0, bytes = 0;  ///< to one process
+  long sums = 0;                 ///< over all
+  double cpu = 0;                ///< s spent in calls, most of it waiting
+};
+Traffic traffic();
 
 }  // namespace testbed::fem

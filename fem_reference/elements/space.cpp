@@ -1,44 +1,13 @@
 #include "fem_reference/elements/space.h"
 
-#include <deal.II/grid/grid_tools.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <sstream>
 #include <stdexcept>
 
 namespace testbed::fem {
-namespace {
-
-/// Corners of the edges of a tetrahedron, in the order of VTK's quadratic one.
-constexpr int kTetEdges[6][2] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
-
-}  // namespace
-
-Nodes::Nodes(const TetMesh& mesh, int degree) : n_vertices(static_cast<int>(mesh.X.cols())) {
-  cells.resize(degree == 1 ? 4 : 10, mesh.T.cols());
-  cells.topRows(4) = mesh.T;
-  faces.resize(degree == 1 ? 3 : 6, mesh.F.cols());
-  faces.topRows(3) = mesh.F;
-  X = mesh.X;
-  if (degree == 1) return;
-  std::vector<std::array<int, 2>> ends;
-  for (int t = 0; t < mesh.T.cols(); ++t)
-    for (int e = 0; e < 6; ++e) {
-      const int a = mesh.T(kTetEdges[e][0], t), b = mesh.T(kTetEdges[e][1], t);
-      const auto [at, is_new] = middle_.try_emplace(key(a, b), n_vertices + static_cast<int>(ends.size()));
-      if (is_new) ends.push_back({{a, b}});
-      cells(4 + e, t) = at->second;
-    }
-  for (int f = 0; f < mesh.F.cols(); ++f)
-    for (int e = 0; e < 3; ++e) faces(3 + e, f) = middle(mesh.F(e, f), mesh.F((e + 1) % 3, f));
-  edges = Eigen::Map<const Eigen::Matrix2Xi>(ends.data()->data(), 2, static_cast<Eigen::Index>(ends.size()));
-  X.conservativeResize(3, n_vertices + edges.cols());
-  for (int e = 0; e < edges.cols(); ++e)
-    X.col(n_vertices + e) = (X.col(edges(0, e)) + X.col(edges(1, e))) / 2;
-}
-
-dealii::Triangulation<3>& triangulate(const TetMesh& mesh, dealii::Triangulation<3>& triangulation) {
+dealii::Triangulation<3>& triangulate(const TetMesh& mesh, int n_own,
+                                      dealii::Triangulation<3>& triangulation) {
   std::vector<dealii::Point<3>> vertices;
   for (int i = 0; i < mesh.X.cols(); ++i) vertices.emplace_back(mesh.X(0, i), mesh.X(1, i), mesh.X(2, i));
   std::vector<dealii::CellData<3>> tetrahedra;
@@ -58,8 +27,10 @@ dealii::Triangulation<3>& triangulate(const TetMesh& mesh, dealii::Triangulation
     tetrahedra.push_back(cell);
   }
   triangulation.create_triangulation(vertices, tetrahedra, dealii::SubCellData());
-  if (const int n = processes().n; n > 1)
-    dealii::GridTools::partition_triangulation(static_cast<unsigned>(n), triangulation);
+  const auto [n, rank, n_threads, n_here] = processes();
+  for (const auto& cell : triangulation.active_cell_iterators())
+    cell->set_subdomain_id(
+        static_cast<unsigned>(static_cast<int>(cell->active_cell_index()) < n_own ? rank : n));
   return triangulation;
 }
 

@@ -8,37 +8,15 @@
 #include <deal.II/grid/filtered_iterator.h>
 #include <deal.II/grid/tria.h>
 
-#include <Eigen/Core>
-#include <array>
-#include <map>
-#include <unordered_map>
 #include <vector>
 
-#include "fem_reference/base/processes.h"
-#include "meshing/base/mesh.h"
+#include "fem_reference/elements/share.h"
 
 namespace testbed::fem {
 
-/// Nodes of a degree: the vertices of the mesh, then (degree 2) the middles of its edges.
-struct Nodes {
-  int n_vertices = 0;
-  Eigen::Matrix2Xi edges;  ///< ends of edge e, whose middle is node n_vertices + e
-  Eigen::Matrix3Xd X;
-  Eigen::MatrixXi cells, faces;
-
-  Nodes(const TetMesh& mesh, int degree);
-  /// Node in the middle of an edge.
-  int middle(int a, int b) const { return middle_.at(key(a, b)); }
-
- private:
-  static std::uint64_t key(int a, int b) {
-    return static_cast<std::uint64_t>(std::min(a, b)) << 32 | static_cast<std::uint32_t>(std::max(a, b));
-  }
-  std::unordered_map<std::uint64_t, int> middle_;
-};
-
-/// Its cells are divided among the processes by their subdomain.
-dealii::Triangulation<3>& triangulate(const TetMesh& mesh, dealii::Triangulation<3>& triangulation);
+/// Tetrahedra from number n_own on are not of the subdomain that this process counts.
+dealii::Triangulation<3>& triangulate(const TetMesh& mesh, int n_own,
+                                      dealii::Triangulation<3>& triangulation);
 
 /// A vector-valued Lagrange space, its degrees of freedom
 /// by node and back. Those of a node follow each other.
@@ -51,7 +29,7 @@ struct Space {
 
   Space(const dealii::Triangulation<3>& triangulation, int degree, const Nodes& nodes);
 
-  /// This process' cells.
+  /// Those that this process counts.
   auto cells() const {
     return dealii::filter_iterators(
         dofs.active_cell_iterators(),

@@ -325,12 +325,13 @@ int power_of_two(Eigen::Index n) {
 
 }  // namespace
 
-TetBatches::TetBatches(const Matrix3Xd& X, const Eigen::MatrixXi& cells, const std::vector<int>& mine)
+TetBatches::TetBatches(const Matrix3Xd& X, const Eigen::MatrixXi& cells, const std::vector<int>& mine,
+                       const std::vector<char>& is_ghost)
     : X_(X),
       n_nodes_per_cell_(static_cast<int>(cells.rows())),
       n_tetrahedra_(static_cast<int>(mine.size())),
       is_subdivided_(X.cols() >= meshing::kLeastSubdivided) {
-  number_nodes(X, cells);
+  number_nodes(X, cells, is_ghost);
 
   // Along the body: tetrahedra by their subdomain and their first node.
   std::vector<std::array<int, 3>> order;  // subdomain, lowest rank, tetrahedron
@@ -374,7 +375,8 @@ TetBatches::TetBatches(const Matrix3Xd& X, const Eigen::MatrixXi& cells, const s
 
 /// A node between leaves belongs to the subdomain that holds both, so that rows of different subdomains of
 /// one size have no entries in common. In a subdomain nodes follow finer and finer bisections.
-void TetBatches::number_nodes(const Matrix3Xd& X, const Eigen::MatrixXi& cells) {
+void TetBatches::number_nodes(const Matrix3Xd& X, const Eigen::MatrixXi& cells,
+                              const std::vector<char>& is_ghost) {
   constexpr int kNodesPerLeaf = 8;
   const auto n = static_cast<int>(X.cols());
   const int n_leaves = std::max(8, power_of_two(n / kNodesPerLeaf));
@@ -387,6 +389,8 @@ void TetBatches::number_nodes(const Matrix3Xd& X, const Eigen::MatrixXi& cells) 
       for (const int j : cell)
         if (leaf_[j] > leaf_[i])
           subdomain[i] = std::max(subdomain[i], meshing::subdomain_of(leaf_[i], leaf_[j]));
+  for (int i = 0; i < static_cast<int>(is_ghost.size()) && i < n; ++i)
+    if (is_ghost[i]) subdomain[i] = meshing::kSubdomains;
   std::vector<int> order(n);
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int i, int j) {
@@ -396,7 +400,7 @@ void TetBatches::number_nodes(const Matrix3Xd& X, const Eigen::MatrixXi& cells) 
   first_row_.assign(meshing::kSubdomains + 1, 0);
   for (int k = 0; k < n; ++k) {
     rank_[order[k]] = k;
-    ++first_row_[subdomain[order[k]] + 1];
+    if (subdomain[order[k]] < meshing::kSubdomains) ++first_row_[subdomain[order[k]] + 1];
   }
   std::partial_sum(first_row_.begin(), first_row_.end(), first_row_.begin());
 }

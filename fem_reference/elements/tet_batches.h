@@ -24,8 +24,11 @@ class TetBatches {
  public:
   /// @param X      3 x n nodes (m)
   /// @param cells  4 or 10 nodes per tetrahedron, in VTK's order
-  /// @param mine   this process' tetrahedra; ranks are the same in all
-  TetBatches(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells, const std::vector<int>& mine);
+  /// @param mine   the tetrahedra that count
+  /// @param is_ghost  nodes whose rows are not complete, as another process owns them, have the last ranks and belong to
+  /// no subdomain; empty: none
+  TetBatches(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells, const std::vector<int>& mine,
+             const std::vector<char>& is_ghost = {});
 
   void set_law(ElasticLaw law, const LameConstants& lame, const TetRule& rule);
   /// Stress-free shrinkage at the points of the rule; empty: none.
@@ -50,7 +53,7 @@ class TetBatches {
   /// Without blocks.
   const BlockMatrix& pattern() const { return pattern_; }
   const std::vector<int>& rank() const { return rank_; }  ///< of each node
-  /// Where the rows of each subdomain begin, and their end.
+  /// Where the rows of each subdomain begin, and their end, from where ghosts follow.
   const std::vector<int>& first_row() const { return first_row_; }
   bool is_subdivided() const { return is_subdivided_; }
   int n_tetrahedra() const { return n_tetrahedra_; }
@@ -58,7 +61,8 @@ class TetBatches {
   struct View;
 
  private:
-  void number_nodes(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells);
+  void number_nodes(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells,
+                    const std::vector<char>& is_ghost);
   void make_pattern(const Eigen::MatrixXi& cells, const std::vector<int>& mine);
   View view() const;
   template <class Visit>

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 
 #include "fem_reference/solid/implementation.h"
 
@@ -49,27 +50,26 @@ Eigen::Matrix4Xd nodes_of_tet(int degree) {
   return points;
 }
 
-/// This process' cells.
-std::vector<int> own_cells(const Space& space) {
-  std::vector<int> own;
-  for (const auto& cell : space.cells()) own.push_back(static_cast<int>(cell->active_cell_index()));
-  return own;
+std::vector<int> all_cells(const TetMesh& mesh) {
+  std::vector<int> all(mesh.T.cols());
+  std::iota(all.begin(), all.end(), 0);
+  return all;
 }
 
 }  // namespace
 
-ElasticSolid::Implementation::Implementation(const TetMesh& tetrahedra, int p)
-    : mesh(tetrahedra),
+ElasticSolid::Implementation::Implementation(Share part, int p)
+    : share(std::move(part)),
       degree(p),
       nodes(mesh, degree),
-      space(triangulate(mesh, triangulation), degree, nodes),
-      tets(nodes.X, nodes.cells, own_cells(space)),
-      corners(degree == 2 && processes().n == 1
-                  ? std::make_optional<TetBatches>(mesh.X, mesh.T, own_cells(space))
-                  : std::nullopt),
-      solver(nodes.X, nodes.edges, tets, corners ? &*corners : nullptr),
+      space(triangulate(mesh, share.n_own, triangulation), degree, nodes),
+      tets(nodes.X, nodes.cells, all_cells(mesh), share.is_ghost),
+      corners(degree == 2 ? std::make_optional<TetBatches>(mesh.X, mesh.T, all_cells(mesh), share.is_ghost)
+                          : std::nullopt),
+      solver(share, nodes.X, nodes.edges, tets, corners ? &*corners : nullptr),
       from_corners(nodes.X.cols(), nodes.n_vertices),
-      u(Matrix3Xd::Zero(3, nodes.X.cols())) {
+      u(Matrix3Xd::Zero(3, nodes.X.cols())),
+      whole_u(Matrix3Xd::Zero(3, share.whole_X.cols())) {
   std::vector<Eigen::Triplet<double>> weights;
   for (int i = 0; i < nodes.n_vertices; ++i) weights.emplace_back(i, i, 1.);
   for (int e = 0; e < nodes.edges.cols(); ++e)
@@ -126,9 +126,9 @@ void ElasticSolid::Implementation::find_load() {
   for (int f = 0; loads.traction && f < mesh.F.cols(); ++f) {
     std::array<int, 3> corners{{mesh.F(0, f), mesh.F(1, f), mesh.F(2, f)}};
     std::sort(corners.begin(), corners.end());
-    triangle_of[corners] = f;
+    triangle_of[corners] = share.is_whole ? f : share.face[f];
   }
-  for (const auto& cell : space.cells()) {
+  for (const auto& cell : space.dofs.active_cell_iterators()) {
     cell->get_dof_indices(dofs);
     if (loads.body_force) {
       values.reinit(cell);
@@ -140,20 +140,23 @@ void ElasticSolid::Implementation::find_load() {
       std::array<int, 3> corners;
       for (unsigned k = 0; k < 3; ++k) corners[k] = static_cast<int>(cell->face(f)->vertex_index(k));
       std::sort(corners.begin(), corners.end());
-      const int triangle = triangle_of.at(corners);
+      const auto triangle = triangle_of.find(corners);
+      if (triangle == triangle_of.end()) continue;  // to tetrahedra of other processes
       face_values.reinit(cell, f);
       for (unsigned q = 0; q < on_face.size(); ++q)
-        add(face_values, q, loads.traction(eigen(face_values.quadrature_point(q)), triangle));
+        add(face_values, q, loads.traction(eigen(face_values.quadrature_point(q)), triangle->second));
     }
   }
-  sum_over_processes(load);
+  Matrix3Xd owned = load.reshaped(3, nodes.X.cols());
+  share.clear_ghosts(owned);
+  load = owned.reshaped();
 }
 
 void ElasticSolid::Implementation::find_residual(const Matrix3Xd& at, double load_factor, Matrix3Xd& r) {
   shrink(load_factor);
   tets.forces(at, r);
-  sum_over_processes(r.reshaped());
-  size = std::max(size, load_factor * load.norm() + r.norm());
+  share.clear_ghosts(r);
+  size = std::max(size, load_factor * share.norm(load.reshaped(3, r.cols())) + share.norm(r));
   r = load_factor * load.reshaped(3, r.cols()) - r;
   for (const auto& energy : surface_at(load_factor)) energy->add_forces(nodes.X + at, r);
   for (Eigen::Index k = 0; k < r.size(); ++k)

@@ -1,15 +1,18 @@
 #include "fem_reference/solid/elasticity.h"
 
+#include <malloc.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <stdexcept>
+#include <utility>
 
 #include "fem_reference/elements/laws.h"
 #include "fem_reference/solid/implementation.h"
-#include "fem_reference/solvers/distributed.h"
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/follower_pressure.h"
@@ -22,8 +25,8 @@ using Eigen::Vector3d;
 
 }  // namespace
 
-ElasticSolid::ElasticSolid(const TetMesh& mesh, int degree)
-    : self_(std::make_unique<Implementation>(mesh, degree)) {}
+ElasticSolid::ElasticSolid(Share share, int degree)
+    : self_(std::make_unique<Implementation>(std::move(share), degree)) {}
 ElasticSolid::~ElasticSolid() = default;
 ElasticSolid::ElasticSolid(ElasticSolid&&) noexcept = default;
 ElasticSolid& ElasticSolid::operator=(ElasticSolid&&) noexcept = default;
@@ -41,6 +44,21 @@ const Eigen::MatrixXi& ElasticSolid::faces() const {
 }
 const Matrix3Xd& ElasticSolid::displacement() const {
   return self_->u;
+}
+const Share& ElasticSolid::share() const {
+  return self_->share;
+}
+int ElasticSolid::n_nodes() const {
+  return self_->share.is_whole ? static_cast<int>(X().cols()) : self_->share.n_nodes;
+}
+const Matrix3Xd& ElasticSolid::whole_X() const {
+  return self_->share.is_whole ? X() : self_->share.whole_X;
+}
+const Eigen::MatrixXi& ElasticSolid::whole_cells() const {
+  return self_->share.is_whole ? cells() : self_->share.whole_cells;
+}
+const Matrix3Xd& ElasticSolid::whole_displacement() const {
+  return self_->share.is_whole ? displacement() : self_->whole_u;
 }
 int ElasticSolid::n_free_rigid_motions() const {
   return static_cast<int>(self_->rigid.cols());
@@ -63,13 +81,53 @@ void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
     rigid.resize(3 * at.cols(), 0);
     return;
   }
-  const Eigen::MatrixXd R = rigid_motions(nodes.X + at);
+  const Eigen::MatrixXd R = share.rigid_motions(nodes.X + at);
   Eigen::Matrix<double, 6, 6> moved = Eigen::Matrix<double, 6, 6>::Zero();
   for (const ConstrainedComponent& h : constrained) {
+    if (!share.is_whole && share.is_ghost[h.node]) continue;
     const auto row = R.row(3 * h.node + h.component);
     moved += row.transpose() * row;
   }
-  rigid = free_rigid_motions(R, moved);
+  if (share.is_whole) {
+    rigid = free_rigid_motions(R, moved);
+    return;
+  }
+  sum_over_processes(moved.reshaped());
+  rigid = R * meshing::free_combinations(moved);
+  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(rigid.cols(), rigid.cols());
+  for (Eigen::Index i = 0; i < at.cols(); ++i)
+    if (!share.is_ghost[i]) products += rigid.middleRows<3>(3 * i).transpose() * rigid.middleRows<3>(3 * i);
+  sum_over_processes(products.reshaped());
+  products.llt().matrixU().solveInPlace<Eigen::OnTheRight>(rigid);
+}
+
+void ElasticSolid::Implementation::check_balance() const {
+  constexpr const char* kExpected = "more supports, balanced loads or reference.inertia_relief";
+  if (share.is_whole) return meshing::check_balance(nodes.X, rigid, load.reshaped(3, u.cols()), kExpected);
+  constexpr double kBalanced = 1e-8;  // as there
+  Eigen::VectorXd driven = rigid.transpose() * load;
+  sum_over_processes(driven);
+  const Matrix3Xd forces = load.reshaped(3, u.cols());
+  if (driven.norm() <= kBalanced * share.norm(forces)) return;
+  const Matrix3Xd X = share.gather(nodes.X), whole = share.gather(forces);
+  Eigen::MatrixXd motions(X.size(), rigid.cols());
+  for (Eigen::Index k = 0; k < rigid.cols(); ++k)
+    motions.col(k) = share.gather(rigid.col(k).reshaped(3, u.cols())).reshaped();
+  if (processes().rank == 0) meshing::check_balance(X, motions, whole, kExpected);
+  throw std::runtime_error("loads drive free rigid motions");  // the first process says more
+}
+
+/// Tetrahedra that others count are taken out again.
+double ElasticSolid::Implementation::elastic_energy() const {
+  const double energy = tets.energy(u);
+  if (share.is_whole) return energy;
+  std::vector<int> others(tets.n_tetrahedra() - share.n_own);
+  std::iota(others.begin(), others.end(), share.n_own);
+  TetBatches of_others(nodes.X, nodes.cells, others);
+  of_others.set_law(law, lame, rule(degree));
+  if (loads.shrinkage)
+    of_others.set_shrinkage([&](const Vector3d& x) { return loads.shrinkage(x, shrunk_at); });
+  return sum_over_processes(energy - of_others.energy(u));
 }
 
 double ElasticSolid::Implementation::constrained_displacement(int k, double load_factor) const {
@@ -105,7 +163,9 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.constant.reset();
   s.stiffness_norm = 0;
   s.shrunk_at = -1;
-  s.is_constrained.assign(n_dofs(), false);
+  if (!s.share.is_whole && (law != ElasticLaw::SmallStrain || !s.surface.empty()))
+    throw std::invalid_argument("several processes solve linear statics alone");
+  s.is_constrained.assign(s.nodes.X.size(), false);
   for (const ConstrainedComponent& h : constrained) s.is_constrained[3 * h.node + h.component] = true;
   const auto rows_of = [&](const TetBatches& on) {
     std::vector<char> rows(3 * on.rank().size());
@@ -159,9 +219,10 @@ bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double resid
   report.residual = size > 0 ? residual / size : 0;
   // Forces at nodes are sums of stresses on the faces of elements, of differences of displacements. Rounding of
   // these is what no solver makes less [Rigal & Gaches 1967].
-  const double h = std::cbrt(volume(mesh.X, mesh.F) / static_cast<double>(at.cols()));
-  const double rounding = at.norm() * std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h,
-                                               std::numeric_limits<double>::epsilon() * stiffness_norm);
+  const double h = share.is_whole ? std::cbrt(volume(mesh.X, mesh.F) / static_cast<double>(at.cols()))
+                                  : std::cbrt(share.volume / share.n_nodes);
+  const double rounding = share.norm(at) * std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h,
+                                                    std::numeric_limits<double>::epsilon() * stiffness_norm);
   report.is_converged = residual <= std::max(report.tolerance * size, rounding);
   return report.is_converged;
 }
@@ -185,43 +246,36 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
   for (int refinement = 0; refinement < kMaxRefinements; ++refinement) {
     stage("assemble");
     measure();
-    if (r.norm() > before) {
+    if (share.norm(r) > before) {
       at = last;
       measure();
     }
-    const double residual = r.norm();
+    const double residual = share.norm(r);
     if (is_balanced(at, residual)) break;
     const double wanted = 0.5 * report.tolerance * size / residual;
-    LinearReport linear;
-    if (processes().n > 1) {
-      meshing::BlockMatrix part = tets.pattern();
-      part.block.assign(part.column.size(), Eigen::Matrix3d::Zero());
-      fill(tets, at, load_factor, meshing::Curvature::Projected, part.block.data()->data());
-      meshing::hold(part, constrained_rows, part.block.data()->data());
-      stage("solve");
-      linear = solve_distributed(nodes, space, part, tets.rank(), rigid, r, wanted, at);
-    } else {
-      if (!constant) {
-        constant = stiffness_at(Matrix3Xd::Zero(3, u.cols()), 0, meshing::Curvature::Projected);
-        hold(*constant);
-        stiffness_norm = Eigen::Map<const Eigen::VectorXf>(constant->blocks.data(),
-                                                           static_cast<Eigen::Index>(constant->blocks.size()))
-                             .cast<double>()
-                             .norm();
-      }
-      stage("solve");
-      if (residual > kLost * before) {
-        if (is_in_double) break;
-        is_in_double = true;  // single precision is not enough
-      }
-      before = residual;
-      last = at;
-      if (is_in_double) {
-        iterate_in_double(r, wanted, at);
-        continue;
-      }
-      linear = solver.solve(*constant, rigid, r, std::max(kDeepest, wanted), at);
+    if (!constant) {
+      constant = stiffness_at(Matrix3Xd::Zero(3, u.cols()), 0, meshing::Curvature::Projected);
+      hold(*constant);
+      stiffness_norm = std::sqrt(
+          sum_over_processes(Eigen::Map<const Eigen::VectorXf>(
+                                 constant->blocks.data(), static_cast<Eigen::Index>(constant->blocks.size()))
+                                 .cast<double>()
+                                 .squaredNorm()));
+      if (!share.is_whole) malloc_trim(0);  // what the frame before the solve took
     }
+    stage("solve");
+    if (residual > kLost * before) {
+      if (is_in_double) break;
+      is_in_double = true;  // single precision is not enough
+    }
+    before = residual;
+    last = at;
+    if (is_in_double) {
+      iterate_in_double(r, wanted, at);
+      continue;
+    }
+    const LinearReport linear = solver.solve(*constant, rigid, r, std::max(kDeepest, wanted), at);
+    share.exchange.update(at);
     if (!linear.is_definite)
       throw std::runtime_error(
           "the stiffness matrix is not positive definite, expected supports and sound tetrahedra");
@@ -243,21 +297,28 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
   const auto restrict_to_free = [&](Matrix3Xd& y) {
     for (Eigen::Index k = 0; k < y.size(); ++k)
       if (is_constrained[k]) y.data()[k] = 0;
-    y.reshaped() -= rigid * (rigid.transpose() * y.reshaped()).eval();
+    share.clear_ghosts(y);
+    Eigen::VectorXd parts = rigid.transpose() * y.reshaped();
+    sum_over_processes(parts);
+    y.reshaped() -= rigid * parts;
+    share.clear_ghosts(y);
   };
-  Matrix3Xd rest = r, solution = Matrix3Xd::Zero(3, r.cols());
+  Summed<Matrix3Xd> rest(r), solution(Matrix3Xd::Zero(3, r.cols()));
   restrict_to_free(rest);
   const meshing::SolveReport done = meshing::conjugate_gradients(
       [&](const Matrix3Xd& p, Matrix3Xd& y) {
-        tets.forces(p, y);
+        Matrix3Xd moved = p;
+        share.exchange.update(moved);
+        tets.forces(moved, y);
         restrict_to_free(y);
       },
-      [&](const Matrix3Xd& q, Matrix3Xd& z) { solver.precondition(*constant, rigid, q, z); }, rest, r.norm(),
-      solution, relative, kMaxIterations);
+      [&](const Matrix3Xd& q, Matrix3Xd& z) { solver.precondition(*constant, rigid, q, z); }, rest,
+      share.norm(r), solution, relative, kMaxIterations);
   const std::string in_double = ", double precision";
   if (report.solver.find(in_double) == std::string::npos) report.solver += in_double;
   report.linear_iterations += done.iterations;
   x += solution;
+  share.exchange.update(x);
 }
 
 /// What iterations leave of rigid motions would move far a body that nothing holds in some directions: their
@@ -403,9 +464,7 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
 ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   Implementation& s = *self_;
   s.find_rigid_motions(Matrix3Xd::Zero(3, s.u.cols()));
-  if (is_invariant(s.surface))
-    meshing::check_balance(s.nodes.X, s.rigid, s.load.reshaped(3, s.u.cols()),
-                           "more supports, balanced loads or reference.inertia_relief");
+  if (is_invariant(s.surface)) s.check_balance();
   s.report = {};
   s.size = 0;
   if (s.law == ElasticLaw::SmallStrain && s.surface.empty()) {
@@ -422,9 +481,13 @@ ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   }
   if (!s.report.is_converged) return s.report;
   s.shrink(load_factor);
-  s.report.elastic_energy = s.tets.energy(s.u);
-  sum_over_processes(Eigen::Map<Eigen::VectorXd>(&s.report.elastic_energy, 1));
+  s.report.elastic_energy = s.elastic_energy();
   s.report.max_strain = s.max_strain(s.u);
+  if (s.share.is_whole) return s.report;
+  s.whole_u = s.share.gather(s.u);
+  s.constant.reset();  // the first process has a frame to write
+  s.solver.hold(s.is_constrained);
+  malloc_trim(0);
   return s.report;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fem_reference/elements/laws.h"
+#include "fem_reference/elements/share.h"
 #include "meshing/algebra/load_path.h"
 #include "meshing/base/mesh.h"
 #include "meshing/base/stage_timer.h"
@@ -78,8 +79,10 @@ struct Linearisation {
 /// the vertices of the mesh in their order, then (degree 2) the middles of its edges.
 class ElasticSolid {
  public:
+  /// @param share  a mesh, or of several processes this one's share: X, cells, faces, displacement and all that is over
+  /// nodes is over those of the share
   /// @throws std::runtime_error when a tetrahedron has no positive volume.
-  ElasticSolid(const TetMesh& mesh, int degree);
+  ElasticSolid(Share share, int degree);
   ~ElasticSolid();
   ElasticSolid(ElasticSolid&&) noexcept;
   ElasticSolid& operator=(ElasticSolid&&) noexcept;
@@ -89,7 +92,13 @@ class ElasticSolid {
   const Eigen::MatrixXi& cells() const;  ///< 4 or 10 nodes per tetrahedron, in VTK's order
   /// 3 or 6 nodes per boundary triangle: corners, middles of 01, 12, 20.
   const Eigen::MatrixXi& faces() const;
-  int n_dofs() const { return static_cast<int>(3 * X().cols()); }
+  const Share& share() const;
+  int n_nodes() const;  ///< of the whole mesh, as the next
+  int n_dofs() const { return 3 * n_nodes(); }
+  /// Of the whole mesh; of several processes the first alone has it.
+  const Eigen::Matrix3Xd& whole_X() const;
+  const Eigen::MatrixXi& whole_cells() const;
+  const Eigen::Matrix3Xd& whole_displacement() const;
 
   /// Takes the problem over and assembles its loads.
   /// @param kappa  of volume.local (Pa), neo-Hookean

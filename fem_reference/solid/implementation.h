@@ -17,9 +17,10 @@ namespace testbed::fem {
 struct ElasticSolid::Implementation {
   using Matrix3Xd = Eigen::Matrix3Xd;
 
-  Implementation(const TetMesh& tets, int p);
+  Implementation(Share part, int p);
 
-  TetMesh mesh;
+  Share share;
+  const TetMesh& mesh = share.mesh;
   int degree;
   Nodes nodes;
   dealii::Triangulation<3> triangulation;
@@ -43,8 +44,8 @@ struct ElasticSolid::Implementation {
   Eigen::VectorXd load;   // N at full load, of component c of node i at 3 i + c
   Eigen::MatrixXd rigid;  // free rigid motions of the body as deformed, 3 node + component, orthonormal
 
-  Matrix3Xd u;
-  double factor = 0;  // load factor of u
+  Matrix3Xd u, whole_u;  // whole: on the first of several processes
+  double factor = 0;     // load factor of u
   std::optional<meshing::LoadPath> path;
   std::optional<TwoLevelSolver::Stiffness> constant;  // the stiffness of small strain, once it is needed
   double stiffness_norm = 0;                          // of `constant` (N/m)
@@ -53,6 +54,8 @@ struct ElasticSolid::Implementation {
   ElasticReport report;                               // of the solve at hand
 
   void find_rigid_motions(const Matrix3Xd& at);
+  void check_balance() const;
+  double elastic_energy() const;  // of u, in all processes
   double constrained_displacement(int k, double load_factor) const;
   void prescribe(double load_factor, Matrix3Xd& at) const;
   void find_load();

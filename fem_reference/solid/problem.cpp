@@ -71,14 +71,16 @@ ElasticLoads seen_from(const Eigen::Matrix3d& frame, const ElasticLoads& loads) 
   return seen;
 }
 
-/// Supports go into the loads where they move in time, and into `constrained`.
+/// Supports go into the loads where they move in time, and into `constrained`, those of a share alone.
 /// @param boundaries  boundary triangles with the middles of their edges (6 nodes), from the coarsest mesh to
 /// the finest
 std::vector<ConstrainedComponent> constrained_by(const Scene& scene, const SurfaceProblem& problem,
                                                  const std::vector<Eigen::MatrixXi>& boundaries,
-                                                 const Eigen::Matrix3d& frame, ElasticLoads& loads) {
+                                                 const Eigen::Matrix3d& frame, const Share& share,
+                                                 ElasticLoads& loads) {
   constexpr double kHalf = 0.5;  // between the parts of an axis that are constrained, all of it or none
   std::vector<ConstrainedComponent> constrained;
+  const std::unordered_map<int, int> local = share.local();
   for (size_t s = 0; s < problem.constrained.size(); ++s) {
     const auto& [vertices, support] = problem.constrained[s];
     Eigen::Vector3d part = Eigen::Vector3d::Zero();  // of each axis
@@ -89,10 +91,14 @@ std::vector<ConstrainedComponent> constrained_by(const Scene& scene, const Surfa
       for (const auto& face : faces.colwise())
         for (int e = 0; e < 3; ++e)
           if (nodes.count(face(e)) && nodes.count(face((e + 1) % 3))) nodes.insert(face(3 + e));
-    for (int node : nodes)
+    for (int node : nodes) {
+      const auto here = local.find(node);
+      if (!share.is_whole && here == local.end()) continue;
       for (int c = 0; c < 3; ++c)
         if (part(c) > kHalf)
-          constrained.push_back({node, c, frame.col(c).dot(support.displacement), static_cast<int>(s)});
+          constrained.push_back({share.is_whole ? node : here->second, c,
+                                 frame.col(c).dot(support.displacement), static_cast<int>(s)});
+    }
   }
   loads.motion = [supports = scene.supports, time = scene.time, frame, constrained](int k, double t) {
     return frame.col(constrained[k].component)
@@ -207,15 +213,16 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   int n_children = 1;
   for (int r = 0; r < scene.reference.refine; ++r, n_children *= 4) {
     TetMesh finer = refine(fine);
-    boundaries.push_back(boundary_with_middles(fine, finer));
+    boundaries.push_back(from_first_process(boundary_with_middles(fine, finer)));
     fine = std::move(finer);
   }
-  ElasticSolid solid(fine, scene.reference.degree);
-  if (scene.reference.degree == 2) boundaries.push_back(solid.faces());
+  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree), scene.reference.degree);
+  const Share& share = solid.share();
+  if (scene.reference.degree == 2) boundaries.push_back(share.is_whole ? solid.faces() : share.faces);
   const SurfaceProblem problem = discretise(scene, surface);
   ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
   const std::vector<ConstrainedComponent> constrained =
-      constrained_by(scene, problem, boundaries, frame, loads);
+      constrained_by(scene, problem, boundaries, frame, share, loads);
   loads.surface = bag_of(scene, solid, frame);
   if (!scene.seams.empty())
     loads.surface.push_back(

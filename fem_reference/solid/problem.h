@@ -12,10 +12,10 @@ namespace testbed::fem {
 /// The part of the scene that the reference does not model, and why; empty: none.
 std::string unmodelled_part(const Scene& scene);
 
-/// The scene's solid on `mesh` refined `scene.reference.refine` times, loads and supports assembled. Supports
-/// hold the surface's vertices in their region, and middles of boundary edges whose both ends are constrained. The
-/// solid's coordinates are those along the axes of frame_of(scene.supports), which are x, y and z unless
-/// supports hold along others.
+/// The scene's solid on `mesh` refined `scene.reference.refine` times, loads and supports assembled. Of several
+/// processes the first has the mesh. Supports hold the surface's vertices in their region, and middles of boundary
+/// edges whose both ends are constrained. The solid's coordinates are those along the axes of
+/// frame_of(scene.supports), which are x, y and z unless supports hold along others.
 /// @throws std::runtime_error when a region holds no node or triangle.
 ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, const TetMesh& mesh);
 

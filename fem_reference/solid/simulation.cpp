@@ -334,7 +334,7 @@ Snapshot Simulation::snapshot() const {
   }
   return {load_factor(),
           load_factor(),
-          frame_ * (scale_ * solid_.displacement()),
+          frame_ * (scale_ * solid_.whole_displacement()),
           0,
           scale_ * scale_ * equilibrium_.elastic_energy,
           strains(solid_.displacement(), scale_ * equilibrium_.max_strain),

@@ -60,7 +60,8 @@ class Simulation {
 
   /// Its coordinates are those of assemble_scene.
   const ElasticSolid& solid() const { return solid_; }
-  Eigen::Matrix3Xd X() const { return frame_ * solid_.X(); }  ///< 3 x n_nodes at rest, along x, y and z (m)
+  /// 3 x n_nodes at rest, along x, y and z (m); of several processes the first alone has it, as it has snapshots.
+  Eigen::Matrix3Xd X() const { return frame_ * solid_.whole_X(); }
   const ElasticReport& equilibrium() const { return equilibrium_; }   ///< of statics: sums over steps
   const Integrator* integrator() const { return integrator_.get(); }  ///< in time
   double step() const { return step_; }                               ///< of time (s)

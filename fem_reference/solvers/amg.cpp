@@ -14,35 +14,46 @@ namespace testbed::fem {
 namespace {
 
 /// ML speaks MPI even to itself.
-Epetra_MpiComm alone() {
+Epetra_MpiComm those_with(const std::vector<int>& number) {
   start_mpi();
-  return Epetra_MpiComm(MPI_COMM_SELF);
+  return Epetra_MpiComm(number.empty() ? MPI_COMM_SELF : MPI_COMM_WORLD);
 }
 
-Epetra_CrsMatrix copy_of(const meshing::BlockMatrix& A, const Epetra_Map& map) {
+/// Three unknowns of each of the first n numbers.
+Epetra_Map map_of(int n, const std::vector<int>& number) {
+  if (number.empty()) return Epetra_Map(3 * n, 0, those_with(number));
+  std::vector<int> unknowns;
+  for (int i = 0; i < n; ++i)
+    for (int c = 0; c < 3; ++c) unknowns.push_back(3 * number[i] + c);
+  return Epetra_Map(-1, 3 * n, unknowns.data(), 0, those_with(number));
+}
+
+Epetra_CrsMatrix copy_of(const meshing::BlockMatrix& A, const Epetra_Map& map,
+                         const std::vector<int>& number) {
+  const int n = map.NumMyElements() / 3;
+  const auto number_of = [&](int i) { return number.empty() ? i : number[i]; };
   std::vector<int> n_entries, columns;
   std::vector<double> values;
-  for (int i = 0; i < A.rows(); ++i)
-    n_entries.insert(n_entries.end(), 3, 3 * (A.row_start[i + 1] - A.row_start[i]));
-  Epetra_CrsMatrix copy(Copy, map, map, n_entries.data(), true);
-  for (int i = 0; i < A.rows(); ++i)
+  for (int i = 0; i < n; ++i) n_entries.insert(n_entries.end(), 3, 3 * (A.row_start[i + 1] - A.row_start[i]));
+  Epetra_CrsMatrix copy(Copy, map, n_entries.data(), true);
+  for (int i = 0; i < n; ++i)
     for (int c = 0; c < 3; ++c) {
       columns.clear();
       values.clear();
       for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
         for (int d = 0; d < 3; ++d) {
-          columns.push_back(3 * A.column[k] + d);
+          columns.push_back(3 * number_of(A.column[k]) + d);
           values.push_back(A.block[k](c, d));
         }
-      copy.InsertGlobalValues(3 * i + c, static_cast<int>(values.size()), values.data(), columns.data());
+      copy.InsertGlobalValues(3 * number_of(i) + c, static_cast<int>(values.size()), values.data(),
+                              columns.data());
     }
   copy.FillComplete();
   copy.OptimizeStorage();
   return copy;
 }
 
-}  // namespace
-
+/// Both arguments must outlive it.
 std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> make_multigrid(const Epetra_RowMatrix& matrix,
                                                                     Eigen::MatrixXd& near_null) {
   Teuchos::ParameterList options;
@@ -63,21 +74,24 @@ std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> make_multigrid(const Epetra
   return cycle;
 }
 
+}  // namespace
+
 struct AlgebraicMultigrid::Hierarchy {
   Eigen::MatrixXd near_null;
   Epetra_Map map;
   Epetra_CrsMatrix matrix;
   std::shared_ptr<ML_Epetra::MultiLevelPreconditioner> cycle;
 
-  Hierarchy(const meshing::BlockMatrix& A, Eigen::MatrixXd motions)
+  Hierarchy(const meshing::BlockMatrix& A, Eigen::MatrixXd motions, const std::vector<int>& number)
       : near_null(std::move(motions)),
-        map(3 * A.rows(), 0, alone()),
-        matrix(copy_of(A, map)),
+        map(map_of(static_cast<int>(near_null.rows() / 3), number)),
+        matrix(copy_of(A, map, number)),
         cycle(make_multigrid(matrix, near_null)) {}
 };
 
-AlgebraicMultigrid::AlgebraicMultigrid(const meshing::BlockMatrix& A, Eigen::MatrixXd near_null)
-    : hierarchy_(std::make_unique<Hierarchy>(A, std::move(near_null))) {}
+AlgebraicMultigrid::AlgebraicMultigrid(const meshing::BlockMatrix& A, Eigen::MatrixXd near_null,
+                                       const std::vector<int>& number)
+    : hierarchy_(std::make_unique<Hierarchy>(A, std::move(near_null), number)) {}
 AlgebraicMultigrid::~AlgebraicMultigrid() = default;
 
 Eigen::VectorXd AlgebraicMultigrid::apply(const Eigen::VectorXd& r) const {

@@ -56,34 +56,54 @@ bool factorise(BlockMatrix A, const TwoLevelSolver::Fill& fill, bool is_singular
 struct TwoLevelSolver::Pass {
   const TwoLevelSolver& solver;
   const Stiffness& A;
-  std::vector<PaddedField> rigid;
+  std::vector<Summed<PaddedField>> rigid;
   std::optional<meshing::GaussSeidel> sweeps;
+  PaddedField added;  // to the diagonal in sweeps of several processes, without which these may diverge
 
   Pass(const TwoLevelSolver& solver, const Stiffness& A, const Eigen::MatrixXd& motions)
       : solver(solver), A(A), rigid(motions.cols()) {
     for (Eigen::Index k = 0; k < motions.cols(); ++k)
       solver.pad(motions.col(k).reshaped(3, solver.X_.cols()), 1, rigid[k]);
-    if (solver.corners_ && !solver.is_whole_)
-      sweeps.emplace(solver.fine_.pattern(), A.blocks, solver.fine_.first_row());
+    for (PaddedField& motion : rigid) solver.clear_ghosts(motion);
+    if (!solver.corners_ || solver.is_whole_) return;
+    const BlockMatrix& pattern = solver.fine_.pattern();
+    const int n_own = solver.fine_.first_row().back();
+    if (!solver.share_.is_whole) added.setZero(4, meshing::padded(pattern.rows()));
+    for (int i = 0; i < n_own; ++i)
+      for (int k = pattern.row_start[i + 1] - 1; pattern.column[k] >= n_own; --k)
+        added.col(i).head<3>() +=
+            0.5f *
+            Eigen::Matrix3f::Map(&A.blocks[9 * static_cast<std::size_t>(k)]).cwiseAbs().rowwise().sum();
+    sweeps.emplace(pattern, A.blocks, solver.fine_.first_row(), added);
   }
 
-  void remove_rigid(PaddedField& u) const {
-    for (const PaddedField& motion : rigid)
-      meshing::add_scaled(-static_cast<float>(dot(motion, u)), motion, u);
+  void remove_rigid(Summed<PaddedField>& u) const {
+    for (const auto& motion : rigid) meshing::add_scaled(-static_cast<float>(dot(motion, u)), motion, u);
   }
-  void multiply(const PaddedField& p, PaddedField& y) const {
+  void multiply(const PaddedField& p, Summed<PaddedField>& y) const {
     solver.multiply(A, p, y);
     remove_rigid(y);
   }
   /// One level: a factor or a cycle. Two: z = (D + L)^-1 r; z += P A_1^-1 P^T (r - A z);
-  /// z += (D + L^T)^-1 (r - A z), which is symmetric and positive definite.
-  void precondition(const PaddedField& r, PaddedField& z) const {
+  /// z += (D + L^T)^-1 (r - A z), which is symmetric and positive definite. Of several processes each has an L
+  /// of its own, and half the sums of what it leaves out are added to D [Baker, Falgout, Kolev & Yang 2011].
+  void precondition(const PaddedField& r, Summed<PaddedField>& z) const {
     if (sweeps) {
       PaddedField d;
       sweeps->sweep_down(r, z);
-      sweeps->residual_of_sweep(z, d);
-      solver.correct_corners(d, z);
-      sweeps->sweep_up(r, z);
+      if (solver.share_.is_whole) {
+        sweeps->residual_of_sweep(z, d);
+        solver.correct_corners(d, z);
+        sweeps->sweep_up(r, z);
+      } else {
+        solver.exchange_.update(z);
+        sweeps->residual_of_sweep(z, d);
+        d += added.cwiseProduct(z);
+        solver.exchange_.update(d);
+        solver.correct_corners(d, z);
+        sweeps->sweep_up(r + added.cwiseProduct(z), z);
+        solver.clear_ghosts(z);
+      }
     } else {
       solver.solve_degree_1(r, z);
     }
@@ -91,10 +111,11 @@ struct TwoLevelSolver::Pass {
   }
 };
 
-TwoLevelSolver::TwoLevelSolver(const Matrix3Xd& X, const Eigen::Matrix2Xi& edges, const TetBatches& fine,
-                               const TetBatches* corners)
-    : X_(X), fine_(fine), corners_(corners) {
+TwoLevelSolver::TwoLevelSolver(const Share& share, const Matrix3Xd& X, const Eigen::Matrix2Xi& edges,
+                               const TetBatches& fine, const TetBatches* corners)
+    : share_(share), X_(X), fine_(fine), corners_(corners), exchange_(share.exchange.over(fine.rank())) {
   if (!corners) return;
+  exchange_corners_ = share.exchange.over(corners->rank());
   const Eigen::Index n_corners = X.cols() - edges.cols();
   ends_.resize(2, X.cols());
   for (Eigen::Index i = 0; i < X.cols(); ++i)
@@ -112,6 +133,7 @@ void TwoLevelSolver::hold(const std::vector<char>& is_constrained) {
   };
   mask(fine_, free_);
   if (corners_) mask(*corners_, free_corners_);
+  multigrid_.reset();
   is_ready_ = false;
 }
 
@@ -135,6 +157,7 @@ void TwoLevelSolver::correct_corners(const PaddedField& d, PaddedField& z) const
   }
   force = force.cwiseProduct(free_corners_);
   solve_degree_1(force, move);
+  exchange_corners_.update(move);
   for (Eigen::Index i = 0; i < ends_.cols(); ++i)
     z.col(i) += free_.col(i).cwiseProduct(0.5f * (move.col(ends_(0, i)) + move.col(ends_(1, i))));
 }
@@ -144,7 +167,7 @@ void TwoLevelSolver::solve_degree_1(const PaddedField& r, PaddedField& z) const 
     factor_->solve(r, z);
     return;
   }
-  const auto n = static_cast<Eigen::Index>((corners_ ? *corners_ : fine_).rank().size());
+  const auto n = static_cast<Eigen::Index>((corners_ ? *corners_ : fine_).first_row().back());
   z.setZero(4, r.cols());
   z.topLeftCorner(3, n) =
       multigrid_->apply(r.topLeftCorner(3, n).cast<double>().reshaped()).reshaped(3, n).cast<float>();
@@ -163,7 +186,7 @@ bool TwoLevelSolver::factorise(const Stiffness& A, bool is_singular) {
   const TetBatches& tets = is_of_corners ? *corners_ : fine_;
   const auto& fill = is_of_corners ? A.fill_corners : A.fill_fine;
   const auto n = static_cast<int>(tets.rank().size());
-  if (is_whole_ || n <= kLargestCholesky) {
+  if (is_whole_ || (share_.is_whole && n <= kLargestCholesky)) {
     if (!fem::factorise(tets.pattern(), fill, is_singular, cholesky_)) return false;
     factor_ = cholesky_->single_precision();
     return true;
@@ -172,31 +195,39 @@ bool TwoLevelSolver::factorise(const Stiffness& A, bool is_singular) {
   matrix.block.assign(matrix.column.size(), Eigen::Matrix3d::Zero());
   fill(matrix);
   if (is_singular) scale_diagonal(matrix, 1 + kShifts[0]);
-  const Eigen::MatrixXd by_node = rigid_motions(X_.leftCols(n));
-  Eigen::MatrixXd motions(by_node.rows(), 6);
-  for (int i = 0; i < n; ++i) motions.middleRows<3>(3 * tets.rank()[i]) = by_node.middleRows<3>(3 * i);
+  const Eigen::MatrixXd by_node = share_.rigid_motions(X_.leftCols(n));
+  Eigen::MatrixXd motions(3 * tets.first_row().back(), 6);
+  std::vector<int> number(share_.is_whole ? 0 : n);
+  for (int i = 0; i < n; ++i) {
+    const int row = tets.rank()[i];
+    if (3 * row < motions.rows()) motions.middleRows<3>(3 * row) = by_node.middleRows<3>(3 * i);
+    if (!share_.is_whole) number[row] = share_.number[i];
+  }
   multigrid_.reset();
-  multigrid_ = std::make_unique<AlgebraicMultigrid>(matrix, std::move(motions));
+  multigrid_ = std::make_unique<AlgebraicMultigrid>(matrix, std::move(motions), number);
   return true;
 }
 
 std::string TwoLevelSolver::name() const {
   const std::string degree_1 = multigrid_ ? "algebraic multigrid" : "Cholesky";
   if (is_whole_) return "CG, Cholesky of all, as iterations stood still";
-  return corners_ ? "CG, two levels (Gauss-Seidel, " + degree_1 + " on degree 1)" : "CG, " + degree_1;
+  const std::string one =
+      corners_ ? "CG, two levels (Gauss-Seidel, " + degree_1 + " on degree 1)" : "CG, " + degree_1;
+  return share_.is_whole ? one : one + ", " + std::to_string(processes().n) + " processes";
 }
 
 LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& rigid, const Matrix3Xd& r,
                                    double tolerance, Matrix3Xd& x) {
   LinearReport report;
-  const double size = r.norm();
+  const double size = share_.norm(r);
   if (size == 0) {
     report.is_converged = true;
     return report;
   }
   const bool is_singular = rigid.cols() > 0;
-  PaddedField rest, solution;
+  Summed<PaddedField> rest, solution;
   pad(r, 1 / size, rest);
+  clear_ghosts(rest);
   solution.setZero(4, rest.cols());
   bool is_stopped = false;  // by a direction of no stiffness, or by rounding: a factor would change nothing
   const auto iterate = [&](int max_iterations) {
@@ -204,15 +235,15 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
     pass.remove_rigid(rest);
     const int before = report.iterations;
     int n = 0;
-    PaddedField p, Ap;  // the last direction
+    Summed<PaddedField> p, Ap;  // the last direction
     for (int turn = 0; turn < kTurns; ++turn) {
       static_cast<meshing::SolveReport&>(report) = conjugate_gradients(
-          [&](const PaddedField& q, PaddedField& y) {
+          [&](const PaddedField& q, Summed<PaddedField>& y) {
             pass.multiply(q, y);
             p = q;
             Ap = y;
           },
-          [&](const PaddedField& q, PaddedField& z) { pass.precondition(q, z); }, rest, 1, solution,
+          [&](const PaddedField& q, Summed<PaddedField>& z) { pass.precondition(q, z); }, rest, 1, solution,
           tolerance, max_iterations - n);
       n += report.iterations;
       const bool is_indefinite = report.curvature < 0;
@@ -246,7 +277,7 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
   }
   const auto n_tets = fine_.n_tetrahedra();
   const bool may_factorise =
-      !is_whole_ && (corners_ || multigrid_) &&
+      share_.is_whole && !is_whole_ && (corners_ || multigrid_) &&
       memory_needed(n_tets, corners_ ? 2 : 1, Memory::FactorAndCopy) < memory_available();
   n_iterations_ = iterate(may_factorise ? kPatience : kMaxIterations);
   if (report.is_converged || is_stopped || !may_factorise) return end();
@@ -267,15 +298,26 @@ void TwoLevelSolver::add_product(const Stiffness& A, double factor, const Matrix
 
 void TwoLevelSolver::multiply(const Stiffness& A, const PaddedField& p, PaddedField& y) const {
   y.setZero(4, p.cols());
+  if (!share_.is_whole) {
+    PaddedField q = p;
+    exchange_.update(q);
+    meshing::add_product(fine_.pattern(), A.blocks, q, y);
+    return clear_ghosts(y);
+  }
   meshing::add_product(fine_.pattern(), A.blocks, p, y);
   meshing::add_product(A.outside.blocks, p, y);
-  for (const PaddedField& g : A.outside.roots) meshing::add_scaled(static_cast<float>(dot(g, p)), g, y);
+  for (const PaddedField& g : A.outside.roots)
+    meshing::add_scaled(static_cast<float>(meshing::dot(g, p)), g, y);
+}
+
+void TwoLevelSolver::clear_ghosts(PaddedField& u) const {
+  u.rightCols(u.cols() - fine_.first_row().back()).setZero();
 }
 
 void TwoLevelSolver::precondition(const Stiffness& A, const Eigen::MatrixXd& rigid, const Matrix3Xd& r,
                                   Matrix3Xd& z) const {
-  PaddedField rest, solution;
-  const double size = r.norm();
+  Summed<PaddedField> rest, solution;
+  const double size = share_.norm(r);
   const Pass pass(*this, A, rigid);
   pad(r, size > 0 ? 1 / size : 1, rest);
   pass.precondition(rest, solution);

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "fem_reference/elements/share.h"
 #include "fem_reference/elements/tet_batches.h"
 #include "fem_reference/solvers/amg.h"
 #include "meshing/algebra/cholesky.h"
@@ -19,11 +20,36 @@ struct LinearReport : meshing::SolveReport {
   bool is_definite = true;  ///< false where a factor does not exist or a direction of no stiffness was met
 };
 
+/// A field for conjugate gradients whose sums go over all processes; it is zero where others own.
+template <class Field>
+struct Summed : Field {
+  using Field::Field;
+  using Field::operator=;
+  const Field& field() const { return *this; }
+  Field& field() { return *this; }
+};
+template <class Field>
+double dot(const Summed<Field>& u, const Summed<Field>& w) {
+  return sum_over_processes(meshing::dot(u.field(), w.field()));
+}
+template <class Field>
+double advance(typename Field::Scalar alpha, const Summed<Field>& p, const Summed<Field>& Ap,
+               Summed<Field>& x, Summed<Field>& r) {
+  return sum_over_processes(
+      static_cast<double>(meshing::advance(alpha, p.field(), Ap.field(), x.field(), r.field())));
+}
+template <class Field>
+void aypx(typename Field::Scalar beta, const Summed<Field>& z, Summed<Field>& p) {
+  meshing::aypx(beta, z.field(), p.field());
+}
+
 /// Conjugate gradients, preconditioned on degree 1 by a Cholesky factor, of large systems by algebraic
 /// multigrid with rigid motions as near-null space; on degree 2 by two levels, Gauss-Seidel sweeps and a
 /// correction of the corners by the same. Where these stand still, by a Cholesky factor of the whole matrix,
-/// if memory allows. Factors are kept from one solve to the next while they serve. Entries outside the pattern
-/// are in products and factors, and not in sweeps and multigrid.
+/// if memory allows. Several processes sweep over their rows at once, each with what the others had before
+/// [Baker, Falgout, Kolev & Yang 2011], and take multigrid alone for degree 1. Factors are kept from one solve
+/// to the next while they serve. Entries outside the pattern are in products and factors, and not in sweeps and
+/// multigrid.
 class TwoLevelSolver {
  public:
   /// Entries of a stiffness that its pattern has no place for, over ranks of nodes.
@@ -43,8 +69,8 @@ class TwoLevelSolver {
   /// @param X        3 x n nodes, the corners of tetrahedra first (m)
   /// @param edges    whose middles are the nodes behind the corners
   /// @param fine, corners  the body's tetrahedra, and those of degree 1 on the same corners, null on degree 1
-  TwoLevelSolver(const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& edges, const TetBatches& fine,
-                 const TetBatches* corners);
+  TwoLevelSolver(const Share& share, const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& edges,
+                 const TetBatches& fine, const TetBatches* corners);
 
   /// Takes over what is constrained (3 node + component), and drops what was made of other matrices.
   void hold(const std::vector<char>& is_constrained);
@@ -68,14 +94,17 @@ class TwoLevelSolver {
   void correct_corners(const PaddedField& d, PaddedField& z) const;
   void solve_degree_1(const PaddedField& r, PaddedField& z) const;
   void multiply(const Stiffness& A, const PaddedField& p, PaddedField& y) const;
+  void clear_ghosts(PaddedField& u) const;
   void pad(const Eigen::Matrix3Xd& u, double factor, PaddedField& result) const;
   void add_unpadded(const PaddedField& w, double factor, Eigen::Matrix3Xd& u) const;
   std::string name() const;
 
+  const Share& share_;
   const Eigen::Matrix3Xd& X_;
   const TetBatches &fine_, *corners_;
-  Eigen::Matrix2Xi ends_;            // ranks among the corners of each row's edge, or twice its corner's
-  PaddedField free_, free_corners_;  // 1, and 0 where constrained
+  Exchange exchange_, exchange_corners_;  // over ranks
+  Eigen::Matrix2Xi ends_;                 // ranks among the corners of each row's edge, or twice its corner's
+  PaddedField free_, free_corners_;       // 1, and 0 where constrained
   std::optional<meshing::BlockCholesky> cholesky_;
   std::optional<meshing::SinglePrecisionFactor> factor_;  // of cholesky_: of degree 1, or of the whole matrix
   std::unique_ptr<AlgebraicMultigrid> multigrid_;

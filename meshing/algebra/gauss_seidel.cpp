@@ -75,17 +75,17 @@ Float4* nodes(PaddedField& u) {
 }  // namespace
 
 GaussSeidel::GaussSeidel(const BlockMatrix& pattern, const std::vector<float>& blocks,
-                         std::vector<int> first_row)
+                         std::vector<int> first_row, const PaddedField& added)
     : pattern_(pattern),
       blocks_(blocks),
       first_row_(std::move(first_row)),
       inverse_(9 * pattern.diagonal.size() + 3) {
-  for (std::size_t i = 0; i < pattern.diagonal.size(); ++i)
-    Eigen::Matrix3f::Map(&inverse_[9 * i]) =
-        Eigen::Matrix3f::Map(&blocks[9 * static_cast<std::size_t>(pattern.diagonal[i])])
-            .cast<double>()
-            .inverse()
-            .cast<float>();
+  for (std::size_t i = 0; i < pattern.diagonal.size(); ++i) {
+    Eigen::Matrix3d D =
+        Eigen::Matrix3f::Map(&blocks[9 * static_cast<std::size_t>(pattern.diagonal[i])]).cast<double>();
+    if (added.size() > 0) D.diagonal() += added.col(static_cast<Eigen::Index>(i)).head<3>().cast<double>();
+    Eigen::Matrix3f::Map(&inverse_[9 * i]) = D.inverse().cast<float>();
+  }
 }
 
 /// Calls visit(first row, last row + 1) for each subdomain, in their order or backwards.

@@ -13,12 +13,14 @@ class GaussSeidel {
  public:
   /// Both must outlive it.
   /// @param blocks     of the pattern, and three numbers at the end
-  /// @param first_row  of each subdomain, and the number of rows
-  GaussSeidel(const BlockMatrix& pattern, const std::vector<float>& blocks, std::vector<int> first_row);
+  /// @param first_row  of each subdomain, and the number of rows that are swept
+  /// @param added      to the diagonal in sweeps; empty: nothing
+  GaussSeidel(const BlockMatrix& pattern, const std::vector<float>& blocks, std::vector<int> first_row,
+              const PaddedField& added = {});
 
   /// z = (D + L)^-1 r.
   void sweep_down(const PaddedField& r, PaddedField& z) const;
-  /// d = r - A z of that z.
+  /// d = r - A z of that z, where nothing is added.
   void residual_of_sweep(const PaddedField& z, PaddedField& d) const;
   /// z += (D + L^T)^-1 (r - A z).
   void sweep_up(const PaddedField& r, PaddedField& z) const;

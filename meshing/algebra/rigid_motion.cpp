@@ -11,7 +11,10 @@ namespace testbed::meshing {
 
 Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X) {
   const Eigen::Vector3d centre = X.rowwise().mean();
-  const double size = (X.colwise() - centre).colwise().norm().maxCoeff();
+  return rigid_motions(X, centre, (X.colwise() - centre).colwise().norm().maxCoeff());
+}
+
+Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X, const Eigen::Vector3d& centre, double size) {
   Eigen::MatrixXd R(X.size(), 6);
   for (int i = 0; i < X.cols(); ++i) R.middleRows<3>(3 * i) = rigid_motions_at((X.col(i) - centre) / size);
   return R;
@@ -22,7 +25,7 @@ Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A) {
          Eigen::MatrixXd::Identity(A.rows(), A.cols());
 }
 
-Eigen::MatrixXd free_sums(const Eigen::Matrix<double, 6, 6>& constrained) {
+Eigen::MatrixXd free_combinations(const Eigen::Matrix<double, 6, 6>& constrained) {
   constexpr double kZero = 1e-10;  // squared sine of the angle at which supports hold a motion
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(constrained);
   return eigen.eigenvectors().leftCols((eigen.eigenvalues().array() < kZero).count());
@@ -30,9 +33,9 @@ Eigen::MatrixXd free_sums(const Eigen::Matrix<double, 6, 6>& constrained) {
 
 Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions,
                                    const Eigen::Matrix<double, 6, 6>& constrained) {
-  const Eigen::MatrixXd sums = free_sums(constrained);
-  if (sums.cols() == 0) return Eigen::MatrixXd(motions.rows(), 0);
-  return orthonormal(motions * sums);
+  const Eigen::MatrixXd free = free_combinations(constrained);
+  if (free.cols() == 0) return Eigen::MatrixXd(motions.rows(), 0);
+  return orthonormal(motions * free);
 }
 
 void check_balance(const Eigen::Matrix3Xd& X, const Eigen::MatrixXd& free, const Eigen::Matrix3Xd& load,

@@ -25,13 +25,15 @@ inline Eigen::Matrix<double, 3, 6> rigid_motions_at(const Eigen::Vector3d& d) {
 /// The six of points X (3 x n) about their mean, scaled to order 1, over 3 i + c: shifts along x, y, z, turns
 /// about x, y, z.
 Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X);
+/// The same about a centre, and with a size that turns are scaled by (m).
+Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X, const Eigen::Vector3d& centre, double size);
 
 /// Orthonormal basis of the span of independent columns.
 Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A);
 
-/// Which sums of the six rigid motions supports leave free, 6 x m.
-/// @param constrained  H^T H, H what the supports hold of each motion
-Eigen::MatrixXd free_sums(const Eigen::Matrix<double, 6, 6>& constrained);
+/// Combinations of the six motions that supports leave free, 6 x m, m <= 6.
+/// @param constrained  as below
+Eigen::MatrixXd free_combinations(const Eigen::Matrix<double, 6, 6>& constrained);
 
 /// Orthonormal basis of the rigid motions that supports leave free, 3n x m, m <= 6.
 /// @param motions      of all points, see rigid_motions

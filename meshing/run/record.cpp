@@ -114,10 +114,15 @@ void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Ma
   frame_ = {time, name};
   std::vector<Field> all{{"displacement", u}, {"rest_position", X}};
   all.insert(all.end(), fields.begin(), fields.end());
-  is_written_ = std::async(std::launch::async, [this, x = Eigen::Matrix3Xd(X + u), all = std::move(all)] {
-    return stamp_of(write_vtu(folder_ / frame_.second, x, cells_, all,
-                              {{"TimeValue", frame_.first}, {"n_surface", n_surface_}}));
-  });
+  is_written_ =
+      std::async(std::launch::async, [this, x = Eigen::Matrix3Xd(X + u), all = std::move(all)]() mutable {
+        nlohmann::ordered_json stamp =
+            stamp_of(write_vtu(folder_ / frame_.second, x, cells_, all,
+                               {{"TimeValue", frame_.first}, {"n_surface", n_surface_}}));
+        x = {};  // and not when the next frame ends this one
+        all = {};
+        return stamp;
+      });
 }
 
 /// Waits for the frame that is being written, and adds it to the list.
@@ -169,17 +174,12 @@ size_t Recorder::column(const std::string& name) {
   return columns.size() - 1;
 }
 
-namespace {
-
-/// Largest resident memory of this process so far (byte); unlike getrusage's, not that of who started it.
 double peak_memory() {
   std::istringstream status(fs::exists("/proc/self/status") ? read_file("/proc/self/status") : "");
   for (std::string line; std::getline(status, line);)
     if (line.rfind("VmHWM:", 0) == 0) return 1024 * std::stod(line.substr(6));
   return 0;
 }
-
-}  // namespace
 
 void Recorder::finish(nlohmann::ordered_json record) {
   end_frame();

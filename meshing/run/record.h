@@ -97,6 +97,9 @@ class Recorder {
       is_written_;  ///< gives its stamp; last: its thread sees all of the above
 };
 
+/// Largest resident memory of this process so far (byte); unlike getrusage's, not that of who started it.
+double peak_memory();
+
 /// What is the same in every run.json: program, versions, compiler and flags, machine, date.
 /// @param n_threads  that the solve may use, as only the program knows
 nlohmann::ordered_json environment_record(const std::string& program, int n_threads);

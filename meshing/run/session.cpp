@@ -20,7 +20,8 @@ namespace {
 constexpr const char* kLeastJacobian = "min_J_nodes";  ///< of snapshots; a record has the least of them
 const std::string kSeconds = "seconds.";               ///< of a stage, among the sums of a checkpoint
 
-/// Of this process and of those that it has waited for (s).
+}  // namespace
+
 double cpu_time() {
   double sum = 0;
   for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
@@ -31,8 +32,6 @@ double cpu_time() {
   }
   return sum;
 }
-
-}  // namespace
 
 int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
                 const std::function<ExitStatus()>& run) {

@@ -35,6 +35,9 @@ struct SessionOptions {
 int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
                 const std::function<ExitStatus()>& run);
 
+/// Of this process and of those that it has waited for (s).
+double cpu_time();
+
 class Session {
  public:
   /// Locks the output folder, and waits for another process that holds it. From here on its budget runs: a run that goes

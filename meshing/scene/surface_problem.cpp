@@ -117,7 +117,7 @@ Eigen::MatrixXd free_motions(const SurfaceProblem& problem, const Eigen::Matrix3
             rigid_motions_at((X.col(v) - centre) / size).transpose() * direction;
         constrained += held * held.transpose();
       }
-  Eigen::MatrixXd motions = free_sums(constrained);
+  Eigen::MatrixXd motions = free_combinations(constrained);
   motions.bottomRows<3>() /= size;
   motions.topRows<3>() += cross_product_matrix(centre) * motions.bottomRows<3>();
   return motions;

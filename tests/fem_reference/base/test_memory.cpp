@@ -56,6 +56,16 @@ TEST(MemoryNeeded, IsThatMeasured) {
   }
 }
 
+// Measured on bar_sag.toml with surface.n_vertices = 6000 and mpirun -np 4.
+TEST(MemoryNeeded, CountsEveryProcess) {
+  const Processes four{4, 0, 1, 4}, on_two_machines{4, 0, 1, 2};
+  const double of_four = memory_needed(70815, 2, Memory::Iterations, four);
+  const double over = of_four / (350.5e6 + 298.6e6 + 298.5e6 + 292.8e6);
+  EXPECT_GT(over, 0.95);
+  EXPECT_LT(over, 1.35);
+  EXPECT_LT(memory_needed(70815, 2, Memory::Iterations, on_two_machines), 0.6 * of_four);
+}
+
 TEST(MemoryAvailable, IsThatOfAMachine) {
   EXPECT_GT(memory_available(), 1e7);
   EXPECT_LT(memory_available(), 1e14);

@@ -1,10 +1,11 @@
-"""The reference under mpirun: what several processes solve is what one solves."""
+"""The reference under mpirun: what several processes solve is what one solves, and each holds its share."""
 
 import os
 import subprocess
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 from analysis.paths import PROGRAMS, ROOT
 from analysis.runs import load_run
@@ -12,11 +13,11 @@ from analysis.runs import load_run
 TOLERANCE = (
     1e-9  # linear solves stop at 1e-13 of the load, which a displacement multiplies by the matrix' condition
 )
-MPIRUN = ("mpirun", "--oversubscribe", "-np", "2")
 
 
-def solve(scene, folder, overrides, launcher=()):
+def solve(scene, folder, overrides, n=1, options=()):
     sets = [word for override in overrides for word in ("--set", override)]
+    launcher = ("mpirun", "--oversubscribe", "-np", str(n)) if n > 1 else ()
     return subprocess.run(
         [
             *launcher,
@@ -25,6 +26,7 @@ def solve(scene, folder, overrides, launcher=()):
             "--quiet",
             "--out",
             folder,
+            *options,
             *sets,
         ],
         env={**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"},
@@ -33,28 +35,91 @@ def solve(scene, folder, overrides, launcher=()):
     )
 
 
+def run(scene, folder, overrides, n=1, options=()):
+    done = solve(scene, folder, overrides, n, options)
+    assert done.returncode == 0, done.stderr
+    found = load_run(folder)
+    assert found.record["processes"] == n
+    return found
+
+
 @pytest.mark.parametrize(
-    "scene, degree",
-    [("bar_sag.toml", 1), ("bar_sag.toml", 2), ("ball_pressure.toml", 2), ("ball_collapse.toml", 1)],
+    "scene, degree, n, also",
+    [
+        ("bar_sag.toml", 1, 2, ()),
+        ("bar_sag.toml", 2, 3, ("reference.refine=1",)),
+        ("ball_pressure.toml", 2, 4, ()),
+        ("ball_collapse.toml", 1, 2, ()),
+        ("ball_collapse.toml", 2, 2, ()),
+    ],
 )
-def test_two_processes_solve_what_one_does(scene, degree, tmp_path):
-    overrides = ["surface.n_vertices=300", f"reference.degree={degree}"]
-    runs = []
-    for folder, launcher in ((tmp_path / "one", ()), (tmp_path / "two", MPIRUN)):
-        done = solve(scene, folder, overrides, launcher)
-        assert done.returncode == 0, done.stderr
-        runs.append(load_run(folder))
-    one, two = runs
-    assert (one.record["processes"], two.record["processes"]) == (1, 2)
-    assert np.abs(two.last.u - one.last.u).max() < TOLERANCE * np.abs(one.last.u).max()
+def test_several_processes_solve_what_one_does(scene, degree, n, also, tmp_path):
+    overrides = ["surface.n_vertices=300", f"reference.degree={degree}", *also]
+    one, several = run(scene, tmp_path / "one", overrides), run(scene, tmp_path / "several", overrides, n)
+    frames = [pv.read(of.file(-1)) for of in (one, several)]
+    for name in ("displacement", "rest_position"):
+        a, b = (frame[name] for frame in frames)
+        assert np.abs(b - a).max() < TOLERANCE * np.abs(a).max()
+    assert (frames[0].cells == frames[1].cells).all()
     for name, values in one.curves.items():
         np.testing.assert_allclose(
-            two.curves[name], values, rtol=TOLERANCE, atol=TOLERANCE * np.abs(values).max()
+            several.curves[name], values, rtol=TOLERANCE, atol=TOLERANCE * np.abs(values).max()
+        )
+    for name in ("n_nodes", "n_dofs", "n_tetrahedra", "is_free", "mesh_hash"):
+        assert several.record[name] == one.record[name]
+
+
+def test_each_process_holds_a_third_of_the_body_at_most_and_iterations_stay(tmp_path):
+    def memory(found):
+        return np.array(
+            found.record.get("of_processes", {}).get("peak_memory", [found.record["peak_memory"]])
         )
 
+    overrides = ["reference.degree=2", "time.load_steps=1", "surface.n_vertices={}"]
+    whole, small = (
+        [
+            run("bar_sag.toml", tmp_path / f"{n}_{size}", [*overrides[:2], overrides[2].format(size)], n)
+            for n in (1, 4)
+        ]
+        for size in (4000, 100)
+    )
+    of_body = [memory(large) - memory(little) for large, little in zip(whole, small, strict=True)]
+    assert of_body[1].max() < of_body[0].max() / 3
+    iterations = [found.record["linear_iterations"] for found in whole]
+    assert iterations[1] <= 1.25 * iterations[0]
 
-def test_what_is_not_divided_is_refused_once(tmp_path):
-    done = solve("bar_swing.toml", tmp_path / "out", [], MPIRUN)
+
+def test_convergence_is_studied_by_several_processes(tmp_path):
+    records = [
+        run("bar_sag.toml", tmp_path / str(n), ["surface.n_vertices=100"], n, ("--converge", "2")).record[
+            "convergence"
+        ]
+        for n in (1, 2)
+    ]
+    assert records[1]["estimated_error_l2"] == pytest.approx(records[0]["estimated_error_l2"], rel=1e-6)
+
+
+def test_loads_that_drive_a_free_body_are_told_with_force_and_torque(tmp_path):
+    errors = []
+    for n in (1, 2):
+        done = solve("ball_pressure.toml", tmp_path / "out", ["gravity=[0,0,-9.81]"], n)
+        assert done.returncode != 0
+        errors.append([line for line in done.stderr.splitlines() if line.startswith("error:")])
+    (one,), (two,) = errors
+    assert one.split("net force")[0] == two.split("net force")[0] and "shift along z" in two
+
+
+@pytest.mark.parametrize(
+    "scene, overrides, told",
+    [
+        ("bar_swing.toml", [], "dynamic"),
+        ("bar_bend.toml", [], "neo_hookean"),
+        ("cube_pressed.toml", [], "neo_hookean"),
+        ("bar_sag.toml", ["reference.inertia_relief=true"], "inertia_relief"),
+    ],
+)
+def test_what_is_not_divided_is_refused_once(scene, overrides, told, tmp_path):
+    done = solve(scene, tmp_path / "out", overrides, 2)
     assert done.returncode != 0
     errors = [line for line in done.stderr.splitlines() if line.startswith("error:")]
-    assert len(errors) == 1 and "dynamic" in errors[0] and "expected linear statics" in errors[0]
+    assert len(errors) == 1 and told in errors[0] and "expected linear statics" in errors[0]

@@ -49,7 +49,7 @@ struct Assembled {
 Assembled by_fe_values(const TetMesh& mesh, const Nodes& nodes, int degree, ElasticLaw law,
                        const TetRule& rule, bool is_shrunk, const Matrix3Xd& u) {
   dealii::Triangulation<3> triangulation;
-  const Space space(triangulate(mesh, triangulation), degree, nodes);
+  const Space space(triangulate(mesh, static_cast<int>(mesh.T.cols()), triangulation), degree, nodes);
   const dealii::MappingFE<3> mapping{dealii::FE_SimplexP<3>(1)};
   std::vector<dealii::Point<3>> points;
   std::vector<double> weights;
