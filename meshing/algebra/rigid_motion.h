@@ -32,12 +32,12 @@ Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X, const Eigen::Vector3d& 
 Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& A);
 
 /// Combinations of the six motions that supports leave free, 6 x m, m <= 6.
-/// @param constrained  as below
+/// @param constrained  H^T H, 6 x 6, H what the supports hold of each motion
 Eigen::MatrixXd free_combinations(const Eigen::Matrix<double, 6, 6>& constrained);
 
 /// Orthonormal basis of the rigid motions that supports leave free, 3n x m, m <= 6.
 /// @param motions      of all points, see rigid_motions
-/// @param constrained  see free_sums
+/// @param constrained  see free_combinations
 Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions,
                                    const Eigen::Matrix<double, 6, 6>& constrained);
 
