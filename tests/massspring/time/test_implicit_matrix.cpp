@@ -110,8 +110,28 @@ TEST(ImplicitMatrix, OfALinearModelOfCoupledSpringsIsTheSameWhetherFormedOrNot) 
   std::vector<char> is_constrained(n, 0);
   for (const Constraint& c : forces.constraints) is_constrained[c.node] = 1;
   for (int i = 0; i < n; ++i)
-    if (!is_constrained[i])
+    if (!is_constrained[i]) {
       EXPECT_LT((blocks[i] - formed.block[formed.diagonal[i]]).norm(), 1e-13 * blocks[i].norm());
+    }
+}
+
+TEST(ImplicitMatrix, OfManyNodesIsPreconditionedByTetrahedraThatBearTheSameLinearFields) {
+  MassSpringModel model = full_box("node_averaged", 13);
+  ASSERT_GT(model.mass.size(), 5000);
+  model.consistent_mass = consistent_mass(model.network.X, model.network.T, 1000);
+  linearise(model);
+  const Forces forces = no_forces(model);
+  const EquationOfMotion motion(model, forces);
+  ImplicitMatrix A(motion);
+  const State rest = initial_state(model);
+  A.set(rest, rest.x, {2, 1e-4, 1}, Curvature::Exact);
+  const BlockMatrix& P = A.system().matrix();
+  EXPECT_LT(P.block.size(), model.mass.size() * 20);
+  const Matrix3Xd p = (Eigen::Matrix3d() << 1, 2, -1, 0, 3, 1, 2, 0, -2).finished() * model.network.X;
+  Matrix3Xd Ap, Pp;
+  A.multiply(p, Ap);
+  meshing::multiply(P, p, Pp);
+  EXPECT_NEAR(p.cwiseProduct(Pp).sum(), p.cwiseProduct(Ap).sum(), 1e-10 * p.cwiseProduct(Ap).sum());
 }
 
 /// Two triangles whose edges touch each other, and a node that touches the floor.
