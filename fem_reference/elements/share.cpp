@@ -276,7 +276,7 @@ void Exchange::update(Eigen::Matrix4Xf& u) const {
 }
 
 Share::Share(TetMesh whole)
-    : is_whole(true), mesh(std::move(whole)), n_own(static_cast<int>(mesh.T.cols())), n_tetrahedra(n_own) {}
+    : mesh(std::move(whole)), n_own(static_cast<int>(mesh.T.cols())), n_tetrahedra(n_own) {}
 
 std::unordered_map<int, int> Share::local() const {
   std::unordered_map<int, int> result;

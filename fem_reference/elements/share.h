@@ -60,7 +60,7 @@ struct Share {
   /// Of one process: the whole.
   Share(TetMesh whole);
 
-  bool is_whole;
+  bool is_whole = true;
   TetMesh
       mesh;  ///< its vertices are in the order of the whole mesh; boundary triangles are those at owned nodes
   int n_own;         ///< tetrahedra that no other process counts, the first
