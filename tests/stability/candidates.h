@@ -123,7 +123,6 @@ inline const std::vector<Candidate>& candidates() {
       {"J_0 = 0.01", 0, other_expansion(0.01)},
       {"J_0 = 0.003", 0, other_expansion(0.003)},
       {"a tenth of tetrahedra", 0.1},
-      {"a fiftieth of tetrahedra, J_0 = 0.01", 0.02, other_expansion(0.01)},
       {"a penalty on tetrahedra below 0.2", 0, {}, penalty(0.2, 150)},
       {"a penalty on tetrahedra below 0.1, J_0 = 0.01", 0, other_expansion(0.01), penalty(0.1, 1000)},
   };
