@@ -27,15 +27,6 @@ double digits(double tolerance) {
   return std::max(1., -std::log10(tolerance));
 }
 
-/// Of those of the tolerance, what the guess in x leaves.
-double digits_left(const LinearSystem& A, const Matrix3Xd& b, const Matrix3Xd& x, double tolerance) {
-  if (x.isZero(0)) return digits(tolerance);
-  Matrix3Xd r;
-  A.product(x, r);
-  const double left = (b - r).norm();
-  return digits(left > 0 ? std::min(1., tolerance * b.norm() / left) : 1);
-}
-
 void set_inverse_diagonal(const LinearSystem& A, std::vector<Eigen::Matrix3d>& inverse) {
   A.diagonal(inverse);
   for (Eigen::Matrix3d& block : inverse) block = block.inverse().eval();
@@ -258,8 +249,8 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
   if (is_new) groups.multigrid = std::make_unique<Multigrid>(A.matrix(), *A.positions, A.filter);
   const OfSystem precondition{[&](const PaddedField& r, PaddedField& z) { groups.multigrid->apply(r, z); },
                               A};
-  const double n_digits = is_new ? digits_left(A, b, x, tolerance) : digits(tolerance);
-  const int patience = std::max(kStandsStill, static_cast<int>(kSlowest * digits(tolerance)));
+  const double n_digits = digits(tolerance);
+  const int patience = std::max(kStandsStill, static_cast<int>(kSlowest * n_digits));
   SolveReport report = iterate(A, precondition, b, x, tolerance, patience, n);
   if (!report.is_converged && report.iterations >= patience) {
     if (!is_new) {

@@ -281,6 +281,21 @@ TEST(Change, BeforeTheFirstStepIsARunThatBeganSo) {
     }
 }
 
+// A body that does not collapse forgets what a collapse would need of its patches.
+TEST(Change, ToACollapseIsARunThatBeginsWithItFromTheState) {
+  const TwoBars bars = loaded_bars("minimising_euler");
+  ASSERT_TRUE(bars.scene.collapse);
+  Scene without = bars.scene;
+  without.collapse.reset();
+  Simulation changed(without, bars.network);
+  State middle = after(kBefore, changed).state();
+  changed.change(bars.scene);
+  middle.ledger = {};
+  const State expected = end_of(bars.scene, bars.network, middle, kAfter);
+  EXPECT_LT(apart(after(kAfter, changed).state(), expected), 1e-6);
+  EXPECT_GT(apart(end_of(without, bars.network, middle, kAfter), expected), 1e-4);
+}
+
 TEST(Change, BetweenStepsIsARunThatBeginsSoFromTheState) {
   for (const char* integrator : {"rk4", "implicit_euler", "minimising_euler"})
     for (const auto& [name, make] : changes()) {

@@ -60,7 +60,7 @@ class PatchVolumes : public SurfaceEnergy {
     for_each_active(x, [&](int p, const Eigen::Matrix3d& F, const OfVolume& of) {
       const Eigen::Matrix3d C = cofactor(F);
       for (int e = patches_.first[p]; e < patches_.first[p + 1]; ++e)
-        f.col(patches_.node[e]) -= patches_.volume[p] * of.first * C * patches_.b.col(e);
+        f.col(patches_.node[e]) -= patches_.volume[p] * of.first * C * patches_.b(p, e);
     });
   }
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override {
@@ -70,7 +70,7 @@ class PatchVolumes : public SurfaceEnergy {
       const double V = patches_.volume[p], second = is_exact ? of.second : std::max(of.second, 0.);
       for (int r = patches_.first[p]; r < patches_.first[p + 1]; ++r)
         for (int e = r; e < patches_.first[p + 1]; ++e) {
-          const Eigen::Vector3d b_r = patches_.b.col(r), b_e = patches_.b.col(e);
+          const Eigen::Vector3d b_r = patches_.b(p, r), b_e = patches_.b(p, e);
           Eigen::Matrix3d block = V * second * (C * b_r) * (C * b_e).transpose();
           if (is_exact) {
             const Eigen::Vector3d w = V * of.first * F * b_r.cross(b_e);
@@ -95,7 +95,7 @@ class PatchVolumes : public SurfaceEnergy {
       Eigen::Matrix3d F = Eigen::Matrix3d::Identity();
       for (int e = patches_.first[p]; e < patches_.first[p + 1]; ++e) {
         const int i = patches_.node[e];
-        F += (x.col(i) - X_.col(i)) * patches_.b.col(e).transpose();
+        F += (x.col(i) - X_.col(i)) * patches_.b(p, e).transpose();
       }
       const OfVolume of = law_(F.determinant(), patches_.lambda[p], patches_.mu);
       if (of.first != 0 || of.second != 0) visit(p, F, of);
