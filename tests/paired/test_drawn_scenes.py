@@ -17,10 +17,10 @@ E = 1e5  # Pa
 LARGEST = 0.12  # error of node_averaged on surfaces of some 250 vertices
 
 
-def end_of(axis, is_high):
-    """The region of a tenth of the body."""
+def end_of(axis, is_high, part=0.1):
+    """The region of a part of the body."""
     low, high = [0.0] * 3, [1.0] * 3
-    (low if is_high else high)[axis] = 0.9 if is_high else 0.1
+    (low if is_high else high)[axis] = 1 - part if is_high else part
     return f"region = {{ box = {{ low = {low}, high = {high} }}, relative = true }}"
 
 
@@ -44,7 +44,7 @@ def drawn(seed):
         lines.append('law = "neo_hookean"')
     if held == "handles":
         way = [[0, 0, 0, 0], [1, *vector(0.1)]]
-        lines += ["[[handles]]", end_of(axis, False), f"stiffness = {E}", f"motion = {way}"]
+        lines += ["[[handles]]", end_of(axis, False, 0.5), f"stiffness = {10 * E}", f"motion = {way}"]
     else:
         components = "xyz" if held == "clamped" else "xyz"[axis]
         lines += ["[[supports]]", end_of(axis, False), f'components = "{components}"']
@@ -52,7 +52,7 @@ def drawn(seed):
             moved = f"displacement = {vector(0.02)}"
             lines += ["[[supports]]", end_of(axis, True), f'components = "{"xyz"[axis]}"', moved]
     lines += ["[[loads]]", f"pressure = {E * random.uniform(-0.005, 0.005)}"]
-    if happens():
+    if held == "rolling" or happens():  # whose dead pressure would turn it as it bends
         lines.append("follower = true")
     if held != "rolling" and happens():
         lines += ["[[loads]]", end_of(axis, True), f"traction = {vector(0.002 * E)}"]
