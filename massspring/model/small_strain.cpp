@@ -82,7 +82,6 @@ SingleStiffness single_stiffness(const MassSpringModel& model) {
 
 double add_product(const MassSpringModel& model, const SingleStiffness& single, const PaddedField& p,
                    PaddedField& y) {
-  double p_y = 0;
   if (model.tet_springs) add_product(*model.tet_springs, single.patches, p, y);
   if (model.linear->K.rows() > 0) return add_product(model.linear->K, single.K, p, y);
   return dot(p, y);

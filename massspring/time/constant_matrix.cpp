@@ -18,7 +18,7 @@ ConstantMatrix::ConstantMatrix(const EquationOfMotion& motion, ImplicitMatrix& A
       A_(A),
       solver_(solver),
       is_factored_(keeps_step && motion.model.mass.size() <= kMostNodes &&
-                   n_stiffness_blocks(motion.model) <= most_blocks) {}
+                   static_cast<std::size_t>(n_stiffness_blocks(motion.model)) <= most_blocks) {}
 
 SolveReport ConstantMatrix::solve(const ImplicitMatrix::Factors& factors, const Matrix3Xd& b, Matrix3Xd& x) {
   if (!factors_ || !(*factors_ == factors)) {

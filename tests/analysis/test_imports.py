@@ -29,7 +29,7 @@ ALLOWED = {
     "execute": set(),
     "run_store": {"execute", "folder_lock", "load_scale", "machine", "outputs", "paths", "runs", "wording"},
     "cluster": {"machine", "paths", "run_store", "runs"},
-    "experiment_folder": set(),
+    "experiment_folder": {"compare", "runs"},
     "experiment": {
         "execute",
         "experiment_folder",
