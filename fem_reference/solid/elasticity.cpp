@@ -419,7 +419,11 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
   double first = 0, residual = 0;
   meshing::Objective objective;
   objective.value = [&] { return potential(x, load_factor); };
-  objective.negative_gradient = [&](Matrix3Xd& r) { find_residual(x, load_factor, r); };
+  objective.negative_gradient = [&](Matrix3Xd& r) {
+    find_residual(x, load_factor, r);
+    find_rigid_motions(x);
+    r.reshaped() -= rigid * (rigid.transpose() * r.reshaped()).eval();
+  };
   report.is_definite = true;
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport& newton) {
     // Downhill of a saddle lies another path: shorter load steps keep to this one.

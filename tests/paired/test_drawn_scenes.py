@@ -52,7 +52,7 @@ def drawn(seed):
             moved = f"displacement = {vector(0.02)}"
             lines += ["[[supports]]", end_of(axis, True), f'components = "{"xyz"[axis]}"', moved]
     lines += ["[[loads]]", f"pressure = {E * random.uniform(-0.005, 0.005)}"]
-    if held == "rolling" or happens():  # whose dead pressure would turn it as it bends
+    if happens():
         lines.append("follower = true")
     if held != "rolling" and happens():
         lines += ["[[loads]]", end_of(axis, True), f"traction = {vector(0.002 * E)}"]
