@@ -7,9 +7,9 @@
 #include <sstream>
 #include <utility>
 
-#include "meshing/scene/collapse.h"
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/changed_keys.h"
+#include "meshing/scene/collapse.h"
 #include "meshing/scene/initial_motion.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface_energies/initial_overlap.h"

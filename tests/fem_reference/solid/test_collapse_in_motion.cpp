@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "meshing/scene/collapse.h"
 #include "fem_reference/solid/simulation.h"
+#include "meshing/scene/collapse.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::fem {
