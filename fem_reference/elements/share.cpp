@@ -1,6 +1,5 @@
 #include "fem_reference/elements/share.h"
 
-#include <malloc.h>
 #include <mpi.h>
 
 #include <Eigen/Geometry>
@@ -355,7 +354,6 @@ Share deal_out(TetMesh whole, int degree) {
   nodes = Nodes({}, 1);
   Share share = share_of(hand, degree);
   share.faces = from_first_process(std::move(faces));
-  malloc_trim(0);  // what others hold now goes back to the machine
   share.whole_X = std::move(X);
   share.whole_cells = std::move(cells);
   return share;

@@ -1,7 +1,5 @@
 #include "fem_reference/solid/elasticity.h"
 
-#include <malloc.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -261,7 +259,6 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
                                  constant->blocks.data(), static_cast<Eigen::Index>(constant->blocks.size()))
                                  .cast<double>()
                                  .squaredNorm()));
-      if (!share.is_whole) malloc_trim(0);  // what the frame before the solve took
     }
     stage("solve");
     if (residual > kLost * before) {
@@ -491,7 +488,6 @@ ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   s.whole_u = s.share.gather(s.u);
   s.constant.reset();  // the first process has a frame to write
   s.solver.hold(s.is_constrained);
-  malloc_trim(0);
   return s.report;
 }
 
