@@ -360,14 +360,16 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
         n_copies=0 if is_quick else _N_COPIES,
         is_quiet=arguments.quiet,
     )
-    sections.insert(0, Section("Differences", [HOW], {}, tables))
+    sections.insert(0, Section("Differences", [HOW, _HOW_BESIDE], {}, tables))
     return Result("The paper's strips with a referee", finding(tables["strips"][1]), sections)
 
 
 HOW = (
     "Each row is the mean over the motion's frames; CPU seconds are those of the whole program. Volume, area and inertia are "
     "over those at rest, lengths over the body's size, silhouettes over their union. Quadratic elements judge where they come "
-    "to the end, linear ones elsewhere. A motion that ends early is compared up to its end. What the scheme takes is over the "
-    "work put in. Of ends of slightly moved copies the mean distances are over the body's size. Where chance does as much in "
-    "many cases, methods are not told apart."
+    "to the end, linear ones elsewhere. A motion that ends early is compared up to its end."
+)
+_HOW_BESIDE = (
+    "What the scheme takes is over the work put in. Of ends of slightly moved copies the mean distances are over the body's "
+    "size. Where chance does as much in many cases, methods are not told apart."
 )
