@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <ctime>
 #include <iostream>
+#include <string>
 #include <thread>
 
 namespace testbed::fem {
@@ -65,7 +66,7 @@ const Processes& processes() {
 void abort_processes(const char* message) {
   // An error that all meet is the first process' to tell, which ends the others meanwhile.
   if (processes().rank > 0) std::this_thread::sleep_for(std::chrono::seconds(3));
-  std::cerr << "error: " << message << std::endl;
+  std::cerr << "error: " + std::string(message) + '\n';  // at once, or lines of mpirun come between
   MPI_Abort(MPI_COMM_WORLD, 1);
   std::abort();
 }
