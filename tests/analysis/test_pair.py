@@ -156,7 +156,7 @@ def test_rigid_motion_that_supports_leave_free_is_removed_from_two_runs(ball, tm
     record = {"is_free": True, "free_motions": [[1, 0, 0, 0, 0, 0]]}
     folders = [
         write_run(tmp_path / name, *ball, lambda X, shift=shift: 0.01 * X + shift, **record)
-        for name, shift in (("model", np.array([0.3, 0.02, 0])), ("reference", np.array([0.1, 0, 0])))
+        for name, shift in (("model", np.array([0.7, 0.02, 0])), ("reference", np.array([0.1, 0, 0])))
     ]
     for folder in folders:
         (folder / "scene.toml").write_text('[[supports]]\ncomponents = "yz"\n')

@@ -102,6 +102,7 @@ TEST(ErrorEstimate, OfANeedleIsThatOfTheFinerNetworkSolvedToTheEnd) {
 
 TEST(ErrorEstimate, OfACurvedNeedleWhoseEndMovesIsThatOfTheFinerNetworkSolvedToTheEnd) {
   Scene scene = needle(300);
+  scene.surface.size[0] = 160;
   SpringNetwork network = network_of(scene);
   const Eigen::Vector3d low = network.X.rowwise().minCoeff();
   const double radius = scene.surface.size[0] / (M_PI / 2);  // of a quarter of a circle, from +x to +y
@@ -112,7 +113,7 @@ TEST(ErrorEstimate, OfACurvedNeedleWhoseEndMovesIsThatOfTheFinerNetworkSolvedToT
   Support moved;
   moved.region = {Box{{0, 0.999, 0}, {1, 1, 1}}, true};
   moved.fixed = {true, true, false};
-  moved.displacement = {-0.5, 0, 0};
+  moved.displacement = {-5, 0, 0};
   scene.supports.push_back(moved);
   expect_estimate_of_finer_network_solved_to_the_end(scene, network);
 }

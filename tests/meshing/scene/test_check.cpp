@@ -143,6 +143,19 @@ TEST(FreeMotions, AreThoseThatASupportOnAPlaneLeavesWhereverItIs) {
   EXPECT_EQ(free_motions(discretise(scene, surface), surface.X).cols(), 0);
 }
 
+TEST(FreeMotions, AreATurnAboutAHingeThatIsNotAtTheCentre) {
+  SurfaceMesh surface = make_shape("bar", 100, {3, 2, 1});
+  surface.X.colwise() += Eigen::Vector3d(5, -7, 2);
+  Scene scene = ball();
+  scene.supports.emplace_back().region = {Box{{0, 0, 0}, {1, 1e-6, 1e-6}}, true};
+  const SurfaceProblem problem = discretise(scene, surface);
+  const Eigen::MatrixXd motions = free_motions(problem, surface.X);
+  ASSERT_EQ(motions.cols(), 1);
+  const Eigen::Matrix3Xd u = displacement_of(motions.col(0), surface.X);
+  EXPECT_LT(u(Eigen::all, problem.constrained[0].vertices).norm(), 1e-9);
+  EXPECT_GT(u.norm(), 0.1);
+}
+
 TEST(CheckSupports, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
   const SurfaceMesh surface = two_balls();
   Scene scene = ball();
