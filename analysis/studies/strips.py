@@ -76,6 +76,7 @@ class Difference:
     centre: float
     inertia: float  #: Frobenius norm, over that at rest
     mean_distance: float
+    distance_95: float  #: that 95 % of the surface keeps
     hausdorff: float
     silhouette: float  #: area of the symmetric difference over that of the union
     curvature: float  #: earth mover's distance, times the body's size
@@ -94,15 +95,53 @@ def surface_at(run: Run, time: float) -> Surface:
     return a.X + (1 - share) * a.u + share * b.u, a.F
 
 
-def differences(run: Run, referee: Run, n_frames: int = _N_FRAMES) -> Difference:
-    """Of a run from its referee, to the end of the one that ends first. Raises RunError where there is one frame alone."""
+def shared_times(run: Run, referee: Run, n: int) -> Array:
+    """Moments (n,) to the end of the one that ends first. Raises RunError where there is one frame alone."""
     end = min(run.times[-1], referee.times[-1])
     if min(len(run.times), len(referee.times)) < 2 or not end > referee.times[0]:
         raise RunError(f"{run.folder}: expected two frames")
+    times: Array = np.linspace(referee.times[0], end, n + 1)[1:]
+    return times
+
+
+def contact_and_energy(run: Run) -> dict[str, Array]:
+    """What a run has of: kinetic energy, that stored in solid and skin (J), contact force (N) and area in touch (m2)."""
+    curves = run.curves
+    stored = [
+        curves[name] for name in ("elastic_energy", "membrane_energy", "surface_energy") if name in curves
+    ]
+    areas = [name for name in curves if name.startswith("obstacle_") and name.endswith("_area")]
+    forces = [[curves[name.replace("area", f"force_{axis}")] for axis in "xyz"] for name in areas]
+    found: dict[str, Array] = {"kinetic energy": curves["kinetic_energy"]}
+    if stored:
+        found["stored energy"] = np.sum(stored, axis=0)
+    if areas:
+        found["contact force"] = np.linalg.norm(forces, axis=1).sum(axis=0)
+        found["in touch"] = np.sum([curves[name] for name in areas], axis=0)
+    return found
+
+
+def curve_differences(run: Run, referee: Run, n_frames: int = _N_FRAMES) -> dict[str, float]:
+    """Of what both have, the mean over shared frames, over the referee's largest; without what is always nothing there."""
+    times = shared_times(run, referee, n_frames)
+    here, there = contact_and_energy(run), contact_and_energy(referee)
+    found = {}
+    for name in here.keys() & there.keys():
+        if (largest := np.abs(there[name]).max()) > 0:
+            a, b = (
+                np.interp(times, of.curves["time"], row[name]) for of, row in ((run, here), (referee, there))
+            )
+            found[name] = float(np.abs(a - b).mean() / largest)
+    return found
+
+
+def differences(run: Run, referee: Run, n_frames: int = _N_FRAMES) -> Difference:
+    """Of a run from its referee, to the end of the one that ends first. Raises RunError where there is one frame alone."""
+    times = shared_times(run, referee, n_frames)
     rest = referee.frame(0)
     of_rest, size = mass_properties((rest.X, rest.F)), size_of(rest.X)
     rows = []
-    for time in np.linspace(referee.times[0], end, n_frames + 1)[1:]:
+    for time in times:
         first, second = surface_at(run, time), surface_at(referee, time)
         a, b = mass_properties(first), mass_properties(second)
         apart = surface_distance(first, second)
@@ -115,6 +154,7 @@ def differences(run: Run, referee: Run, n_frames: int = _N_FRAMES) -> Difference
                 np.linalg.norm(a.centre - b.centre) / size,
                 np.linalg.norm(a.inertia - b.inertia) / np.linalg.norm(of_rest.inertia),
                 apart.mean / size,
+                apart.quantile_95 / size,
                 apart.hausdorff / size,
                 silhouette_differences(first, second).mean(),
                 earth_movers_distance(histograms[0], histograms[1], edges) * size,
@@ -192,10 +232,15 @@ class Strip:
             if self.referee and method in self.runs and method != self.referee:
                 of = differences(self.runs[method], self.runs[self.referee])
                 row += [percent(value, 2) for value in (of.volume, of.area, of.centre, of.inertia)]
-                row += [percent(value, 2) for value in (of.mean_distance, of.hausdorff, of.silhouette)]
+                row += [
+                    percent(value, 2)
+                    for value in (of.mean_distance, of.distance_95, of.hausdorff, of.silhouette)
+                ]
                 row += [f"{of.curvature:.2g}"]
+                of_curves = curve_differences(self.runs[method], self.runs[self.referee])
+                row += [percent(of_curves.get(name), 2) for name in CURVES]
             else:
-                row += ["0" if method == self.referee else "-"] * 8
+                row += ["0" if method == self.referee else "-"] * (len(HEAD) - len(row))
             rows.append(row)
         return rows
 
@@ -282,9 +327,10 @@ CHANCE = [
     "one of each",
     "chance does as much",
 ]
+CURVES = ("kinetic energy", "stored energy", "contact force", "in touch")
 HEAD = [
-    "scene", "method", "status", "CPU s", "volume", "area", "centre", "inertia", "distance", "Hausdorff", "silhouette",
-    "curvature",
+    "scene", "method", "status", "CPU s", "volume", "area", "centre", "inertia", "distance", "95 %", "Hausdorff",
+    "silhouette", "curvature", *CURVES,
 ]  # fmt: skip
 
 

@@ -50,6 +50,28 @@ def test_a_body_that_grows_differs_by_its_volume(ball, tmp_path):
     assert found.mean_distance == pytest.approx(0.1 / SIZE, rel=2e-2)
 
 
+def test_contact_and_energy_differ_by_a_part_of_the_referees_largest(ball, tmp_path):
+    """Springs store what elements store in solid and skin, and 1 J more at the end; elements press by 5 and 13 N."""
+    still = motion(tmp_path / "a", ball, lambda X: 0 * X, np.array([0.0, 1.0]))
+    none = {"time": np.array([0.0, 1]), "kinetic_energy": np.array([0.0, 2])}
+    press = {f"obstacle_{k}_force_{axis}": np.array([0.0, of]) for k, force in enumerate(((3, 4, 0), (0, 5, 12)))
+             for axis, of in zip("xyz", force, strict=True)}  # fmt: skip
+    elements = none | press | {
+        "elastic_energy": np.array([0.0, 3]), "membrane_energy": np.array([0.0, 1]), "surface_energy": np.array([0.0, 4]),
+        "obstacle_0_area": np.array([0.0, 1]), "obstacle_1_area": np.array([0.0, 3]),
+    }  # fmt: skip
+    springs = none | {name: 0.5 * of for name, of in press.items()} | {
+        "elastic_energy": np.array([0.0, 9]), "obstacle_0_area": np.array([0.0, 4]), "obstacle_1_area": np.array([0.0, 1]),
+    }  # fmt: skip
+    a, b, c = (replace(still, curves=of) for of in (springs, elements, none))
+    assert strips.contact_and_energy(b)["contact force"][-1] == pytest.approx(5 + 13)
+    assert strips.curve_differences(a, b, 1) == pytest.approx(
+        {"kinetic energy": 0, "stored energy": 1 / 8, "contact force": 1 / 2, "in touch": 1 / 4}
+    )
+    assert strips.curve_differences(c, b, 2) == {"kinetic energy": 0}
+    assert strips.curve_differences(a, b, 2)["stored energy"] == pytest.approx((1 + 0.5) / 2 / 8)
+
+
 def test_surfaces_between_frames_are_linear_in_time(ball, tmp_path):
     run = motion(tmp_path / "a", ball, lambda X: 0.4 * X, np.linspace(0, 1, 2))
     X, _ = strips.surface_at(run, 0.25)
