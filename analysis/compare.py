@@ -265,6 +265,9 @@ class ModelComparison:
     displacement_error_finest: float | None = (
         None  #: likewise, by the finest reference; None: there is one alone
     )
+    surface_distance: float | None = (
+        None  #: mean, at the end, relative as displacement errors are; None: vertices tell enough
+    )
 
 
 @dataclass(frozen=True)

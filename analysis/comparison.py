@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from .compare import (
     Free,
     ModelComparison,
@@ -15,12 +17,16 @@ from .compare import (
     compare_runs,
     describe_alone,
     describe_reference,
+    displacement_at,
     on_same_problem,
+    root_mean_square,
+    vertex_areas,
 )
 from .experiment_folder import Experiment
 from .methods import REFERENCE
 from .runs import Run, RunError, load_run
-from .verdict import needs_finer_reference
+from .shape_measures import Surface, surface_distance
+from .verdict import SERVES, needs_finer_reference
 
 # Of the scene's own model, which stand at the top of comparison.json, too.
 _MAIN = (
@@ -153,6 +159,9 @@ def _judged_by(
         if len(levels) > 1:
             of_finest = figures if finest is reference else compare_runs(run, finest, is_free)
             figures = replace(figures, displacement_error_finest=of_finest.displacement_error_l2)
+        if figures.displacement_error_l2 > SERVES and reference.record.get("law") != "small_strain":
+            apart = relative_distance(run, reference, is_free, figures.reached)
+            figures = replace(figures, surface_distance=apart)
         models[name] = figures
     described = replace(
         describe_reference(reference, is_free, errors[n]),
@@ -164,6 +173,20 @@ def _judged_by(
         else None,
     )
     return Comparison(experiment, seen, models, reference, described)
+
+
+def relative_distance(run: Run, reference: Run, is_free: Free, time: float) -> float:
+    """Mean distance of two surfaces, whose vertices need not correspond, over the length that displacement errors are relative
+    to. Of a body that nothing holds, with both centres of area in one point.
+    """
+
+    def surface(of: Run) -> Surface:
+        x, F = of.last.X + displacement_at(of, time), of.last.F
+        return (x - np.average(x, axis=0, weights=vertex_areas(x, F)) if is_free is True else x), F
+
+    return surface_distance(surface(run), surface(reference)).mean / root_mean_square(
+        reference, is_free, time
+    )
 
 
 def errors_of_references(levels: list[Run], is_free: Free) -> list[float | None]:

@@ -21,6 +21,7 @@ from analysis.compare import (
     vertex_areas,
     volume,
 )
+from analysis.comparison import relative_distance
 from analysis.runs import RunError, load_run
 
 ROUNDING = 1e-12  # a few hundred operations on numbers of order one
@@ -522,3 +523,26 @@ def test_largest_strain_of_the_reference_is_that_of_all_its_way(ball, tmp_path):
     run = load_run(write_run(tmp_path / "run", *ball, lambda X: 0.1 * X, program="fem_reference"))
     run.curves["max_strain"] = np.array([0, 0.1, 0.3, 0.2, 0.1])
     assert describe_reference(run).largest_strain == 0.3
+
+
+def test_bodies_that_roll_have_other_points_on_one_surface(cube, tmp_path):
+    X, F = cube[0] - 1, cube[1]
+    flat = np.array([1, 0.4, 1])
+    rolled = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # by a quarter about z, onto itself
+    reference = load_run(write_run(tmp_path / "a", X, F, lambda X: X * flat - X, program="fem_reference"))
+    run = load_run(write_run(tmp_path / "b", X, F, lambda X: X @ rolled.T * flat - X))
+    assert compare_runs(run, reference, False).displacement_error_l2 > 2
+    assert relative_distance(run, reference, False, 1.0) < ROUNDING
+
+
+@pytest.mark.parametrize("is_free", [False, True])
+def test_distance_of_surfaces_is_over_the_displacement_and_leaves_shifts_out_where_they_mean_nothing(
+    cube, tmp_path, is_free
+):
+    X, F = cube[0] - 1, cube[1]
+    d = 0.02
+    reference = load_run(write_run(tmp_path / "a", X, F, lambda X: 0.1 * X, program="fem_reference"))
+    run = load_run(write_run(tmp_path / "b", X, F, lambda X: 0.1 * X + [0, 0, 1.1 * d]))
+    # Two of six faces lie apart by all of the shift; the sides' strips beyond the other cube are of second order.
+    expected = 0 if is_free else 1.1 * d / 3 / (0.1 * np.sqrt(3))
+    assert relative_distance(run, reference, is_free, 1.0) == pytest.approx(expected, rel=3 * d, abs=ROUNDING)

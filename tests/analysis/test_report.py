@@ -35,6 +35,7 @@ def model_of(error=0.2, **more):
         "n_floppy_motions": 0,
         "seconds": {"mesh": 0.5, "solve": 1.5},
         "displacement_error_finest": error,
+        "surface_distance": None,
         "has_waited": False,
     } | more
 
@@ -388,6 +389,15 @@ def test_conclusion_says_what_limits_it():
     assert "a is a mechanism, whose error another load may change." in words
     failing = conclusion(comparison_of({"affine": model_of(0.3)}))
     assert failing[0] == "No model is shown to serve here; do not use affine (30 %)."
+
+
+@pytest.mark.parametrize("distance, is_told", [(None, False), (0.09, False), (0.01, True)])
+def test_points_that_go_elsewhere_along_one_surface_are_told(distance, is_told):
+    comparison = comparison_of({"affine": model_of(0.3, surface_distance=distance)})
+    assert ("though their surfaces lie 1 % of it apart" in finding(comparison)) == is_told
+    assert (
+        "Points of affine go elsewhere along nearly the same surface" in " ".join(conclusion(comparison))
+    ) == is_told
 
 
 @pytest.mark.parametrize("nu, times", [(0.45, "5"), (0.0, "0.5"), (0.25, None), (0.3, None)])
