@@ -306,6 +306,18 @@ def _count(text: str) -> int:
 
 
 @contextmanager
+def scratch() -> Iterator[str]:
+    """A temporary folder. Programs remove what killed ones have left: folders of this prefix that nobody has locked."""
+    with tempfile.TemporaryDirectory(prefix="testbed-") as name:
+        held = os.open(name, os.O_RDONLY)
+        fcntl.flock(held, fcntl.LOCK_EX)
+        try:
+            yield name
+        finally:
+            os.close(held)
+
+
+@contextmanager
 def engine_of(arguments: argparse.Namespace) -> Iterator[Cluster | None]:
     """Within it, runs are made as a command's options say: by a cluster, or by this process.
 
@@ -324,7 +336,7 @@ def engine_of(arguments: argparse.Namespace) -> Iterator[Cluster | None]:
                 distributed.LocalCluster(
                     n_workers=1, threads_per_worker=arguments.workers, memory_limit=0, host=arguments.listen,
                     dashboard_address=f"{arguments.listen}:0", silence_logs=logging.CRITICAL,
-                    local_directory=stack.enter_context(tempfile.TemporaryDirectory(prefix="testbed-")),
+                    local_directory=stack.enter_context(scratch()),
                     resources=stack.enter_context(offered(arguments.workers)),
                 )
             )  # fmt: skip

@@ -1,5 +1,6 @@
 """Runs on a cluster of this machine: the same table as one run after the other, whatever dies, is foreign or is timed."""
 
+import fcntl
 import os
 import re
 import shlex
@@ -19,7 +20,7 @@ from solvers import calls, make_solvers, wait_for_calls
 
 from analysis import cluster as module
 from analysis.__main__ import parse_arguments
-from analysis.cluster import engine_of, offered, perform, task_of
+from analysis.cluster import engine_of, offered, perform, scratch, task_of
 from analysis.grid import parse_grid, settings_of, sweep
 from analysis.machine import THREADS
 from analysis.paths import PROGRAMS, ROOT
@@ -444,3 +445,13 @@ def test_workers_and_cluster_exclude_each_other():
         engine_of(Namespace(workers=2, cluster="tcp://a:1")),
     ):
         pass
+
+
+def test_programs_keep_off_the_runs_that_are_being_made():
+    """They remove folders of the system's temporary folder that bear this prefix, are old, and that nobody has locked."""
+    with scratch() as name:
+        folder = os.open(name, os.O_RDONLY)
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.close(folder)
+    assert not Path(name).exists()
