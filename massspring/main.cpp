@@ -16,7 +16,6 @@
 #include "meshing/network/build_network.h"
 #include "meshing/run/session.h"
 #include "meshing/scene/check.h"
-#include "meshing/surface/cut_surface.h"
 
 namespace testbed::massspring {
 namespace {
@@ -147,12 +146,11 @@ double normalised_unit(SurfaceSource source) {
 
 /// Of a scene that has been checked.
 nlohmann::ordered_json extent_of(const Scene& scene, const SurfaceMesh& surface) {
-  nlohmann::ordered_json extent{
-      {"n_vertices", surface.X.cols()},
-      {"n_vertices_cut", cut_across(surface, scene.surface.across).surface.X.cols()},
-      {"models", models_of(scene)},
-      {"law", name_of(law_of(scene))},
-      {"mode", name_of(scene.time.mode)}};
+  nlohmann::ordered_json extent{{"n_vertices", surface.X.cols()},
+                                {"n_vertices_cut", cut_for(scene, surface).surface.X.cols()},
+                                {"models", models_of(scene)},
+                                {"law", name_of(law_of(scene))},
+                                {"mode", name_of(scene.time.mode)}};
   if (scene.surface.normalise) extent["normalised_unit"] = normalised_unit(scene.surface);
   return extent;
 }

@@ -15,7 +15,6 @@
 #include "meshing/network/build_network.h"
 #include "meshing/run/exit_status.h"
 #include "meshing/scene/check.h"
-#include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
 
 namespace testbed::massspring {
@@ -46,8 +45,8 @@ SpringNetwork network_of(const Scene& scene) {
   const Calibration& calibration = find_calibration(scene.network.calibration);
   const bool needs_links = calibration.needs_links || scene.network.link_share > 0;
   const SurfaceMesh surface = load_surface(scene.surface);
-  return build_network(needs_links ? surface : cut_across(surface, scene.surface.across).surface,
-                       scene.network, needs_links, calibration.needs_tetrahedra);
+  return build_network(needs_links ? surface : cut_for(scene, surface).surface, scene.network, needs_links,
+                       calibration.needs_tetrahedra);
 }
 
 template <class Matrix>

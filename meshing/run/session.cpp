@@ -213,7 +213,7 @@ void Session::start(const std::string& name) {
 
 SurfaceMesh Session::cut_surface(const std::function<void(const SurfaceMesh&)>& fill) {
   for (const double coarser : {1, 2}) {
-    const CutSurface cut = cut_across(surface, scene.surface.across, coarser);
+    const CutSurface cut = cut_for(scene, surface, coarser);
     if (cut.surface.cuts.F.size() == 0) break;
     try {
       fill(cut.surface);

@@ -7,7 +7,6 @@
 #include <stdexcept>
 
 #include "meshing/scene/scene_keys.h"
-#include "meshing/surface/cut_surface.h"
 #include "meshing/surface/shells.h"
 #include "meshing/surface/surface_check.h"
 
@@ -129,7 +128,7 @@ void check_motion(const Scene& scene, const SurfaceMesh& surface, const std::str
         "initial motion, a collapse or a volume target, and other than zero");
   }
   if (!is_prescribed(scene) && is_constrained_everywhere(scene, surface) &&
-      is_constrained_everywhere(scene, cut_across(surface, scene.surface.across).surface))
+      is_constrained_everywhere(scene, cut_for(scene, surface).surface))
     throw std::runtime_error(
         place_of(scene, "supports", file) +
         "supports hold the whole surface in all directions, expected a part of it that is "

@@ -15,6 +15,7 @@
 #include "meshing/base/choices.h"
 #include "meshing/base/material.h"
 #include "meshing/base/mesh.h"
+#include "meshing/surface/cut_surface.h"
 
 namespace testbed::meshing {
 
@@ -57,6 +58,8 @@ struct SurfaceSource {
   double scale = 1;                     ///< factor on all coordinates, before normalise
   bool normalise = false;               ///< smallest side of the bounding box 1 m, centre at the origin
   double across = 1;  ///< edges to fit across the body, for which triangles are cut, see cut_across; 0: any
+  int at_supports =
+      0;  ///< times that edges at the borders of supports are halved, where stresses are singular
 };
 
 /// A value at each time, linear in between and constant outside: (s, value), times ascending. Static scenes
@@ -334,6 +337,10 @@ std::string to_toml(const Scene& scene);
 /// outward.
 /// @throws std::runtime_error when it cannot be read or is not closed, which names the commands that mend it.
 SurfaceMesh load_surface(const SurfaceSource& source);
+
+/// The surface with its triangles cut as surface.across and surface.at_supports ask. Regions stay as they are.
+/// @param coarser  as for cut_across
+CutSurface cut_for(const Scene& scene, const SurfaceMesh& surface, double coarser = 1);
 
 /// Indices (ascending) of the nodes X (3 x n, m) of a body in the region; they span its bounding box.
 std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X);

@@ -25,6 +25,7 @@ inline const Range kFraction{"in [0, 1)", [](double x) { return x >= 0 && x < 1;
 inline const Range kAtLeastOne{">= 1", [](double x) { return x >= 1; }};
 inline const Range kAtLeastThree{">= 3", [](double x) { return x >= 3; }};
 inline const Range kUpToOne{"in [0, 1]", [](double x) { return x >= 0 && x <= 1; }};
+inline const Range kHalvings{"from 0 to 8", [](double x) { return x >= 0 && x <= 8; }};
 inline const Range kDegree{"1 or 2", [](double x) { return x == 1 || x == 2; }};
 
 inline const std::vector<std::string> kSamplings = [] {
@@ -113,6 +114,9 @@ void describe(V& v, SurfaceSource& s) {
   v("across", s.across, kNotNegative,
     "cut triangles in their planes until this many edges fit across the body; 0: none; not for networks of "
     "links, as PCP makes");
+  v("at_supports", s.at_supports, kHalvings,
+    "halve the edges at borders of supports so many times, where stresses are singular; likewise not for "
+    "links");
 }
 
 template <class V>

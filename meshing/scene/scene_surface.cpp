@@ -1,6 +1,8 @@
 // Where a scene meets its surface: loading it, and picking parts of it.
+#include <limits>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include "meshing/scene/scene.h"
 #include "meshing/surface/shapes.h"
@@ -118,6 +120,28 @@ SurfaceMesh load_surface(const SurfaceSource& source) {
     surface.X /= (high - low).minCoeff();
   }
   return surface;
+}
+
+CutSurface cut_for(const Scene& scene, const SurfaceMesh& surface, double coarser) {
+  auto [cut, is_bounded] = cut_across(surface, scene.surface.across, coarser);
+  for (int i = 0; i < scene.surface.at_supports; ++i) {
+    std::vector<bool> is_at_border(cut.X.cols()), is_near = is_at_border;
+    for (const Support& support : scene.supports) {
+      std::vector<bool> is_held(cut.X.cols());
+      for (const int v : vertices_in(support.region, cut)) is_held[v] = true;
+      for (const auto& t : cut.F.colwise())
+        if (!are_members(t, is_held))
+          for (const int v : t) is_at_border[v] = is_at_border[v] || is_held[v];
+    }
+    for (const auto& t : cut.F.colwise())
+      if (is_at_border[t[0]] || is_at_border[t[1]] || is_at_border[t[2]])
+        for (const int v : t) is_near[v] = true;
+    Eigen::VectorXd longest = longest_edges(cut);
+    for (Eigen::Index f = 0; f < longest.size(); ++f)
+      if (is_near[cut.F(0, f)] || is_near[cut.F(1, f)] || is_near[cut.F(2, f)]) longest[f] /= 2;
+    cut = cut_surface(cut, longest, std::numeric_limits<int>::max());
+  }
+  return {std::move(cut), is_bounded};
 }
 
 std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X) {

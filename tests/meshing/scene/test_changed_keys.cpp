@@ -75,10 +75,10 @@ TEST(ChangedKeys, HoldThoseOfATableThatOneSceneLacks) {
 
 TEST(ChangedKeys, OfWhatARunIsBuiltOnAreRefusedByName) {
   for (const std::string key :
-       {"surface.n_vertices=100", "surface.across=2", "network.seed=2", "network.phi=0.2",
-        "reference.degree=1", "reference.refine=1", "reference.interior_size=0.1", "reference.mass=lumped",
-        "material.rho=1", "material.damping=1", "volume.coefficient=20", "skin.stiffness=20",
-        "self_contact.friction=0.1", "time.end=2", "time.residual=1e-3"})
+       {"surface.n_vertices=100", "surface.across=2", "surface.at_supports=1", "network.seed=2",
+        "network.phi=0.2", "reference.degree=1", "reference.refine=1", "reference.interior_size=0.1",
+        "reference.mass=lumped", "material.rho=1", "material.damping=1", "volume.coefficient=20",
+        "skin.stiffness=20", "self_contact.friction=0.1", "time.end=2", "time.residual=1e-3"})
     EXPECT_EQ(refusal_of(key), key.substr(0, key.find('=')) + " changes in a run, expected a new run");
   EXPECT_EQ(refusal_of("supports.0.end=1"), "supports.end changes in a run, expected a new run");
   EXPECT_EQ(refusal_of("loads.0.traction=[1,1,1]"), "loads.traction changes in a run, expected a new run");

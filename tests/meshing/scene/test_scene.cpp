@@ -391,7 +391,7 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
       "scene.toml:3: surface.size.1 = -2, expected >= 0: bounding box of a generated shape (m), 0: its own");
   EXPECT_EQ(error_of(ball + "gravity = [0, 1]\n"),
             "scene.toml:3: surface.gravity = [ 0, 1 ]: unknown key (known: file, shape, n_vertices, size, "
-            "up, unit, scale, normalise, across)");
+            "up, unit, scale, normalise, across, at_supports)");
   EXPECT_EQ(error_of(ball + "[loads]\npressure = 1\n"),
             "scene.toml:3: loads = table, expected tables [[loads]]");
   EXPECT_EQ(
