@@ -53,7 +53,7 @@ _EXACT_MODELS = (
     SPRINGS,
 )  # the first two on completed PCP
 _DECIDED = 3  # times the refined reference's own error
-_AT_SUPPORTS = "surface.at_supports=3"  # of the reference
+_AT_SUPPORTS = "surface.at_supports=2"  # of the reference
 _TOLERANCE = "time.residual=1e-9"
 
 Row = dict[str, str]

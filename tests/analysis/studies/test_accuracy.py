@@ -155,7 +155,7 @@ def test_error_is_to_the_refined_reference_whose_own_is_stated(stand_ins, tmp_pa
 @pytest.mark.parametrize("load, n_fine", [("held_pressed", 2), ("pressed", 0)])
 def test_references_of_held_bodies_alone_are_finer_where_supports_end(load, n_fine, stand_ins, tmp_path):
     bench_of(tmp_path / "study", stand_ins).measure(Case(CASE.body, load, "0.25"))
-    fine = [call for call in calls(stand_ins) if "'surface.at_supports', '3'" in call]
+    fine = [call for call in calls(stand_ins) if "'surface.at_supports', '2'" in call]
     assert len(fine) == n_fine
     assert sorted("'reference.refine', '1'" in call for call in fine) == [False, True][:n_fine]
 
