@@ -76,6 +76,8 @@ class Comparison:
             "target_error": experiment.target_error,
             "is_static": experiment.is_static,
             "across": experiment.scene["surface"].get("across", 1),
+            "is_coarse_at_supports": bool(experiment.scene.get("supports"))
+            and not experiment.scene["surface"].get("at_supports"),
             "is_too_thin": any(run.record.get("is_cut_bounded") for run in self.methods.values()),
         }
         if self.of_reference:

@@ -28,7 +28,7 @@ _NOTICED_RESISTANCE = 0.4
 _TARGET = 0.02  # of adaptive springs
 _ACROSS = 3  # edges that fit across a body
 # Seconds of a run over those of this one, roughly: springs adapted, triangles cut three times as fine, another law.
-_ADAPTED, _FINER, _LARGE_STRAIN = 30, 4, 5
+_ADAPTED, _FINER, _NEAR_SUPPORTS, _LARGE_STRAIN = 30, 4, 2, 5
 
 RULES = (
     f"A model serves where it is off by at most {percent(SERVES)}, and does not beyond {percent(FAILS)}. The finite elements' "
@@ -260,6 +260,10 @@ def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
         return step(f"To bring {_BEST} to the end in smaller steps", comparison["smaller_steps"], 2)
     if any("--remesh" in note for note in comparison["notes"]):
         return "To have even triangles", f"{command} --remesh", duration(spent)
+    if comparison["is_coarse_at_supports"]:
+        return step(
+            "To make springs and elements finer where supports end", "surface.at_supports=1", _NEAR_SUPPORTS
+        )
     is_cut = (reference["n_cut"] > 0 or not comparison["is_static"]) and not comparison["is_too_thin"]
     if is_cut and comparison["across"] < _ACROSS:
         return step("To make springs and elements finer", f"surface.across={_ACROSS}", _FINER)

@@ -29,7 +29,7 @@ struct OutOfTime : std::runtime_error {
 };
 
 /// In the order in which they are tried. HXT comes last: on the long thin triangles of CAD parts, where
-/// Delaunay fails, it takes a hundred times as long as tetgen.
+/// Delaunay fails, it takes a hundred times as long as tetgen. A cut surface, which may be cut less, goes without.
 const std::array<Attempt, 4> kAttempts = {
     {{"gmsh, Delaunay", "gmsh_worker", "1", "0.1"},
      {"gmsh, Delaunay, facets as close as 0.001 degrees", "gmsh_worker", "1", "0.001"},
@@ -110,9 +110,10 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
   TetReport own;
   TetReport& said = report ? *report : own;
   said = {};
+  const bool is_cut = surface.cuts.F.size() > 0;
   std::string stopped;  // algorithm of gmsh
   for (const Attempt& attempt : kAttempts) {
-    if (attempt.algorithm == stopped) continue;
+    if (attempt.algorithm == stopped || (is_cut && &attempt == &kAttempts.back())) continue;
     try {
       TetMesh mesh = run_attempt(attempt, surface, options);
       said.mesher = attempt.name;

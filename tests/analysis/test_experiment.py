@@ -134,6 +134,17 @@ def test_limits_of_nodes_are_told_once_in_plain_words(experiment):
     ]
 
 
+@pytest.mark.parametrize(
+    "supports, at_supports, is_coarse", [([], 0, False), ([{}], 0, True), ([{}], 1, False)]
+)
+def test_only_held_bodies_that_are_coarse_at_supports_are_told_so(
+    experiment, supports, at_supports, is_coarse
+):
+    scene = {**experiment.scene, "supports": supports}
+    scene["surface"] = {**scene["surface"], "at_supports": at_supports, "across": 1}
+    assert compare(replace(experiment, scene=scene)).as_json()["is_coarse_at_supports"] is is_coarse
+
+
 def refined(experiment, ball, *sizes):
     """The experiment with references that shrink by so much, each refined once more than the one before: 0.01 unrefined."""
     for n, size in enumerate(sizes, 1):

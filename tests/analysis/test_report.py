@@ -80,6 +80,7 @@ def comparison_of(models=None, name="affine", **of_reference):
         "target_error": 0.0,
         "is_static": True,
         "across": 1.0,
+        "is_coarse_at_supports": False,
         "is_too_thin": False,
         "smaller_steps": "time.load_steps=20",
         "notes": [],
@@ -306,6 +307,7 @@ def test_a_verdict_that_helps_nobody_names_a_command_that_may():
     adapted = {"across": 3, "target_error": 0.02}
     assert step("node_averaged", None, adapted, n_cut=5)[1].endswith("--set surface.across=6")
     assert step("node_averaged", None, {"is_static": False})[1].endswith("--set surface.across=3")
+    assert step("node_averaged", None, {"is_coarse_at_supports": True}, n_cut=5)[1].endswith("at_supports=1")
     assert step("node_averaged", None, {"notes": ["run --remesh makes it even."]})[1].endswith(" --remesh")
     stopped = model_of(0.1, status="not_converged, step 3 of 5", reached=0.4)
     for model in (stopped, {"status": "diverged"}):
