@@ -231,12 +231,17 @@ def needs_finer_reference(comparison: dict[str, Any]) -> bool:
 
 
 def next_command(comparison: dict[str, Any]) -> tuple[str, str, str] | None:
-    """What would settle or mend the verdict: what for, the command, and what it costs. None where a model serves."""
+    """What would settle or mend the verdict: what for, the command, and what it costs.
+
+    None where a model serves, or where chance decides.
+    """
     if "no_reference" in comparison:
         return None
     reference, command = comparison["reference"], comparison["command"]
     models = {name: model for name, model in comparison["models"].items() if has_figures(model)}
     groups = {name: verdict_on(model, reference) for name, model in models.items()}
+    if any(map(goes_elsewhere, models.values())):
+        return None
     spent = sum(total(of["seconds"]) for of in (reference, *models.values()))
 
     def step(purpose: str, setting: str, times: float) -> tuple[str, str, str]:

@@ -400,6 +400,7 @@ def test_points_that_go_elsewhere_along_one_surface_are_told(distance, is_told):
     assert (
         "Points of affine go elsewhere along nearly the same surface" in " ".join(conclusion(comparison))
     ) == is_told
+    assert (next_command(comparison) is None) == is_told
 
 
 @pytest.mark.parametrize("nu, times", [(0.45, "5"), (0.0, "0.5"), (0.25, None), (0.3, None)])
