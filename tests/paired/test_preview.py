@@ -154,6 +154,14 @@ def test_a_hand_faster_than_steps_is_where_it_was_last(tmp_path):
     slow.end()
 
 
+def test_all_steps_are_taken_that_are_asked_for_at_once():
+    slow = Engine(BAR, ["surface.n_vertices=600"])
+    for _ in range(5):
+        slow.say("step")
+    told(slow, lambda head: head["n_steps"] == 5)
+    slow.end()
+
+
 @pytest.mark.parametrize("more", [[], ["skin.stiffness=1.0"]], ids=["coupled", "beside a skin's springs"])
 def test_edges_strain_as_the_body_is_stretched(more):
     """By an affine map A an edge e of unit length strains by |A e| - 1."""
