@@ -149,6 +149,18 @@ def test_inputs_travel_and_messages_name_those_asked_for(tmp_path):
     assert (there / "runs" / key / "outcome.json").stat().st_mtime_ns == before
 
 
+def test_threads_of_a_run_are_those_of_who_asks(scene, tmp_path, monkeypatch):
+    """And not the worker's own."""
+    (tmp_path / "bin").mkdir()
+    for name in ("massspring", "fem_reference", "gmsh_worker", "tetgen_worker"):
+        (tmp_path / "bin" / name).write_text('#!/bin/sh\necho "$OMP_NUM_THREADS threads"; exit 1\n')
+        (tmp_path / "bin" / name).chmod(0o755)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    task = task_of(store(tmp_path / "runs", tmp_path / "bin"), request(scene), "a")
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    assert perform(task, tmp_path / "worker")["messages.txt"].startswith(b"3 threads\n")
+
+
 def test_programs_that_have_been_built_anew_make_nothing(scene, ball, tmp_path):
     programs = make_solvers(tmp_path / "solvers", ball)
     task = task_of(store(tmp_path, programs), request(scene), "a")

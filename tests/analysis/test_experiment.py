@@ -15,6 +15,7 @@ from PIL import Image
 from solvers import calls, make_solvers
 from synthetic import write_run
 
+from analysis import comparison_figures
 from analysis import experiment as experiments
 from analysis.__main__ import parse_arguments
 from analysis.__main__ import run as run_command
@@ -192,6 +193,29 @@ def test_a_reference_is_refined_beyond_what_its_scene_asks_for(experiment):
     scene = experiment.scene | {"reference": {"refine": 1}}
     assert refine(replace(experiment, scene=scene), solve, 1e9, is_quiet=True).unrefined == "too large"
     assert asked == [["reference.refine=2"]]
+
+
+def test_a_refinement_that_was_stopped_early_is_kept_to_go_on(experiment):
+    def solve(folder, _, __):
+        folder.mkdir(parents=True)
+        (folder / "run.json").write_text('{"status": "stopped_early", "reason": "its budget was spent"}')
+        return 2, ""
+
+    older = experiment.refined_folder(2)
+    older.mkdir(parents=True)
+    scene = experiment.scene | {"reference": {"refine": 0}}
+    found = refine(replace(experiment, scene=scene), solve, 1e9, is_quiet=True)
+    assert (found.n_refinements, found.unrefined) == (0, "stopped_early, its budget was spent")
+    assert experiment.refined_folder(1).exists() and not older.exists()
+
+
+def test_seconds_of_the_unrefined_reference_are_its_own(experiment, ball):
+    finer = refined(experiment, ball, 0.010249)
+    record = finer.refined_folder(1) / "run.json"
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"seconds": {"solve": 50}}))
+    reference = compare(finer).as_json()["reference"]
+    assert reference["n_refinements"] == 1 and reference["seconds"] == {"solve": 50}
+    assert reference["unrefined_seconds"] == REFERENCE_SECONDS
 
 
 def test_errors_of_references_are_those_of_a_limit(ball, tmp_path):
@@ -717,6 +741,19 @@ def test_what_springs_reached_before_they_stopped_is_compared_there(ball, experi
     assert "springs, moment, up to 0.5 of the load" in page and "error 100 % at load factor 0.5<" in page
     # What an earlier run left is not what this one reached.
     assert write_results(experiment)["models"]["moment"] == {"status": "not_converged"}
+
+
+def test_the_reference_is_drawn_at_its_end_although_a_model_stopped_before(ball, experiment, monkeypatch):
+    X, F = ball
+    times = np.linspace(0, 0.75, 4)
+    folder = experiment.massspring_folder("moment")
+    write_run(folder, X, F, lambda P: -0.02 * P, times, status="not_converged", reason="why")
+    monkeypatch.setattr(comparison_figures, "row_of", lambda *given: given[-1])
+    shown = comparison_figures.draw_row(compare(replace(experiment, failed={"moment": "not_converged, why"})))
+    assert list(shown)[-1] == "moment", "it comes last"
+    for name, part in (("fem_reference", 0.01), ("moment", 0.02 * 0.5)):
+        np.testing.assert_allclose(shown[name].body.u, -part * X, atol=1e-6)
+    np.testing.assert_allclose(shown["moment"].body.error, 100, rtol=1e-4)
 
 
 def test_reference_that_stopped_is_compared_there_and_is_the_status(ball, experiment):

@@ -1,11 +1,14 @@
 """The description of programs and machine, against what other programs say of them."""
 
+import os
 import re
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from analysis.execute import execute
 from analysis.machine import describe, has_waited
 
 CACHE = """// a comment
@@ -37,6 +40,12 @@ def test_programs_are_named_by_what_they_hold(tmp_path, monkeypatch):
     assert described["compiler"] == "unknown" and "flags" not in described
     kilobytes = re.search(r"MemTotal:\s*(\d+) kB", Path("/proc/meminfo").read_text())[1]
     assert abs(described["memory (GB)"] - int(kilobytes) * 1024 / 1e9) < 0.1
+
+
+def test_seconds_of_a_processor_are_the_programs_and_the_systems(monkeypatch):
+    wait, usage = os.wait4, SimpleNamespace(ru_utime=1.5, ru_stime=0.25)
+    monkeypatch.setattr(os, "wait4", lambda *given: (*wait(*given)[:2], usage))
+    assert execute(["true"]).cpu == 1.75
 
 
 def test_flags_are_those_of_the_build(tmp_path):

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import os
 import platform
 import random
@@ -76,6 +77,15 @@ def test_table_holds_the_errors_of_the_runs(scene, programs, tmp_path):
     assert "10 % at best" in page and "40 % at worst" in page
     assert "runs they are off by at most 5 %" in page
     assert not fetched(page)
+
+
+def test_seconds_of_a_sweep_are_without_the_springs_estimate(scene, programs, tmp_path):
+    record = programs.parent / "massspring_0.25" / "run.json"
+    values = json.loads(record.read_text())
+    values["seconds"]["estimate"] = 5.0
+    record.write_text(json.dumps(values))
+    (row,) = run(scene, tmp_path / "out", programs, {"material.nu": ["0.25"]})
+    assert row["seconds_massspring"] == row["seconds_fem_reference"] == pytest.approx(1)
 
 
 def test_plot_has_a_line_for_each_value_beside_the_longest(drawn):

@@ -5,6 +5,7 @@
 
 #include "massspring/simulation.h"
 #include "meshing/surface/surface.h"
+#include "meshing/surface_energies/volume_penalty.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::massspring {
@@ -82,6 +83,19 @@ TEST(HeldVolume, IsKeptUnderLoadAndItsPressureIsOfTheState) {
   EXPECT_GT(pressure_of(held), 1.5 * pressure);
   held.set_state(middle);
   EXPECT_EQ(pressure_of(held), pressure);
+}
+
+TEST(HeldVolume, DoesItsPressuresWorkOnTheWayOfAStepToItsTarget) {
+  const Box box(1.2);
+  const Matrix3Xd &X = box.mesh.X, x = std::cbrt(1.2) * X;
+  const double V = volume(X, box.mesh.F);
+  meshing::HeldVolume held(1e5, meshing::Faces{box.mesh.F}, target_volume_of(box.scene, V));
+  held.begin_step(0, 1, X);
+  EXPECT_TRUE(held.renew(X)) << "more pressure";
+  EXPECT_FALSE(held.renew(x)) << "it is there";
+  const double pressure = held.holding_pressure().value();
+  EXPECT_GT(pressure, 1e4);
+  EXPECT_NEAR(held.work(x), pressure * 0.2 * V, 1e-8 * pressure * V);
 }
 
 struct InMotion : testing::TestWithParam<const char*> {};

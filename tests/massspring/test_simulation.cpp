@@ -85,6 +85,21 @@ TEST(InitialMotion, SpinsAStiffBodyThatKeepsItsAngularMomentum) {
   }
 }
 
+TEST(Change, OfAnObstacleThatWasFarStopsABodyThatFallsOnIt) {
+  FreeBox box;
+  box.scene.initial[0].velocity = {0, -5, 0};
+  box.scene.time.integrator = "symplectic_euler";
+  box.scene.time.step = 1e-3;
+  box.scene.obstacles.emplace_back().shape = HalfSpace{{0, -9, 0}, {0, 1, 0}};
+  Simulation simulation(box.scene, box.network);
+  simulation.advance();
+  const double floor = box.network.X.row(1).minCoeff() - 0.02;
+  box.scene.obstacles[0].shape = HalfSpace{{0, floor, 0}, {0, 1, 0}};
+  simulation.change(box.scene);
+  for (int n = 0; n < 20; ++n) ASSERT_EQ(simulation.advance(), Status::Ok);
+  EXPECT_NEAR(simulation.state().x.row(1).minCoeff(), floor, 1e-9);
+}
+
 TEST(InitialMotion, IsOverruledBySupports) {
   FreeBox box;
   box.scene.initial[0].velocity = kVelocity;

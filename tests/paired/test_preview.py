@@ -5,6 +5,7 @@ import sys
 import time
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,9 +16,11 @@ from screen import screen
 
 from analysis.paths import PROGRAMS, ROOT, SCENES
 from analysis.runs import RunError, load_run
+from massspring.viewer import rates
 from massspring.viewer.engine import Engine
+from massspring.viewer.hand import Hand
 from massspring.viewer.inside import patch_grids
-from massspring.viewer.preview import Rates, main, strain_of_springs
+from massspring.viewer.preview import Preview, Rates, Slider, main, strain_of_springs
 
 BAR = SCENES / "bar_falls.toml"
 SHORT = ["time.end=0.02", "surface.n_vertices=60"]
@@ -151,6 +154,14 @@ def test_a_hand_faster_than_steps_is_where_it_was_last(tmp_path):
     slow.end()
 
 
+def test_all_steps_are_taken_that_are_asked_for_at_once():
+    slow = Engine(BAR, ["surface.n_vertices=600"])
+    for _ in range(5):
+        slow.say("step")
+    told(slow, lambda head: head["n_steps"] == 5)
+    slow.end()
+
+
 @pytest.mark.parametrize("more", [[], ["skin.stiffness=1.0"]], ids=["coupled", "beside a skin's springs"])
 def test_edges_strain_as_the_body_is_stretched(more):
     """By an affine map A an edge e of unit length strains by |A e| - 1."""
@@ -207,12 +218,54 @@ def test_a_hand_that_never_rests_leaves_memory_flat(minutes, engine):
 
 
 def test_rates_count_the_last_seconds_and_begin_anew():
-    rates = Rates()
-    assert rates.add(10, 0, 0) == (0, 0)
-    assert rates.add(11, 20, 0.5) == (20, 0.5)
-    rates.add(12, 100, 1)
-    assert rates.add(13, 120, 1.5) == (50, 0.5)  # since 11 s
-    assert rates.add(13.5, 0, 0) == (0, 0)
+    counted = Rates()
+    assert counted.add(10, 0, 0) == (0, 0)
+    assert counted.add(11, 20, 0.5) == (20, 0.5)
+    counted.add(12, 100, 1)
+    assert counted.add(13, 120, 1.5) == (50, 0.5)  # since 11 s
+    assert counted.add(13.5, 0, 0) == (0, 0)
+
+
+def test_rates_hold_the_steps_before_a_scene_began_anew(monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(rates, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+
+    def head(n_steps, has_ended=False):
+        return {"n_steps": n_steps, "time": n_steps / 10, "has_ended": has_ended}
+
+    said = []
+    engine = SimpleNamespace(latest=SimpleNamespace(head=head(0)), say=said.append)
+    watch = rates.Watch(engine, 99)
+    for moment in (head(60), head(100, True), head(3), head(50), head(100, True), head(7)):
+        engine.latest.head = moment
+        assert not watch.is_over()
+    assert said == ["speed 1e9", "run", "reset", "reset"]
+    clock.now = 10.0
+    assert watch.rates() == (20.7, pytest.approx(2.07))
+
+
+def test_a_pivot_is_dragged_by_its_way_from_where_the_scene_has_it():
+    changes = []
+    pivots = [{"point": [0.0, 9.0, 0.0]}, {"point": [1.0, 2.0, 0.0], "motion": [[0.0, 1.0, 0.0, 0.0]]}]
+    engine = SimpleNamespace(
+        scene={"collapse": {"pivots": pivots}}, latest=SimpleNamespace(head={"time": 0.5})
+    )
+    window = SimpleNamespace(pixels_of=lambda point: 100 * np.array(point))
+    hand = Hand(window, engine, None, lambda *change: changes.append(change), print)
+    np.testing.assert_array_equal(hand.take(203, 198), [2, 2, 0])
+    hand.drag(np.array([1.5, 2.0, 4.0]))
+    assert changes == [("collapse.pivots.1.motion", "[[0.0, 0.5, 0.0, 4.0]]")]
+
+
+def test_the_slider_of_gravity_leaves_what_acts_sideways():
+    changes = []
+    preview = SimpleNamespace(
+        sliders={"gravity": None},
+        scene={"gravity": [1, -9.81, 2]},
+        set=lambda *change: changes.append(change),
+    )
+    Preview.slide(preview, Slider("gravity", "", -20, 20, -9.81), -3.5)
+    assert changes == [("gravity", "[1.0, -3.5, 2.0]")]
 
 
 def test_a_scene_that_is_refused_is_told_of_once(capfd):

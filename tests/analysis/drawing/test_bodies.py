@@ -127,6 +127,13 @@ def test_error_is_in_percent_of_the_references_mean_displacement(ball, tmp_path)
     assert body.inside is None
 
 
+def test_error_on_the_way_is_over_what_the_reference_moves_there(ball, tmp_path):
+    """Both grow evenly with the load, so that half of it leaves the error as it is."""
+    springs, reference = runs_of(ball, tmp_path)
+    half, whole = (bodies_of(springs, reference, load, True, False)[1] for load in (0.5, 1.0))
+    np.testing.assert_allclose(half.error, whole.error, rtol=1e-5)
+
+
 def test_cut_moves_with_its_surface(ball, tmp_path):
     springs, reference = runs_of(ball, tmp_path)
     for body, stretch in zip(bodies_of(springs, reference, 1.0, True, True), (0.2, 0.3), strict=True):

@@ -56,6 +56,15 @@ def test_frequencies_are_those_above_rigid_motions_over_the_references(monkeypat
     assert len(head) == 7
 
 
+def test_a_ball_is_squashed_by_a_share_of_its_two_metres(monkeypatch):
+    run = SimpleNamespace(times=[0.25, 0.5], curves={"min_J": [0.9, 0.4], "min_J_nodes": [0.8, 0.2]})
+    monkeypatch.setattr(reference, "load_run", lambda folder, may_stop: run)
+    store = SimpleNamespace(run=lambda point: Outcome("not_converged", "no way on was found here", 1, 1, 0))
+    head, rows = reference.squashed(store)
+    assert head[4:] == ["squashed by", "least det F", "at nodes", "ends with"]
+    assert rows[0] == ["clamped", "2", "162", "8", "25 %", "0.4", "0.2", "no way on"]
+
+
 def test_explicit_steps_have_seconds_of_the_stable_step_and_errors_of_a_short_one(monkeypatch):
     monkeypatch.setattr(reference, "trajectory_error", lambda run, exact: SimpleNamespace(l2=run - exact))
 

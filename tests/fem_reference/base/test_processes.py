@@ -89,6 +89,15 @@ def test_each_process_holds_a_third_of_the_body_at_most_and_iterations_stay(tmp_
     assert iterations[1] <= 1.25 * iterations[0]
 
 
+def test_seconds_of_a_process_are_parted_into_those_without_and_within_mpi(tmp_path):
+    """Both together are all that the first process has taken."""
+    record = run("bar_sag.toml", tmp_path, ["surface.n_vertices=1000", "reference.degree=2"], 3).record
+    without, within = (record["of_processes"][name] for name in ("cpu", "cpu_in_mpi"))
+    assert min(without + within) > 0
+    all_of_it = record["seconds"]["start-up"] + record["cpu"]
+    assert without[0] + within[0] == pytest.approx(all_of_it, abs=within[0] / 2)
+
+
 def test_convergence_is_studied_by_several_processes(tmp_path):
     records = [
         run("bar_sag.toml", tmp_path / str(n), ["surface.n_vertices=100"], n, ("--converge", "2")).record[

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "fem_reference/solid/simulation.h"
@@ -430,6 +431,24 @@ TEST(SmallStrain, EndsWhereItIsNotSmall) {
     EXPECT_EQ(simulation.status(), Status::StrainTooLarge);
     EXPECT_NE(simulation.reason().find("neo_hookean"), std::string::npos);
   }
+}
+
+TEST(SmallStrain, OfStaticsEndsAtTheLoadThatStrainsTooMuch) {
+  FreeBox box;
+  box.scene.initial.clear();
+  box.scene.material.law = MaterialLaw::SmallStrain;
+  box.scene.time.mode = TimeMode::Static;
+  box.scene.time.load_steps = 10;
+  box.scene.supports = {held_face()};
+  const auto pulled = [&](double by) {
+    box.scene.gravity = Vector3d(0, -by, 0);
+    Simulation simulation = box.simulation();
+    while (!simulation.has_ended()) simulation.advance();
+    return std::tuple(simulation.status(), simulation.n_done(), simulation.snapshot().strains.at(0).second);
+  };
+  const auto [status, n, strain] = pulled(1);
+  EXPECT_EQ(status, Status::Ok);
+  EXPECT_EQ(std::get<1>(pulled(2.2 * meshing::kLargestSmallStrain / strain)), 5);
 }
 
 TEST(Obstacles, AreRefusedWhereTheyBeginInsideTheBody) {

@@ -4,6 +4,7 @@
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
+#include "tests/meshing/surfaces.h"
 
 namespace testbed::meshing {
 namespace {
@@ -179,6 +180,16 @@ TEST(CheckSupports, TakesTheWallOfACavityForAPartOfItsBody) {
   const double low = surface.X.row(1).minCoeff();
   scene.supports.emplace_back().region.shape = HalfSpace{{0, 0.9 * low, 0}, {0, 1, 0}};
   EXPECT_EQ(refusal_on(scene, surface), "");
+}
+
+TEST(CheckSupports, TellsBodiesInOneCavityApart) {
+  SurfaceMesh left = scaled(make_shape("ball", 42), 0.1), right = left;
+  left.X.row(0).array() -= 0.2;
+  right.X.row(0).array() += 0.2;
+  const SurfaceMesh surface = join(make_shape("hollow_ball", 642), join(left, right));
+  Scene scene = ball();
+  scene.supports.emplace_back().region.shape = HalfSpace{{0, 0, 0}, {1, 0, 0}};
+  expect_parts(refusal_on(scene, surface), {"1 of the surface's 3 parts meet no support"});
 }
 
 Scene loaded_ball() {

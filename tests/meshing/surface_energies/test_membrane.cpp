@@ -181,13 +181,13 @@ TEST_F(OnABall, RestLengthsShrinkAroundPivotsAsASolidDoes) {
   collapse.least = 0.9;
   const Eigen::Matrix3d frame = Eigen::AngleAxisd(1, Eigen::Vector3d(1, 2, 3).normalized()).matrix();
   const Eigen::Matrix2Xi E = edges_of(ball.F);
-  const auto expect = [&](bool is_static, const Matrix3Xd& at) {
+  const auto expect = [&](bool is_static, const Matrix3Xd& seen) {
     Membrane shrinking(ball.X, ball.F, kStiffness, kNu, {}, ShrinkingRest{collapse, 2, frame, is_static});
     const Eigen::VectorXd first = shrinking.memory()->rest_length;
-    for (const double t : {0., 0.5}) shrinking.begin_step(t, 0.5, at);
+    for (const double t : {0., 0.5}) shrinking.begin_step(t, 0.5, x);
     const Eigen::VectorXd length = shrinking.memory()->rest_length;
     for (Eigen::Index s = 0; s < E.cols(); ++s) {
-      const Eigen::Vector3d middle = frame * (at.col(E(0, s)) + at.col(E(1, s))) / 2;
+      const Eigen::Vector3d middle = frame * (seen.col(E(0, s)) + seen.col(E(1, s))) / 2;
       const double w = 1 / (1 + (middle - collapse.pivots[0].point).norm() / 2);
       EXPECT_NEAR(length(s) / first(s), std::max(1 - 0.2 * w, 0.9), kRounding);
     }

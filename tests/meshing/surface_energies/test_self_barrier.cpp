@@ -96,6 +96,19 @@ class TwoTriangles : public testing::Test {
   Matrix3Xd X;
 };
 
+TEST_F(TwoTriangles, AVertexIsPushedOffAFaceFromItsWholeRangeOn) {
+  Matrix3Xd x(3, 6);
+  x << -5, 5, 0, 0, 1, 0,  //
+      0, 0, 0, 0, 50, 50,  //
+      -5, -5, 5, 0, 0, 1;
+  for (const double part : {0.1, 0.5, 0.9, 0.99, 1.01}) {
+    const SelfBarrier barrier(X, F, kYoungs, kThickness);
+    x(1, 3) = part * kThickness;
+    EXPECT_EQ(barrier.energy(x) > 0, part < 1) << part;
+    EXPECT_EQ(forces(barrier, x)(1, 3) > 0, part < 1) << part;
+  }
+}
+
 TEST_F(TwoTriangles, ForcesAreMinusTheGradientOfTheEnergyForEveryKindOfNearestPoints) {
   const SelfBarrier barrier(X, F, kYoungs, kThickness);
   constexpr double kStep = 1e-7;
