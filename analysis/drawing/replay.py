@@ -42,7 +42,8 @@ def stretch(X: Array, F: Array, x: Array) -> Array:
 
     ratio = np.linalg.solve(metric(X), metric(x))
     half_trace = np.trace(ratio, axis1=1, axis2=2) / 2
-    root = np.sqrt(np.maximum(half_trace**2 - np.linalg.det(ratio), 0))
+    half_difference = (ratio[:, 0, 0] - ratio[:, 1, 1]) / 2
+    root = np.sqrt(np.maximum(half_difference**2 + ratio[:, 0, 1] * ratio[:, 1, 0], 0))
     strains = [np.abs(np.sqrt(np.maximum(half_trace + sign * root, 0)) - 1) for sign in (-1, 1)]
     values = np.zeros(len(X))
     np.maximum.at(values, F.ravel(), np.repeat(np.maximum(*strains), 3))

@@ -107,12 +107,13 @@ class Hand:
         if self.pulled:
             self.pulled.clear()
             self._set("handles", toml_of(self._own_handles, "handles"))
+            self._tell("")
 
     def toggle_holding(self) -> None:
         self._is_holding = not self._is_holding
-        self._tell("what is pulled is held" if self._is_holding else "what is pulled is let go")
         if not self._is_holding:
             self.let_go()
+        self._tell("what is pulled is held" if self._is_holding else "what is pulled is let go")
 
     def draw(self, x: Array, now: float) -> None:
         """Pivots, and a thread from each vertex that a handle pulls to where it is pulled."""

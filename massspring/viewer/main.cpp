@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <condition_variable>
 #include <deque>
+#include <functional>
 #include <iostream>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -251,7 +252,15 @@ class Preview {
         set(rest);
       } else if (word == "begin") {
         ++n_begun_;
-        message = begin_with(rest);
+        message = take_first(rest, ", from rest", [this](const std::string& key, const std::string& value) {
+          Values values = values_;
+          add_override(values.overrides, key, value);
+          begin(std::move(values));
+        });
+      } else if (word == "first") {
+        message = take_first(rest, "", [this](const std::string& key, const std::string& value) {
+          set(key + "=\"" + value + "\"");
+        });
       } else if (word == "save") {
         write_file(rest, to_toml(begin_));
         message = "saved " + rest;
@@ -278,18 +287,19 @@ class Preview {
     is_running_ = false;
   }
 
-  /// By the first of some values of a key that does not refuse the scene: "network.calibration affine moment".
+  /// The first of some values of a key that does not refuse the scene: "network.calibration affine moment". Returns
+  /// it, how it is taken, and which did.
   /// @throws std::runtime_error where all do
-  std::string begin_with(const std::string& text) {
+  static std::string take_first(
+      const std::string& text, const std::string& how,
+      const std::function<void(const std::string& key, const std::string& value)>& take) {
     std::istringstream words(text);
     std::string key, refused;
     words >> key;
     for (std::string value; words >> value;) {
-      Values values = values_;
-      add_override(values.overrides, key, value);
       try {
-        begin(std::move(values));
-        return value + ", from rest" + refused;
+        take(key, value);
+        return value + how + refused;
       } catch (const std::exception& error) {
         std::cerr << "error: " << error.what() << '\n';
         refused += "; " + value + " refuses the scene";

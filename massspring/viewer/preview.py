@@ -44,8 +44,10 @@ _RATED = 2.0  # s, over which rates are counted
 _LATE = 0.5  # s: a step that takes longer is told of
 _ROOM = (0.5, 0.5)  # of the panel, left to the body at rest
 _BRIGHT = 95  # per cent of nodes whose colours are told apart
+_ROUNDING = 1e-10  # of strains
 _FILMED = 0.5  # size of a film's pictures, over the window's
 _LONGEST = 1000  # pictures of a film: 0.8 GB
+_LEGEND = "body"  # its key
 _LAWS = ["neo_hookean", "small_strain"]
 _PARTS = ("springs", "patches", "nodes")
 _KEYS = """\
@@ -182,6 +184,8 @@ class Preview:
         self.body, plotter = body, self.window.plotter
         plotter.subplot(0, 0)
         plotter.renderer.clear_actors()
+        if _LEGEND in plotter.scalar_bars:
+            plotter.remove_scalar_bar(_LEGEND, render=False)
         X = body.X[: body.n_surface]
         self.skin = skin_of(X, body.F)
         self.skin.mesh["value"] = np.zeros(self.skin.mesh.n_points)
@@ -190,7 +194,7 @@ class Preview:
             self.skin.mesh,
             scalars="value",
             cmap="viridis",
-            scalar_bar_args={"title": "body"} | LEGEND,
+            scalar_bar_args={"title": _LEGEND} | LEGEND,
             **LOOK,
         )
         self.plane.SetOrigin(*X.mean(axis=0))
@@ -309,9 +313,7 @@ class Preview:
         self.shown = None
 
     def next_integrator(self) -> None:
-        now = self.scene["time"]["integrator"]
-        following = self.schemes[(self.schemes.index(now) + 1) % len(self.schemes)]
-        self.set("time.integrator", f'"{following}"')
+        self.say(f"first {self._following('time.integrator', self.schemes)}")
 
     def next_model(self) -> None:
         self._begin_with("network.calibration", self.models)
@@ -324,10 +326,14 @@ class Preview:
         if self.engine.is_beginning:
             self.note = "wait: another body is being set up"
             return
+        self.hand.let_go()
+        self.say(f"begin {self._following(key, choices)}")
+
+    def _following(self, key: str, choices: list[str]) -> str:
+        """The key, then its choices after that of the scene."""
         part, name = key.split(".")
         now = choices.index(self.scene[part][name])
-        self.hand.let_go()
-        self.say(f"begin {key} {' '.join([*choices[now + 1 :], *choices[:now]])}")
+        return " ".join([key, *choices[now + 1 :], *choices[:now]])
 
     def toggle_floor(self) -> None:
         """Takes all planes away, or puts them back; other obstacles stay."""
@@ -390,7 +396,7 @@ class Preview:
         x, n = body.X + moment.u, body.n_surface
         values = strain_of_springs(body.X, body.E, x)
         values[:n] = stretch(body.X[:n], body.F, x[:n])
-        return 100 * values
+        return np.where(values > _ROUNDING, 100 * values, 0)
 
     def _show(self, moment: Moment) -> None:
         body, head = moment.body, moment.head
@@ -410,7 +416,7 @@ class Preview:
         self.skin.move(x[: body.n_surface])
         self.skin.mesh["value"][:] = values[self.skin.ids]
         self.actor.mapper.scalar_range = (0, self.largest[colour] or 1)
-        entitle(self.window.plotter.scalar_bars["body"], colour)
+        entitle(self.window.plotter.scalar_bars[_LEGEND], colour)
         self.inside.move(x, values, self.largest[colour] or 1)
         self.hand.draw(x, head["time"])
         if not self.points or head["time"] > self.points[-1][0]:

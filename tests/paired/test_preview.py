@@ -205,6 +205,9 @@ def test_a_hand_that_never_rests_leaves_memory_flat(minutes, engine):
         time.sleep(0.05)
         kept.append(memory_of(engine))
         assert not engine.latest.head["message"], engine.latest.head
+    print(
+        f"{kept[0]} kB at first, {max(kept[: len(kept) // 4])} kB in the first quarter, {max(kept[-10:])} kB at the end"
+    )
     assert max(kept[-10:]) < 1.1 * max(kept[: len(kept) // 4]), "it grows"
 
 
@@ -351,6 +354,7 @@ told(lambda head: preview.scene["handles"][0]["motion"][0][1:] == list(preview.h
 np.testing.assert_allclose(window.pixels_of(preview.hand.pulled[vertex]) - before, [80, 0, 0], atol=1)  # in the plane of view
 mouse("LeftButtonReleaseEvent", body)
 told(lambda head: not preview.scene.get("handles"))
+assert "pulled" not in preview.text.input
 assert (window.plotter.renderers[0].camera.position == camera).all()
 press("g")
 for way in (40, -40):
@@ -444,6 +448,10 @@ assert "held" in preview.text.input and "saved" not in preview.text.input
 press("g")
 shown = {key: preview.sliders[key].GetRepresentation().GetValue() for key in ("gravity", "material.nu")}
 assert shown == {"gravity": -30, "material.nu": 0.495}, shown
+press("c")
+press("c")
+preview.draw(0)
+assert preview.colours[0] == "strain (%)" and preview.largest["strain (%)"] == 0
 camera = window.plotter.renderers[0].camera
 view = np.array([*camera.position, *camera.up, camera.parallel_scale])
 for key in ("v", "Up", "C", "plus"):  # pyvista's own keys turn, zoom and pick
@@ -465,6 +473,7 @@ mouse("MouseMoveEvent", body + 10)  # of a body that is soon no more
 mouse("LeftButtonReleaseEvent", body + 10)
 told(lambda head: preview.scene["network"]["calibration"] == "uniform")
 assert not preview.scene.get("handles")
+assert window.plotter.renderers[0].HasViewProp(window.plotter.scalar_bars["body"])
 preview.move_cut(0.2)
 assert abs(body_pixels() / whole - cut) < 0.02, "still cut open"
 own = preview.scene["obstacles"]
@@ -480,6 +489,10 @@ for calibration in ("affine", "edge_coupled"):
 assert preview.note == "edge_coupled, from rest" + "".join(
     f"; {name} refuses the scene" for name in ("van_gelder", "lloyd", "moment")
 )
+for integrator in ("minimising_euler", "bdf2"):
+    press("i")
+    told(lambda head: preview.scene["time"]["integrator"] == integrator)
+assert preview.note == "bdf2; midpoint refuses the scene"
 window.close()
 window.loop(preview.draw)
 preview.engine.end()
@@ -536,6 +549,20 @@ print("closed")
     play(WINDOW + session, tmp_path, BAR, *SHORT)
     with Image.open(tmp_path / "preview.webp") as film:
         assert film.n_frames <= 3
+
+
+def test_a_floor_hides_nothing_from_below(tmp_path):
+    session = """
+assert body_pixels() > 0
+camera = window.plotter.renderers[0].camera
+camera.position = np.array(camera.focal_point) - [0, 10, 1]
+window.plotter.renderers[0].ResetCameraClippingRange()
+assert body_pixels() > 0
+preview.engine.end()
+print("closed")
+"""
+    floor = "obstacles=[{plane = {point = [0, -0.1, 0], normal = [0, 1, 0]}}]"
+    play(WINDOW + session, tmp_path, BAR, *SHORT, "time.integrator=implicit_euler", floor)
 
 
 def test_statics_are_told_of_by_their_load(tmp_path):
