@@ -45,13 +45,15 @@ def _mesh_of(obstacle: dict[str, Any], middle: Array, size: float) -> pv.PolyDat
 
 
 def _add(plotter: pv.Plotter, mesh: pv.PolyData) -> pv.Actor:
-    """A floor is behind all that stands on it; what else there is must not hide a body.
+    """A floor is behind all that stands on it, and not seen from below; what else there is must not hide a body.
 
     One layer of each obstacle is drawn, so that none is blended in the wrong order.
     """
     is_plane = "tile" in mesh.cell_data
     if is_plane and mesh.point_normals[0] @ view_axes()[2] > 0:
-        return plotter.add_mesh(mesh, scalars="tile", rgb=True, lighting=False, reset_camera=False)
+        return plotter.add_mesh(
+            mesh, scalars="tile", rgb=True, lighting=False, reset_camera=False, culling="back"
+        )
     look = {"opacity": 0.5} if is_plane else {"opacity": 0.75, "culling": "back"}
     return plotter.add_mesh(mesh, color="lightgrey", reset_camera=False, **look)
 

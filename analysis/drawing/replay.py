@@ -23,10 +23,12 @@ from .style import style_of
 from .window import Window, check_display
 
 _HELP = "space: play   left, right: a frame   b: backwards   w: warp   c: colour   f: faster   d: slower   q: close"
-LEGEND = {
+LEGEND: dict[str, Any] = {
     "vertical": True, "position_x": 0.86, "position_y": 0.15, "width": 0.07, "height": 0.6, "n_labels": 3, "fmt": "%.3g",
     "color": "black", "title_font_size": 13, "label_font_size": 12,
 }  # fmt: skip
+_TITLE = 65  # pixels to either side of its middle that a legend's title takes
+_DASHES = ("-", "--", ":", "-.")  # of runs by one method
 _ROOM = (0.66, 0.88)  # of a panel's width and height, left to the body
 
 
@@ -42,7 +44,8 @@ def stretch(X: Array, F: Array, x: Array) -> Array:
 
     ratio = np.linalg.solve(metric(X), metric(x))
     half_trace = np.trace(ratio, axis1=1, axis2=2) / 2
-    root = np.sqrt(np.maximum(half_trace**2 - np.linalg.det(ratio), 0))
+    half_difference = (ratio[:, 0, 0] - ratio[:, 1, 1]) / 2
+    root = np.sqrt(np.maximum(half_difference**2 + ratio[:, 0, 1] * ratio[:, 1, 0], 0))
     strains = [np.abs(np.sqrt(np.maximum(half_trace + sign * root, 0)) - 1) for sign in (-1, 1)]
     values = np.zeros(len(X))
     np.maximum.at(values, F.ravel(), np.repeat(np.maximum(*strains), 3))
@@ -196,13 +199,15 @@ class Replay:
         shown = np.vstack([b.X + self.factor * v for b in self.bodies.values() for v in b.u])
         self.actors: dict[str, pv.Actor] = {}
         self.obstacles: list[Obstacles] = []
+        middle = min(LEGEND["position_x"] + LEGEND["width"] / 2, 1 - _TITLE / self.window.panel[0])
+        look = LEGEND | {"position_x": middle - LEGEND["width"] / 2}
         for panel, (name, body) in enumerate(self.bodies.items()):
             plotter.subplot(0, panel)
             enlarged = "" if self.factor == 1 else f", motion drawn {self.factor:g} times as large"
             plotter.add_text(f"{name}{enlarged}", font_size=10, color="black")
             body.skin.mesh["value"] = np.zeros(body.skin.mesh.n_points)
             self.actors[name] = plotter.add_mesh(
-                body.skin.mesh, scalars="value", cmap="viridis", scalar_bar_args={"title": name} | LEGEND, **LOOK
+                body.skin.mesh, scalars="value", cmap="viridis", scalar_bar_args={"title": name} | look, **LOOK
             )  # fmt: skip
             self.obstacles.append(Obstacles(plotter, scene_of(body.run).get("obstacles", []), shown))
             aim(plotter.camera, shown, self.window.panel, _ROOM)
@@ -211,13 +216,15 @@ class Replay:
         run = next(iter(self.bodies.values())).run
         label = "load factor" if is_static(run) else "time (s)"
         charts: list[pv.Chart2D] = []
+        methods = [method_of(body.run) for body in self.bodies.values()]
         for title, curve_of in _CURVES.items():
             chart = pv.Chart2D(x_label=label, y_label=title)
             for place, (name, body) in enumerate(self.bodies.items()):
                 times, values = curve_of(body)
-                colour = style_of(method_of(body.run), place).colour
+                colour = style_of(methods[place], place).colour
+                dash = _DASHES[methods[:place].count(methods[place]) % len(_DASHES)]
                 chart.line(times, values, color=(*pv.Color(colour).int_rgb, 60))
-                line = chart.line(times[:1], values[:1], color=colour, width=2.5, label=name)
+                line = chart.line(times[:1], values[:1], color=colour, width=2.5, style=dash, label=name)
                 self.curves.append((line, times, values))
             chart.legend_visible = not charts
             charts.append(chart)
@@ -241,12 +248,15 @@ class Replay:
         self.paint()
 
     def paint(self) -> None:
-        """One scale for all bodies."""
+        """One scale for all bodies that have such a field; others are plain."""
         coloured = [body.fields[self.colour] for body in self.bodies.values() if self.colour in body.fields]
         largest = max(float(values.max()) for values in coloured)
         for name, actor in self.actors.items():
+            actor.mapper.scalar_visibility = self.colour in self.bodies[name].fields
             actor.mapper.scalar_range = (0, largest or 1)
-            entitle(self.window.plotter.scalar_bars[name], self.colour)
+            legend = self.window.plotter.scalar_bars[name]
+            legend.SetVisibility(actor.mapper.scalar_visibility)
+            entitle(legend, self.colour)
 
     def _scrub(self, time: float) -> None:
         if abs(time - self.player.time) > 1e-9 * abs(self.player.times[-1]):

@@ -20,9 +20,26 @@ from analysis.runs import Array, RunError, built
 _ASKED = 1 / 40  # s between two pictures that are asked for
 
 
-class Moment(NamedTuple):
-    """What the engine tells of a moment: its head, u (n, 3) in m and v (n, 3) in m/s of all nodes."""
+class Body(NamedTuple):
+    """A body at rest.
 
+    X: (n, 3) nodes in m, first the n_surface of the surface, n_uncut of them as they were before cuts; F: (m, 3) triangles;
+    T: (t, 4) tetrahedra, in which springs are coupled; E: (k, 2) edges of these and independent springs.
+    """
+
+    is_static: bool
+    n_surface: int
+    n_uncut: int
+    X: Array
+    F: Array
+    T: Array
+    E: Array
+
+
+class Moment(NamedTuple):
+    """What the engine tells of a moment: a body, its head, u (n, 3) in m and v (n, 3) in m/s of all nodes."""
+
+    body: Body
     head: dict[str, Any]
     u: Array
     v: Array
@@ -36,9 +53,7 @@ def _parsed(scene: str) -> dict[str, Any]:
 class Engine:
     """The program that steps, which is spoken to by a thread of its own: no window waits for it.
 
-    X: (n, 3) nodes at rest in m, first the n_surface of the surface, n_uncut of them as they were before cuts;
-    F: (m, 3) triangles; T: (t, 4) tetrahedra, in which springs are coupled; E: (k, 2) edges of these and independent
-    springs; latest: the last moment that it told of.
+    latest: the last moment that it told of.
     """
 
     def __init__(self, scene: Path, overrides: list[str]) -> None:
@@ -49,30 +64,31 @@ class Engine:
         assert self._process.stdin and self._process.stdout
         self._in, self._out = self._process.stdin, self._process.stdout
         self._lock = threading.Lock()
-        first = self._out.readline()
-        if not first:
-            raise RunError(f"{scene}: cannot be previewed", is_told=True)
-        head = json.loads(first)
-        self.is_static: bool = head["is_static"]
-        self.n_surface: int = head["n_surface"]
-        self.n_uncut: int = head["n_uncut"]
-        self.X = self._read(head["n_nodes"])
-        self.F = self._read(head["n_triangles"]).astype(int)
-        springs = self._read(head["n_springs"], 2).astype(int)
-        self.T = self._read(head["n_tetrahedra"], 4).astype(int)
-        edges = [self.T[:, pair] for pair in itertools.combinations(range(4), 2)]
-        self.E = np.unique(np.sort(np.vstack([springs, *edges]), axis=1), axis=0)
-        self.latest = self._ask()
+        self._n_begun = 0
+        try:
+            self.latest = self._ask()
+        except (OSError, ValueError):
+            raise RunError(f"{scene}: cannot be previewed", is_told=True) from None
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
     def _read(self, n: int, width: int = 3) -> Array:
         return np.frombuffer(self._out.read(4 * width * n), "<f4").reshape(n, width).astype(float)
 
+    def _read_body(self, head: dict[str, Any]) -> Body:
+        X = self._read(head["n_nodes"])
+        F = self._read(head["n_triangles"]).astype(int)
+        springs = self._read(head["n_springs"], 2).astype(int)
+        T = self._read(head["n_tetrahedra"], 4).astype(int)
+        edges = [T[:, pair] for pair in itertools.combinations(range(4), 2)]
+        E = np.unique(np.sort(np.vstack([springs, *edges]), axis=1), axis=0)
+        return Body(head["is_static"], head["n_surface"], head["n_uncut"], X, F, T, E)
+
     def _ask(self) -> Moment:
         self.say("picture")
         head = json.loads(self._out.readline())
-        return Moment(head, self._read(len(self.X)), self._read(len(self.X)))
+        body = self._read_body(head["body"]) if head["body"] else self.latest.body
+        return Moment(body, head, self._read(len(body.X)), self._read(len(body.X)))
 
     def _listen(self) -> None:
         try:
@@ -87,6 +103,12 @@ class Engine:
         with self._lock:
             self._in.write(f"{command}\n".encode())
             self._in.flush()
+        self._n_begun += command.startswith("begin ")
+
+    @property
+    def is_beginning(self) -> bool:
+        """Another body is being set up."""
+        return bool(self._n_begun > self.latest.head["n_begun"])
 
     @property
     def scene(self) -> dict[str, Any]:

@@ -56,7 +56,8 @@ class Session:
     def pull(self, direction: tuple[float, float], way: tuple[float, float], n: int, caption: str) -> None:
         """What lies farthest in a direction of the picture, by so many pixels, over n pictures."""
         engine = self.preview.engine
-        x = (engine.X + engine.latest.u)[: engine.n_uncut]
+        body = engine.latest.body
+        x = (body.X + engine.latest.u)[: body.n_uncut]
         seen = np.array([self.window.pixels_of(point) for point in x])
         start = seen[int(np.argmax(seen[:, :2] @ direction))]
         inwards = 0.06 * (seen[:, :2].mean(axis=0) - start[:2])

@@ -11,7 +11,7 @@ from vtkmodules.vtkFiltersCore import vtkCutter
 
 from analysis.drawing.pictures import LOOK
 from analysis.runs import Array
-from massspring.viewer.engine import Engine
+from massspring.viewer.engine import Body
 
 # Of a tetrahedron abcd: its corners, then the middles of ab, ac, ad, bc, bd, cd, those of bcd, acd, abd, abc, and its own,
 # as means of these corners.
@@ -44,12 +44,12 @@ def patch_grids(x: Array, T: Array) -> tuple[pv.UnstructuredGrid, pv.Unstructure
 class Inside:
     """The parts "springs", "patches" and "nodes" in the plotter's present panel, behind the plane; none is shown at first."""
 
-    def __init__(self, plotter: pv.Plotter, engine: Engine, plane: vtkPlane) -> None:
-        X, T, n = engine.X, engine.T, len(engine.T)
-        self._T, self._n_surface = T, engine.n_surface
-        lines = np.insert(engine.E, 0, 2, axis=1).ravel()
+    def __init__(self, plotter: pv.Plotter, body: Body, plane: vtkPlane) -> None:
+        X, T, n = body.X, body.T, len(body.T)
+        self._T, self._n_surface = T, body.n_surface
+        lines = np.insert(body.E, 0, 2, axis=1).ravel()
         self._springs = pv.PolyData(X.copy(), lines=lines)
-        self._nodes = pv.PolyData(X[engine.n_surface :].copy())
+        self._nodes = pv.PolyData(X[body.n_surface :].copy())
         self._quarters, self._walls = patch_grids(X, T)
         for mesh in (self._springs, self._nodes):
             mesh["value"] = np.zeros(mesh.n_points)
@@ -68,7 +68,7 @@ class Inside:
             return cutter
 
         self._actors: dict[str, list[pv.Actor]] = {"springs": [], "patches": [], "nodes": []}
-        if len(engine.E):
+        if len(body.E):
             springs = add(self._springs, scalars="value", line_width=1.5, lighting=False)
             self._actors["springs"] = [springs]
         if self._nodes.n_points:

@@ -2,9 +2,11 @@
 #include <CLI/CLI.hpp>
 #include <condition_variable>
 #include <deque>
+#include <functional>
 #include <iostream>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
 
 #include "massspring/calibrations/calibrate.h"
@@ -50,52 +52,60 @@ SpringNetwork network_of(const Scene& scene) {
 }
 
 template <class Matrix>
-void write_values(const Matrix& values) {
+void write_values(std::ostream& to, const Matrix& values) {
   const Eigen::MatrixXf narrow = values.template cast<float>();
-  std::cout.write(reinterpret_cast<const char*>(narrow.data()),
-                  static_cast<std::streamsize>(narrow.size() * sizeof(float)));
+  to.write(reinterpret_cast<const char*>(narrow.data()),
+           static_cast<std::streamsize>(narrow.size() * sizeof(float)));
+}
+
+/// What a window is told once of a body at rest.
+struct Body {
+  Json head;
+  std::string values;
+};
+
+std::shared_ptr<const Body> body_of(const Simulation& simulation, const SpringNetwork& network) {
+  const MassSpringModel& model = simulation.model();
+  const Eigen::Matrix3Xd& X = model.network.X;
+  const Eigen::Matrix3Xi& F = model.network.F;
+  const Eigen::Matrix4Xi& T = model.network.T;
+  const Eigen::Matrix2Xi springs = model.springs ? model.springs->E : Eigen::Matrix2Xi();
+  const Eigen::Index n_uncut = network.cuts.F.size() > 0 ? network.cuts.F.maxCoeff() + 1 : network.n_surface;
+  std::ostringstream values;
+  write_values(values, X);
+  write_values(values, F);
+  write_values(values, springs);
+  write_values(values, T);
+  return std::make_shared<Body>(Body{{{"n_nodes", X.cols()},
+                                      {"n_surface", network.n_surface},
+                                      {"n_uncut", n_uncut},  // before triangles were cut: regions hold these
+                                      {"n_triangles", F.cols()},
+                                      {"n_springs", springs.cols()},
+                                      {"n_tetrahedra", T.cols()},
+                                      {"is_static", simulation.is_static()}},
+                                     values.str()});
 }
 
 /// What a window shows of a moment.
 struct Picture {
+  std::shared_ptr<const Body> body;
   Json head;
   Eigen::Matrix3Xd u, v;  ///< of all nodes (m, m/s)
 };
 
 class Preview {
  public:
-  explicit Preview(Values values) : values_(std::move(values)) {
-    values_.overrides.emplace_back("events=[]");  // the hand at the window makes them
-    begin_ = scene_ = values_.scene();
-    if (scene_.places.count("material.law") == 0 && law_of(scene_) == MaterialLaw::SmallStrain) {
-      values_.overrides.emplace_back("material.law=neo_hookean");  // and moves the body far
-      begin_ = scene_ = values_.scene();
-    }
-    const SpringNetwork network = network_of(scene_);
-    n_uncut_ = network.cuts.F.size() > 0 ? network.cuts.F.maxCoeff() + 1 : network.n_surface;
-    simulation_ = std::make_unique<Simulation>(scene_, network);
-    at_rest_ = simulation_->state();
+  explicit Preview(Values values) {
+    values.overrides.emplace_back("events=[]");  // the hand at the window makes them
+    const Scene scene = values.scene();
+    if (scene.places.count("material.law") == 0 && law_of(scene) == MaterialLaw::SmallStrain)
+      values.overrides.emplace_back("material.law=neo_hookean");  // and moves the body far
+    begin(std::move(values));
     publish();
   }
 
-  /// Tells the network at rest, then answers until stdin ends.
+  /// Answers until stdin ends.
   void listen() {
-    const MassSpringModel& model = simulation_->model();
-    const TetMesh& network = model.network;
-    const Eigen::Matrix2Xi springs = model.springs ? model.springs->E : Eigen::Matrix2Xi();
-    std::cout << Json{{"n_nodes", network.X.cols()},
-                      {"n_surface", network.n_surface},
-                      {"n_uncut", n_uncut_},
-                      {"n_triangles", network.F.cols()},
-                      {"n_springs", springs.cols()},
-                      {"n_tetrahedra", network.T.cols()},
-                      {"is_static", simulation_->is_static()}}
-              << '\n';
-    write_values(network.X);
-    write_values(network.F);
-    write_values(springs);
-    write_values(network.T);
-    std::cout.flush();
     std::thread([this] { step_until_the_end(); }).detach();  // a step that takes long holds up no answer
     for (std::string line; std::getline(std::cin, line);) {
       if (line == "picture") {
@@ -118,11 +128,16 @@ class Preview {
 
   void show() {
     const std::scoped_lock lock(mutex_);
-    picture_.head["busy"] = is_busy_ ? seconds_since(busy_since_) : 0;
+    const bool is_new = picture_.body != told_;
+    picture_.head["body"] = is_new ? picture_.body->head : Json();
+    picture_.head["task"] = task_;
+    picture_.head["busy"] = task_.empty() ? 0 : seconds_since(busy_since_);
     picture_.head["message"] = message_;
     std::cout << picture_.head.dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
-    write_values(picture_.u);
-    write_values(picture_.v);
+    if (is_new) std::cout << picture_.body->values;
+    told_ = picture_.body;
+    write_values(std::cout, picture_.u);
+    write_values(std::cout, picture_.v);
     std::cout.flush();
     is_wanted_ = true;
   }
@@ -132,6 +147,7 @@ class Preview {
     const State& state = simulation_->state();
     const TetMesh& network = simulation_->model().network;
     Picture picture;
+    picture.body = body_;
     picture.u = snapshot.u;
     picture.v = state.v;
     picture.head = {{"time", state.t},
@@ -144,6 +160,7 @@ class Preview {
                     {"reason", simulation_->report().reason},
                     {"is_running", is_running_},
                     {"has_ended", simulation_->has_ended()},
+                    {"n_begun", n_begun_},
                     {"scene", to_toml(scene_)}};
     const std::scoped_lock lock(mutex_);
     picture_ = std::move(picture);
@@ -178,7 +195,9 @@ class Preview {
         }
       }
       if (!command.empty()) {
+        set_task(command.rfind("begin ", 0) == 0 ? "another body" : "a change");
         obey(command);
+        set_task("");
         publish();
       } else if (is_running_ && !simulation_->has_ended() && is_due()) {
         step();
@@ -186,17 +205,20 @@ class Preview {
     }
   }
 
+  /// What takes its time from now on; empty: nothing.
+  void set_task(const std::string& task) {
+    const std::scoped_lock lock(mutex_);
+    task_ = task;
+    busy_since_ = Clock::now();
+  }
+
   void step() {
-    {
-      const std::scoped_lock lock(mutex_);
-      is_busy_ = true;
-      busy_since_ = Clock::now();
-    }
+    set_task("a step");
     simulation_->advance();
+    set_task("");
     bool is_wanted;
     {
       const std::scoped_lock lock(mutex_);
-      is_busy_ = false;
       is_wanted = is_wanted_;
     }
     constexpr double kLate = 0.25;  // s: what cannot keep up goes on from where it is
@@ -227,6 +249,17 @@ class Preview {
         resume();
       } else if (word == "set") {
         set(rest);
+      } else if (word == "begin") {
+        ++n_begun_;
+        message = take_first(rest, ", from rest", [this](const std::string& key, const std::string& value) {
+          Values values = values_;
+          add_override(values.overrides, key, value);
+          begin(std::move(values));
+        });
+      } else if (word == "first") {
+        message = take_first(rest, "", [this](const std::string& key, const std::string& value) {
+          set(key + "=\"" + value + "\"");
+        });
       } else if (word == "save") {
         write_file(rest, to_toml(begin_));
         message = "saved " + rest;
@@ -238,6 +271,40 @@ class Preview {
     }
     const std::scoped_lock lock(mutex_);
     message_ = message;
+  }
+
+  /// A body at rest. Where that cannot be, all stays as it was.
+  void begin(Values values) {
+    const Scene scene = values.scene();
+    const SpringNetwork network = network_of(scene);
+    auto simulation = std::make_unique<Simulation>(scene, network);
+    body_ = body_of(*simulation, network);
+    at_rest_ = simulation->state();
+    simulation_ = std::move(simulation);
+    begin_ = scene_ = scene;
+    values_ = std::move(values);
+    is_running_ = false;
+  }
+
+  /// The first of some values of a key that does not refuse the scene: "network.calibration affine moment". Returns
+  /// it, how it is taken, and which did.
+  /// @throws std::runtime_error where all do
+  static std::string take_first(
+      const std::string& text, const std::string& how,
+      const std::function<void(const std::string& key, const std::string& value)>& take) {
+    std::istringstream words(text);
+    std::string key, refused;
+    words >> key;
+    for (std::string value; words >> value;) {
+      try {
+        take(key, value);
+        return value + how + refused;
+      } catch (const std::exception& error) {
+        std::cerr << "error: " << error.what() << '\n';
+        refused += "; " + value + " refuses the scene";
+      }
+    }
+    throw std::runtime_error(refused.substr(2));
   }
 
   /// Goes on from the state at hand. Where that cannot be, all stays as it was.
@@ -265,7 +332,8 @@ class Preview {
   Scene begin_;  ///< as it was at rest, with all changes since as events
   std::unique_ptr<Simulation> simulation_;
   State at_rest_;
-  Eigen::Index n_uncut_ = 0;  ///< vertices of the surface before its triangles were cut: regions hold these
+  std::shared_ptr<const Body> body_;
+  int n_begun_ = 0;  ///< other bodies that were asked for
   bool is_running_ = false;
   double speed_ = 1;  ///< of the scene's time over the wall's
   Clock::time_point resumed_ = Clock::now();
@@ -275,8 +343,9 @@ class Preview {
   std::condition_variable is_told_;
   std::deque<std::string> commands_;
   Picture picture_;
-  std::string message_;
-  bool is_busy_ = false, is_wanted_ = true;
+  std::shared_ptr<const Body> told_;
+  std::string message_, task_;
+  bool is_wanted_ = true;
   Clock::time_point busy_since_;
 };
 

@@ -34,7 +34,7 @@ from analysis.drawing.window import Window, check_display
 from analysis.paths import PROGRAMS
 from analysis.runs import Array, RunError, built
 from analysis.scene import toml_of
-from massspring.viewer.engine import Engine, Moment
+from massspring.viewer.engine import Body, Engine, Moment
 from massspring.viewer.hand import Hand
 from massspring.viewer.inside import Inside
 
@@ -44,8 +44,10 @@ _RATED = 2.0  # s, over which rates are counted
 _LATE = 0.5  # s: a step that takes longer is told of
 _ROOM = (0.5, 0.5)  # of the panel, left to the body at rest
 _BRIGHT = 95  # per cent of nodes whose colours are told apart
+_ROUNDING = 1e-10  # of strains
 _FILMED = 0.5  # size of a film's pictures, over the window's
 _LONGEST = 1000  # pictures of a film: 0.8 GB
+_LEGEND = "body"  # its key
 _LAWS = ["neo_hookean", "small_strain"]
 _PARTS = ("springs", "patches", "nodes")
 _KEYS = """\
@@ -119,6 +121,14 @@ def strain_of_springs(X: Array, E: Array, x: Array) -> Array:
     return values
 
 
+def _floor_below(X: Array) -> dict[str, Any]:
+    """Below nodes X (n, 3), in m."""
+    low, high = X.min(axis=0), X.max(axis=0)
+    below = (low + high) / 2
+    below[1] = low[1] - 0.5 * float(np.max(high - low))
+    return {"plane": {"point": [float(x) for x in below], "normal": [0.0, 1.0, 0.0]}}
+
+
 def write_film(file: Path, pictures: list[Image.Image], seconds: float) -> None:
     """A film (.webp) that shows each picture for so long."""
     first, *others = pictures
@@ -130,18 +140,16 @@ class Preview:
     """The window of a scene."""
 
     def __init__(self, file: Path, overrides: list[str]) -> None:
-        self.file, self.overrides = file, overrides
         self.engine = Engine(file, overrides)
         listed = json.loads(subprocess.check_output([built(PROGRAMS, "massspring"), "--list"]))
         self.models, self.schemes = ([one["name"] for one in listed[of]] for of in ("models", "schemes"))
         self.colours = ["displacement (m)", "speed (m/s)", "strain (%)"]
-        self.changed: set[str] = set()
         self.speed = 1.0
         self.note = self.told = ""  # what was told last, and what by the engine
         self.hand: Hand
         self.plane, self.axes, self.share = vtkPlane(), deque([None, 2, 0, 1]), 0.5
         self.film: list[Image.Image] | None = None
-        self.floors = [self._floor()]
+        self.floors = [_floor_below(self.engine.latest.body.X)]
         keys = {
             "space": self.toggle, "Right": lambda: self.say("step"), "r": lambda: self.say("reset"),
             "f": lambda: self.set_speed(2), "d": lambda: self.set_speed(0.5), "c": self.next_colour, "x": self.next_cut,
@@ -155,7 +163,7 @@ class Preview:
         plotter = self.window.plotter
         plotter.subplot(1, 0)
         self.text = self.window.add_text(0.98)
-        x_label = "load factor" if self.engine.is_static else "time (s)"
+        x_label = "load factor" if self.engine.latest.body.is_static else "time (s)"
         self.charts = {
             title: pv.Chart2D(x_label=x_label, y_label=title)
             for title in ("volume (%)", "tip (m)", "energy (J)")
@@ -164,39 +172,42 @@ class Preview:
             title: chart.line([0], [0], color="#0072B2", width=2) for title, chart in self.charts.items()
         }
         self.window.add_curves(list(self.charts.values()))
-        self._begin()
+        self._begin(self.engine.latest.body)
         self._add_sliders()
 
     @property
     def scene(self) -> dict[str, Any]:
         return self.engine.scene
 
-    def _begin(self) -> None:
+    def _begin(self, body: Body) -> None:
         """Draws the engine's body, in place of another one's."""
-        plotter, engine = self.window.plotter, self.engine
+        self.body, plotter = body, self.window.plotter
         plotter.subplot(0, 0)
         plotter.renderer.clear_actors()
-        X = engine.X[: engine.n_surface]
-        self.skin = skin_of(X, engine.F)
+        if _LEGEND in plotter.scalar_bars:
+            plotter.remove_scalar_bar(_LEGEND, render=False)
+        X = body.X[: body.n_surface]
+        self.skin = skin_of(X, body.F)
         self.skin.mesh["value"] = np.zeros(self.skin.mesh.n_points)
         self.largest = dict.fromkeys(self.colours, 0.0)
         self.actor = plotter.add_mesh(
             self.skin.mesh,
             scalars="value",
             cmap="viridis",
-            scalar_bar_args={"title": "body"} | LEGEND,
+            scalar_bar_args={"title": _LEGEND} | LEGEND,
             **LOOK,
         )
         self.plane.SetOrigin(*X.mean(axis=0))
         if self.axes[0] is not None:
             self.actor.mapper.AddClippingPlane(self.plane)
-        self.inside = Inside(plotter, engine, self.plane)
+        self.inside = Inside(plotter, body, self.plane)
         aim(plotter.camera, X, self.window.panel, _ROOM)
         self.points: deque[tuple[float, ...]] = deque(maxlen=_KEPT)
         self.rates = Rates()
-        self.volume_at_rest = volume(X, engine.F)
+        self.volume_at_rest = volume(X, body.F)
         self.shown: Moment | None = None
-        self.hand = Hand(self.window, engine, self.actor, self.set, functools.partial(setattr, self, "note"))
+        tell = functools.partial(setattr, self, "note")
+        self.hand = Hand(self.window, self.engine, body, self.actor, self.set, tell)
         self.window.hold = self.hand
         self.obstacles = Obstacles(plotter, [], X)
 
@@ -288,7 +299,6 @@ class Preview:
 
     def set(self, key: str, value: str) -> None:
         """A value on the way; what the engine refuses, it tells."""
-        self.changed.add(key)
         self.say(f"set {key}={value}")
 
     def toggle(self) -> None:
@@ -303,9 +313,7 @@ class Preview:
         self.shown = None
 
     def next_integrator(self) -> None:
-        now = self.scene["time"]["integrator"]
-        following = self.schemes[(self.schemes.index(now) + 1) % len(self.schemes)]
-        self.set("time.integrator", f'"{following}"')
+        self.say(f"first {self._following('time.integrator', self.schemes)}")
 
     def next_model(self) -> None:
         self._begin_with("network.calibration", self.models)
@@ -315,34 +323,17 @@ class Preview:
 
     def _begin_with(self, key: str, choices: list[str]) -> None:
         """The next choice of a key that does not refuse the scene, from rest, since it is another body."""
+        if self.engine.is_beginning:
+            self.note = "wait: another body is being set up"
+            return
+        self.hand.let_go()
+        self.say(f"begin {self._following(key, choices)}")
+
+    def _following(self, key: str, choices: list[str]) -> str:
+        """The key, then its choices after that of the scene."""
         part, name = key.split(".")
         now = choices.index(self.scene[part][name])
-        self.changed.discard("handles")
-        overrides, refused = self._overrides_now(), ""
-        for following in [*choices[now + 1 :], *choices[:now]]:
-            try:
-                engine = Engine(self.file, [*overrides, f"{key}={following}"])
-            except RunError:
-                refused += f"; {following} refuses the scene"
-                continue
-            self.overrides = [*overrides, f"{key}={following}"]
-            self.engine.end()
-            self.engine = engine
-            self.set_speed(1)
-            self.note = f"{following}, from rest{refused}"
-            self._begin()
-            return
-        self.note = refused[2:]
-
-    def _overrides_now(self) -> list[str]:
-        """Those of the command line, then what the engine has taken since."""
-        taken = []
-        for key in self.changed:
-            value: Any = self.scene
-            for part in key.split("."):
-                value = value[int(part)] if isinstance(value, list) else value.get(part, [])
-            taken.append(f"{key}={toml_of(value, key)}")
-        return [*self.overrides, *taken]
+        return " ".join([key, *choices[now + 1 :], *choices[:now]])
 
     def toggle_floor(self) -> None:
         """Takes all planes away, or puts them back; other obstacles stay."""
@@ -352,13 +343,6 @@ class Preview:
         if planes:
             self.floors = planes
         self.set("obstacles", toml_of(others if planes else [*others, *self.floors], "obstacles"))
-
-    def _floor(self) -> dict[str, Any]:
-        """Below the body at rest."""
-        low, high = self.engine.X.min(axis=0), self.engine.X.max(axis=0)
-        below = (low + high) / 2
-        below[1] = low[1] - 0.5 * float(np.max(high - low))
-        return {"plane": {"point": [float(x) for x in below], "normal": [0.0, 1.0, 0.0]}}
 
     def save_picture(self) -> None:
         self._write(Path("preview.png"), self.window.plotter.screenshot)
@@ -391,6 +375,8 @@ class Preview:
     def draw(self, _: float) -> None:
         moment = self.engine.latest
         head = moment.head
+        if moment.body is not self.body:
+            self._begin(moment.body)
         rates = self.rates.add(time.perf_counter(), head["n_steps"], head["time"])
         if moment is not self.shown:
             self._show(moment)
@@ -402,24 +388,24 @@ class Preview:
 
     def _values(self, moment: Moment) -> Array:
         """(n,): what colours all nodes."""
-        engine = self.engine
         if self.colours[0] == "displacement (m)":
             return np.linalg.norm(moment.u, axis=1)
         if self.colours[0] == "speed (m/s)":
             return np.linalg.norm(moment.v, axis=1)
-        x, n = engine.X + moment.u, engine.n_surface
-        values = strain_of_springs(engine.X, engine.E, x)
-        values[:n] = stretch(engine.X[:n], engine.F, x[:n])
-        return 100 * values
+        body = moment.body
+        x, n = body.X + moment.u, body.n_surface
+        values = strain_of_springs(body.X, body.E, x)
+        values[:n] = stretch(body.X[:n], body.F, x[:n])
+        return np.where(values > _ROUNDING, 100 * values, 0)
 
     def _show(self, moment: Moment) -> None:
-        engine, head = self.engine, moment.head
-        x = engine.X + moment.u
+        body, head = moment.body, moment.head
+        x = body.X + moment.u
         obstacles = self.scene.get("obstacles", [])
         if [drawn for drawn, _ in self.obstacles.drawn] != obstacles:
             self.window.plotter.subplot(0, 0)
             self.obstacles.remove()
-            self.obstacles = Obstacles(self.window.plotter, obstacles, engine.X)
+            self.obstacles = Obstacles(self.window.plotter, obstacles, body.X)
         self.obstacles.move(head["time"])
         if self.points and head["time"] < self.points[-1][0]:
             self.points.clear()
@@ -427,16 +413,16 @@ class Preview:
         colour, values = self.colours[0], self._values(moment)
         self.largest[colour] = max(self.largest[colour], float(np.percentile(values, _BRIGHT)))
         self._cut(x)
-        self.skin.move(x[: engine.n_surface])
+        self.skin.move(x[: body.n_surface])
         self.skin.mesh["value"][:] = values[self.skin.ids]
         self.actor.mapper.scalar_range = (0, self.largest[colour] or 1)
-        entitle(self.window.plotter.scalar_bars["body"], colour)
+        entitle(self.window.plotter.scalar_bars[_LEGEND], colour)
         self.inside.move(x, values, self.largest[colour] or 1)
         self.hand.draw(x, head["time"])
         if not self.points or head["time"] > self.points[-1][0]:
             change = 100 * (head["volume"] / self.volume_at_rest - 1)
             energy = head["kinetic_energy"] + head["elastic_energy"]
-            largest = float(np.linalg.norm(moment.u[: engine.n_surface], axis=1).max())
+            largest = float(np.linalg.norm(moment.u[: body.n_surface], axis=1).max())
             self.points.append((head["time"], change, largest, energy))
             times, *curves = np.array(self.points).T
             for line, curve in zip(self.lines.values(), curves, strict=True):
@@ -450,11 +436,11 @@ class Preview:
             f"{ended}: r begins again" if head["has_ended"] else "running" if head["is_running"] else "paused"
         )
         if head["busy"] > _LATE:
-            state += f", a step takes {head['busy']:.0f} s so far"
+            state += f", {head['task']} takes {head['busy']:.0f} s so far"
         if self.engine.has_died:
             state = "the program that steps has died: close the window"
         unit, pace = "s", f", {factor:.2g} of real time (at most {self.speed:g})"
-        if self.engine.is_static:
+        if self.body.is_static:
             unit, pace = "of the load", ""
         if head["message"] != self.told:
             self.told = self.note = head["message"]

@@ -109,7 +109,7 @@ def row_of(case: Case, seconds: float) -> list[str]:
     step = preview.engine.latest.head["step"]
     preview.engine.end()
     return [
-        case.scene.stem, preview.scene["network"]["calibration"], str(len(alone.X)), case.scheme, f"{1e3 * step:.2g}",
+        case.scene.stem, preview.scene["network"]["calibration"], str(len(alone.latest.body.X)), case.scheme, f"{1e3 * step:.2g}",
         f"{steps:.3g}", f"{drawn:.3g}", f"{n_frames / passed:.3g}", f"{factor:.2g}",
     ]  # fmt: skip
 

@@ -64,6 +64,7 @@ RigidBody::RigidBody(const Obstacle& obstacle, const Eigen::Matrix3d& frame)
       may_overlap(obstacle.initially == Overlap::Resolve),
       motion_(obstacle.motion),
       is_flat_(std::holds_alternative<HalfSpace>(obstacle.shape)),
+      is_convex_(!std::holds_alternative<ClosedMesh>(obstacle.shape)),
       gap_(std::visit(
           [](const auto& shape) -> std::function<Gap(const Vector3d&)> {
             if constexpr (std::is_same_v<decltype(shape), const ClosedMesh&>)
@@ -104,10 +105,16 @@ std::optional<Vector3d> RigidBody::first_touch(const Vector3d& x, const Vector3d
   constexpr double kShortest = 1e-3;  // of `least`: a step, so that grazing ways end
   while (true) {
     const Vector3d at = length > 0 ? Vector3d(start + gone / length * way) : start;
-    const double distance = gap_(at).distance;
-    if (distance < least) return at + shift;
+    const Gap gap = gap_(at);
+    if (gap.distance < least) return at + shift;
     if (gone >= length) return {};
-    gone = std::min(length, gone + std::max(distance - least, kShortest * least));
+    double step = gap.distance - least;
+    if (is_convex_) {
+      const double closing = -gap.normal.dot(way) / length;
+      if (closing <= 0) return {};
+      step /= closing;
+    }
+    gone = std::min(length, gone + std::max(step, kShortest * least));
   }
 }
 

@@ -26,7 +26,8 @@ class RigidBody {
 
   /// Where the straight way from x at time t to y at time t + h first comes within `least` of it,
   /// as seen from the body: a point at time t + h. Found by steps as long as the gap
-  /// [conservative advancement], so that nothing is thin enough to be missed.
+  /// [conservative advancement], so that nothing is thin enough to be missed; beside convex bodies, whose gap is convex
+  /// along the way, by Newton's, which never pass the first touch either.
   std::optional<Eigen::Vector3d> first_touch(const Eigen::Vector3d& x, const Eigen::Vector3d& y, double t,
                                              double h, double least) const;
 
@@ -37,6 +38,7 @@ class RigidBody {
  private:
   Path motion_;
   bool is_flat_;                                    ///< a half-space, to which gaps are linear
+  bool is_convex_;                                  ///< all but meshes
   std::function<Gap(const Eigen::Vector3d&)> gap_;  ///< of a point in the body's frame
 };
 

@@ -34,7 +34,7 @@ def test_stretch_is_that_of_an_affine_map(ball):
 def test_turning_strains_nothing(ball):
     X, F = ball
     turned = X @ np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]).T + 3
-    np.testing.assert_allclose(stretch(X, F, turned), 0, atol=1e-7)  # the root of rounding
+    np.testing.assert_allclose(stretch(X, F, turned), 0, atol=1e-12)
 
 
 def test_values_between_frames_are_linear():
@@ -190,5 +190,41 @@ print("closed")
 def test_a_window_obeys_its_keys_and_ends(runs):
     with screen() as environment:
         words = [sys.executable, "-c", SESSION, *map(str, runs)]
+        done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stdout) == (0, "closed\n"), done.stderr
+
+
+THREE = """
+import sys
+import numpy as np
+from analysis.__main__ import parse_arguments
+from analysis.drawing.replay import replay_of
+
+replay = replay_of(parse_arguments(["view", *sys.argv[1:]]))
+window = replay.window
+window.open()
+replay.draw(0)
+window.plotter.render()
+picture = window.plotter.screenshot(None, return_img=True).astype(int)
+for edge in (500, 1000, 1500):
+    assert (picture[:590, edge - 2 : edge] > 200).all(), "the legend's title is cut"
+lines = [line for line, *_ in replay.curves[:3]]
+assert len({(line.color.hex_rgb, line.line_style) for line in lines}) == 3
+replay.colour = "speed (m/s)"
+replay.next_colour()
+assert replay.colour == "difference (m)"
+assert [bool(actor.mapper.scalar_visibility) for actor in replay.actors.values()] == [True, True, False]
+assert [bool(window.plotter.scalar_bars[name].GetVisibility()) for name in replay.bodies] == [True, True, False]
+window.close()
+window.loop(replay.draw)
+print("closed")
+"""
+
+
+def test_three_runs_by_one_method_are_told_apart_and_another_body_is_plain(runs, tmp_path, ball):
+    X, F = ball
+    other = write_run(tmp_path / "other", X * [1, 2, 1], F, lambda X: X, TIMES, calibration="uniform")
+    with screen() as environment:
+        words = [sys.executable, "-c", THREE, *map(str, [*runs, other])]
         done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300)
     assert (done.returncode, done.stdout) == (0, "closed\n"), done.stderr
