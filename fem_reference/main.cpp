@@ -19,9 +19,16 @@ struct Arguments : SessionOptions {
 /// What several processes do not solve together; empty: nothing.
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
-  const std::string allowed = " under mpirun, expected linear statics";
+  const std::string allowed = " under mpirun, expected statics of a body that only loads and supports act on";
   if (scene.time.mode != TimeMode::Static) return "time.mode = \"dynamic\"" + allowed;
-  if (law_of(scene) != MaterialLaw::SmallStrain) return "material.law = neo_hookean" + allowed;
+  const bool keeps_volume = scene.volume && (scene.volume->is_exact || scene.volume->coefficient > 0);
+  for (const auto& [key, is_there] : {std::pair("obstacles", !scene.obstacles.empty()),
+                                      {"skin", scene.skin.has_value()},
+                                      {"volume", keeps_volume},
+                                      {"seams", !scene.seams.empty()},
+                                      {"handles", !scene.handles.empty()},
+                                      {"self_contact", scene.self_contact.is_on}})
+    if (is_there) return key + allowed;
   if (scene.reference.inertia_relief) return "reference.inertia_relief" + allowed + " without it";
   if (arguments.n_frequencies > 0) return "--frequencies" + allowed;
   if (arguments.budget) return "--budget" + allowed + " without it";
@@ -199,7 +206,7 @@ int main(int argc, char** argv) {
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
       "  fem_reference scene.toml --converge 2\n"
-      "  mpirun -np 8 fem_reference scene.toml        (linear statics)\n");
+      "  mpirun -np 8 fem_reference scene.toml        (statics without contact)\n");
   app.add_option(
          "--converge", arguments.n_levels,
          "also solve on this many meshes, each refined once more, and write the estimated error of the "

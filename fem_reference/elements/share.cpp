@@ -275,7 +275,10 @@ void Exchange::update(Eigen::Matrix4Xf& u) const {
 }
 
 Share::Share(TetMesh whole)
-    : mesh(std::move(whole)), n_own(static_cast<int>(mesh.T.cols())), n_tetrahedra(n_own) {}
+    : mesh(std::move(whole)),
+      n_own(static_cast<int>(mesh.T.cols())),
+      n_tetrahedra(n_own),
+      volume(testbed::volume(mesh.X, mesh.F)) {}
 
 std::unordered_map<int, int> Share::local() const {
   std::unordered_map<int, int> result;
@@ -294,12 +297,16 @@ Eigen::MatrixXd Share::rigid_motions(const Matrix3Xd& X) const {
                                 largest_over_processes((X.colwise() - centre).colwise().norm().maxCoeff()));
 }
 
-double Share::norm(const Matrix3Xd& u) const {
-  if (is_whole) return u.norm();
-  double squares = 0;
+double Share::dot(const Matrix3Xd& u, const Matrix3Xd& w) const {
+  if (is_whole) return u.cwiseProduct(w).sum();
+  double sum = 0;
   for (Eigen::Index i = 0; i < u.cols(); ++i)
-    if (!is_ghost[i]) squares += u.col(i).squaredNorm();
-  return std::sqrt(sum_over_processes(squares));
+    if (!is_ghost[i]) sum += u.col(i).dot(w.col(i));
+  return sum_over_processes(sum);
+}
+
+double Share::norm(const Matrix3Xd& u) const {
+  return std::sqrt(dot(u, u));
 }
 
 void Share::clear_ghosts(Matrix3Xd& u) const {

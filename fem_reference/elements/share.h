@@ -80,6 +80,7 @@ struct Share {
   /// As meshing::rigid_motions, about the mean of all; X 3 x n over the first nodes (m).
   Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X) const;
   /// Over all nodes, once each.
+  double dot(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& w) const;
   double norm(const Eigen::Matrix3Xd& u) const;
   /// Zero where others own.
   void clear_ghosts(Eigen::Matrix3Xd& u) const;

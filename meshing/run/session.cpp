@@ -283,14 +283,15 @@ void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::ve
 
 bool Session::needs_frame(int n, bool is_last) const {
   const int every = scene.output.frames_every;
-  return recorder_ && (is_last || (every > 0 && n % every == 0));
+  return is_last || (every > 0 && n % every == 0);
 }
 
 bool Session::needs_snapshot(int n, bool is_last) const {
-  return (recorder_ && scene.output.curves) || needs_frame(n, is_last);
+  return scene.output.curves || needs_frame(n, is_last);
 }
 
 void Session::add(const Snapshot& snapshot, int n, bool is_last) {
+  if (!is_first_) return;
   const std::scoped_lock guard(writing_);
   known_["n_steps_done"] = n;
   if (scene.output.curves) {
