@@ -61,8 +61,7 @@ ElasticSolid::Implementation::Implementation(Share part, int p)
                           : std::nullopt),
       solver(share, nodes.X, nodes.edges, tets, corners ? &*corners : nullptr),
       from_corners(nodes.X.cols(), nodes.n_vertices),
-      u(Matrix3Xd::Zero(3, nodes.X.cols())),
-      whole_u(Matrix3Xd::Zero(3, share.whole_X.cols())) {
+      u(Matrix3Xd::Zero(3, nodes.X.cols())) {
   std::vector<Eigen::Triplet<double>> weights;
   for (int i = 0; i < nodes.n_vertices; ++i) weights.emplace_back(i, i, 1.);
   for (int e = 0; e < nodes.edges.cols(); ++e)

@@ -48,15 +48,6 @@ const Share& ElasticSolid::share() const {
 int ElasticSolid::n_nodes() const {
   return self_->share.is_whole ? static_cast<int>(X().cols()) : self_->share.n_nodes;
 }
-const Matrix3Xd& ElasticSolid::whole_X() const {
-  return self_->share.is_whole ? X() : self_->share.whole_X;
-}
-const Eigen::MatrixXi& ElasticSolid::whole_cells() const {
-  return self_->share.is_whole ? cells() : self_->share.whole_cells;
-}
-const Matrix3Xd& ElasticSolid::whole_displacement() const {
-  return self_->share.is_whole ? displacement() : self_->whole_u;
-}
 int ElasticSolid::n_free_rigid_motions() const {
   return static_cast<int>(self_->rigid.cols());
 }
@@ -106,10 +97,11 @@ void ElasticSolid::Implementation::check_balance() const {
   sum_over_processes(driven);
   const Matrix3Xd forces = load.reshaped(3, u.cols());
   if (driven.norm() <= kBalanced * share.norm(forces)) return;
-  const Matrix3Xd X = share.gather(nodes.X), whole = share.gather(forces);
+  const int n = share.n_nodes;
+  const Matrix3Xd X = share.gather(nodes.X, n), whole = share.gather(forces, n);
   Eigen::MatrixXd motions(X.size(), rigid.cols());
   for (Eigen::Index k = 0; k < rigid.cols(); ++k)
-    motions.col(k) = share.gather(rigid.col(k).reshaped(3, u.cols())).reshaped();
+    motions.col(k) = share.gather(rigid.col(k).reshaped(3, u.cols()), n).reshaped();
   if (processes().rank == 0) meshing::check_balance(X, motions, whole, kExpected);
   throw std::runtime_error("loads drive free rigid motions");  // the first process says more
 }
@@ -480,10 +472,6 @@ ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   s.shrink(load_factor);
   s.report.elastic_energy = sum_over_processes(s.tets.energy(s.u));
   s.report.max_strain = s.max_strain(s.u);
-  if (s.share.is_whole) return s.report;
-  s.whole_u = s.share.gather(s.u);
-  s.constant.reset();  // the first process has a frame to write
-  s.solver.hold(s.is_constrained);
   return s.report;
 }
 

@@ -44,8 +44,8 @@ struct ElasticSolid::Implementation {
   Eigen::VectorXd load;   // N at full load, of component c of node i at 3 i + c
   Eigen::MatrixXd rigid;  // free rigid motions of the body as deformed, 3 node + component, orthonormal
 
-  Matrix3Xd u, whole_u;  // whole: on the first of several processes
-  double factor = 0;     // load factor of u
+  Matrix3Xd u;
+  double factor = 0;  // load factor of u
   std::optional<meshing::LoadPath> path;
   std::optional<TwoLevelSolver::Stiffness> constant;  // the stiffness of small strain, once it is needed
   double stiffness_norm = 0;                          // of `constant` (N/m)
