@@ -65,7 +65,7 @@ def factor_override(wanted: float, trial: Trial) -> str | None:
 
 def strain_of(folder: Path) -> float:
     """Of a run's last frame with tetrahedra: what all but a hundredth of the volume stays below."""
-    grid = pv.read(load_frames(folder).file(-1))
+    grid = load_frames(folder).grid(-1)
     X, u = (np.asarray(grid.point_data[name], dtype=float) for name in ("rest_position", "displacement"))
     return strain_in(X, grid.cells_dict[pv.CellType.TETRA], u)
 

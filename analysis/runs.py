@@ -100,15 +100,26 @@ class Run:
         return int(np.argmax([np.linalg.norm(self.frame(k).u, axis=1).max() for k in range(len(self.times))]))
 
     def file(self, index: int) -> Path:
-        """Of a frame. Raises RunError where it is missing or another than run.json lists."""
-        return _checked(self.folder, self.files[index].relative_to(self.folder).as_posix(), self.record)
+        """Of a frame. Raises RunError where it or a piece of it is missing or another than run.json lists."""
+        file = self._checked(self.files[index])
+        for piece in _pieces(file):
+            self._checked(piece)
+        return file
+
+    def _checked(self, file: Path) -> Path:
+        return _checked(self.folder, file.relative_to(self.folder).as_posix(), self.record)
+
+    def grid(self, index: int) -> pv.UnstructuredGrid:
+        """All nodes and cells of a frame, of one piece or several. Raises RunError as file does."""
+        pieces = [pv.read(piece) for piece in _pieces(self.file(index))]
+        return pieces[0] if len(pieces) == 1 else _joined(pieces)
 
     def frame(self, index: int) -> Frame:
         """The surface of one frame. Raises RunError for a missing, foreign, unreadable or non-finite file."""
         number = index % len(self.files)
         if number in self._kept:
             return self._kept[number]
-        frame = self._read(self.file(number))
+        frame = self._read(_pieces(self.file(number))[0])  # which has the surface
         if self.points:
             frame = self.points.frame(frame)
         if len(self._kept) * len(frame.X) < _KEPT:
@@ -137,6 +148,34 @@ class Run:
         if not len(F) or F.max() >= n:
             raise RunError(f"{file}: expected the triangles of {n} surface nodes")
         return Frame(X, u, F)
+
+
+def _pieces(file: Path) -> list[Path]:
+    """The files of a frame that several processes wrote; of one that one wrote itself."""
+    if file.suffix != ".pvtu":
+        return [file]
+    return [file.parent / piece.attrib["Source"] for piece in ElementTree.parse(file).iter("Piece")]
+
+
+def _joined(pieces: list[pv.UnstructuredGrid]) -> pv.UnstructuredGrid:
+    """The grid of which each has a part: nodes by their numbers there, cells by their kinds."""
+    numbers = [np.asarray(piece["node_id"]) for piece in pieces]
+    _, first = np.unique(np.concatenate(numbers), return_index=True)
+    kinds = {kind for piece in pieces for kind in piece.cells_dict}
+    cells = {
+        kind: np.concatenate(
+            [
+                number[piece.cells_dict[kind]]
+                for number, piece in zip(numbers, pieces, strict=True)
+                if kind in piece.cells_dict
+            ]
+        )
+        for kind in sorted(kinds)
+    }
+    whole = pv.UnstructuredGrid(cells, np.concatenate([piece.points for piece in pieces])[first])
+    for name in pieces[0].point_data:
+        whole[name] = np.concatenate([piece[name] for piece in pieces])[first]
+    return whole
 
 
 def built(folder: Path, program: str) -> Path:

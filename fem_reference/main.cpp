@@ -5,6 +5,7 @@
 #include "fem_reference/solid/richardson.h"
 #include "fem_reference/solid/simulation.h"
 #include "meshing/algebra/status.h"
+#include "meshing/run/hash.h"
 #include "meshing/run/session.h"
 #include "meshing/scene/check.h"
 #include "meshing/tetrahedra/tetrahedralize.h"
@@ -19,9 +20,16 @@ struct Arguments : SessionOptions {
 /// What several processes do not solve together; empty: nothing.
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
-  const std::string allowed = " under mpirun, expected linear statics";
+  const std::string allowed = " under mpirun, expected statics of a body that only loads and supports act on";
   if (scene.time.mode != TimeMode::Static) return "time.mode = \"dynamic\"" + allowed;
-  if (law_of(scene) != MaterialLaw::SmallStrain) return "material.law = neo_hookean" + allowed;
+  const bool keeps_volume = scene.volume && (scene.volume->is_exact || scene.volume->coefficient > 0);
+  for (const auto& [key, is_there] : {std::pair("obstacles", !scene.obstacles.empty()),
+                                      {"skin", scene.skin.has_value()},
+                                      {"volume", keeps_volume},
+                                      {"seams", !scene.seams.empty()},
+                                      {"handles", !scene.handles.empty()},
+                                      {"self_contact", scene.self_contact.is_on}})
+    if (is_there) return key + allowed;
   if (scene.reference.inertia_relief) return "reference.inertia_relief" + allowed + " without it";
   if (arguments.n_frequencies > 0) return "--frequencies" + allowed;
   if (arguments.budget) return "--budget" + allowed + " without it";
@@ -47,7 +55,9 @@ nlohmann::ordered_json study_convergence(Session& session, const SurfaceMesh& su
     levels.push_back({{"refine", refined.reference.refine},
                       {"n_dofs", solid.n_dofs()},
                       {"elastic_energy", report.elastic_energy}});
-    if (processes().rank == 0) u.push_back(solid.whole_displacement().leftCols(surface.X.cols()));
+    const auto n = static_cast<int>(surface.X.cols());
+    const Eigen::Matrix3Xd written = solid.share().written(solid.displacement(), n);
+    if (processes().rank == 0) u.push_back(written.leftCols(n));
   }
   if (u.empty()) return {};
   const RefinementError error = richardson(u, surface);
@@ -66,6 +76,9 @@ void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordere
   record["n_dofs"] = solid.n_dofs();
   record["degree"] = scene.reference.degree;
   record["is_free"] = solid.n_free_rigid_motions() > 0;
+  if (processes().n == 1) return;
+  record["n_nodes"] = solid.n_nodes();  // and not those that the first process writes
+  record["mesh_hash"] = meshing::hash_of_nodes(simulation.whole_X());
 }
 
 /// Seconds of the steps on one core of the 2020s, to a factor of two or so.
@@ -105,8 +118,11 @@ void report(const Simulation& simulation, const Scene& scene, nlohmann::ordered_
 }
 
 /// What processes told each other, and what each took: CPU time (s) without and within MPI's calls, largest memory (byte).
-void report_processes(nlohmann::ordered_json& record) {
+void report_processes(Session& session) {
   if (processes().n == 1) return;
+  nlohmann::ordered_json& record = session.record;
+  for (const std::string& outputs : to_first_process(session.outputs()))
+    record["outputs"].update(nlohmann::ordered_json::parse(outputs));
   const Traffic own = traffic();
   const double cpu = meshing::cpu_time();
   const auto each = [](double value) { return to_first_process(value); };
@@ -171,7 +187,9 @@ ExitStatus run(const Arguments& arguments) {
   // The surface as it was cut, refined or not, so that every run of it can be compared vertex by vertex.
   const int vtk_type = scene.reference.degree == 1 ? 10 : 24;
   const ElasticSolid& solid = simulation.solid();
-  session.open(simulation.X(), surface, {{vtk_type, solid.whole_cells()}}, processes().n_threads);
+  session.open(simulation.X(), surface, {{vtk_type, simulation.written_cells()}}, processes().n_threads,
+               {processes().n, processes().rank, simulation.written_nodes()});
+  from_first_process(0);  // it has emptied the folder
   session.record.update(to_json(attempts));
   if (is_first) session.record["tetrahedra"] = to_json(tet_quality(mesh.X, mesh.T));
   describe(simulation, scene, session.record);
@@ -182,7 +200,7 @@ ExitStatus run(const Arguments& arguments) {
     session.record["convergence"] = study_convergence(session, surface, mesh, arguments.n_levels);
   if (arguments.n_frequencies > 0)
     add_frequencies(solid, scene.reference.mass, arguments.n_frequencies, session.record);
-  report_processes(session.record);
+  report_processes(session);
   return session.finish();
 }
 
@@ -199,7 +217,7 @@ int main(int argc, char** argv) {
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
       "  fem_reference scene.toml --converge 2\n"
-      "  mpirun -np 8 fem_reference scene.toml        (linear statics)\n");
+      "  mpirun -np 8 fem_reference scene.toml        (statics without contact)\n");
   app.add_option(
          "--converge", arguments.n_levels,
          "also solve on this many meshes, each refined once more, and write the estimated error of the "

@@ -52,7 +52,7 @@ def _cut(run: Run, time: float, X: Array, rigid: Array) -> pv.PolyData | None:
 
     rigid: of the surface's vertices at rest X, what was taken off their displacement (n, 3).
     """
-    grid = pv.read(run.file(int(np.argmin(np.abs(run.times - time)))))
+    grid = run.grid(int(np.argmin(np.abs(run.times - time))))
     solids = [kind for kind in (pv.CellType.TETRA, pv.CellType.QUADRATIC_TETRA) if kind in grid.cells_dict]
     if not solids:
         return None

@@ -27,6 +27,7 @@ from . import (
     kernels,
     paper,
     peers,
+    processes,
     reference,
     scaling,
     stability,
@@ -96,6 +97,9 @@ STUDIES = {
     "peers": Study(
         "seconds of DOLFINx and CalculiX beside the reference's, and of Bullet beside the springs'",
         peers.study,
+    ),
+    "processes": Study(
+        "statics by one process, two and four under mpirun: seconds, messages, memory", processes.study
     ),
     "gallery": Study("every shipped scene run, and its picture for the gallery page", gallery.study),
     "accuracy": Study(

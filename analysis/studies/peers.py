@@ -64,7 +64,7 @@ def _environment() -> dict[str, str]:
 
 def tetrahedra_of(run: Run) -> tuple[Array, Array, Array]:
     """Corners (n, 3) in m, tetrahedra (m, 4) and displacement of the corners (n, 3) in m of a run of finite elements."""
-    grid = pv.read(run.file(-1))
+    grid = run.grid(-1)
     kinds = (pv.CellType.QUADRATIC_TETRA, pv.CellType.TETRA)
     cells = next(grid.cells_dict[kind][:, :4] for kind in kinds if kind in grid.cells_dict)
     corners, tetrahedra = np.unique(cells, return_inverse=True)

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <ctime>
 #include <iostream>
+#include <numeric>
 #include <string>
 #include <thread>
 
@@ -105,6 +106,20 @@ std::vector<double> to_first_process(double value) {
   std::vector<double> values(processes().n, value);
   if (processes().n > 1) MPI_Gather(&value, 1, MPI_DOUBLE, values.data(), 1, MPI_DOUBLE, 0, MPI_COMM_WORLD);
   return values;
+}
+
+std::vector<std::string> to_first_process(const std::string& text) {
+  const std::vector<double> sizes = to_first_process(static_cast<double>(text.size()));
+  if (processes().n == 1) return {text};
+  std::vector<int> n(sizes.begin(), sizes.end()), begin(n.size() + 1);
+  std::partial_sum(n.begin(), n.end(), begin.begin() + 1);
+  std::string all(begin.back(), ' ');
+  MPI_Gatherv(text.data(), static_cast<int>(text.size()), MPI_CHAR, all.data(), n.data(), begin.data(),
+              MPI_CHAR, 0, MPI_COMM_WORLD);
+  if (processes().rank > 0) return {};
+  std::vector<std::string> texts;
+  for (std::size_t p = 0; p < n.size(); ++p) texts.push_back(all.substr(begin[p], n[p]));
+  return texts;
 }
 
 Traffic traffic() {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 #include <vector>
 
 #include "meshing/base/mesh.h"
@@ -34,6 +35,7 @@ Eigen::MatrixXi from_first_process(Eigen::MatrixXi values);
 int from_first_process(int value);
 /// On process 0 what each has, in their order.
 std::vector<double> to_first_process(double value);
+std::vector<std::string> to_first_process(const std::string& text);
 
 /// What this process has told others, by MPI's own calls.
 struct Traffic {

@@ -275,7 +275,10 @@ void Exchange::update(Eigen::Matrix4Xf& u) const {
 }
 
 Share::Share(TetMesh whole)
-    : mesh(std::move(whole)), n_own(static_cast<int>(mesh.T.cols())), n_tetrahedra(n_own) {}
+    : mesh(std::move(whole)),
+      n_own(static_cast<int>(mesh.T.cols())),
+      n_tetrahedra(n_own),
+      volume(testbed::volume(mesh.X, mesh.F)) {}
 
 std::unordered_map<int, int> Share::local() const {
   std::unordered_map<int, int> result;
@@ -294,12 +297,16 @@ Eigen::MatrixXd Share::rigid_motions(const Matrix3Xd& X) const {
                                 largest_over_processes((X.colwise() - centre).colwise().norm().maxCoeff()));
 }
 
-double Share::norm(const Matrix3Xd& u) const {
-  if (is_whole) return u.norm();
-  double squares = 0;
+double Share::dot(const Matrix3Xd& u, const Matrix3Xd& w) const {
+  if (is_whole) return u.cwiseProduct(w).sum();
+  double sum = 0;
   for (Eigen::Index i = 0; i < u.cols(); ++i)
-    if (!is_ghost[i]) squares += u.col(i).squaredNorm();
-  return std::sqrt(sum_over_processes(squares));
+    if (!is_ghost[i]) sum += u.col(i).dot(w.col(i));
+  return sum_over_processes(sum);
+}
+
+double Share::norm(const Matrix3Xd& u) const {
+  return std::sqrt(dot(u, u));
 }
 
 void Share::clear_ghosts(Matrix3Xd& u) const {
@@ -307,10 +314,10 @@ void Share::clear_ghosts(Matrix3Xd& u) const {
     if (is_ghost[i]) u.col(static_cast<Eigen::Index>(i)).setZero();
 }
 
-Matrix3Xd Share::gather(const Matrix3Xd& u) const {
+Matrix3Xd Share::gather(const Matrix3Xd& u, int n) const {
   std::vector<int> own;
   for (int i = 0; i < static_cast<int>(is_ghost.size()); ++i)
-    if (!is_ghost[i]) own.push_back(i);
+    if (!is_ghost[i] && number[i] < n) own.push_back(i);
   MatrixXi numbers =
       Eigen::Map<const Eigen::VectorXi>(number.data(), static_cast<Eigen::Index>(number.size()))(own);
   Matrix3Xd values = u(Eigen::all, own);
@@ -319,7 +326,7 @@ Matrix3Xd Share::gather(const Matrix3Xd& u) const {
     send(values, 0);
     return Matrix3Xd(3, 0);
   }
-  Matrix3Xd whole(3, n_nodes);
+  Matrix3Xd whole(3, n);
   for (int p = 0; p < processes().n; ++p) {
     if (p > 0) {
       receive(numbers, p);
@@ -328,6 +335,38 @@ Matrix3Xd Share::gather(const Matrix3Xd& u) const {
     whole(Eigen::all, numbers.reshaped()) = values;
   }
   return whole;
+}
+
+/// Nodes here that are written behind the whole mesh's first n.
+std::vector<int> Share::behind(int n) const {
+  std::vector<int> nodes;
+  for (int i = 0; i < static_cast<int>(number.size()); ++i)
+    if (processes().rank > 0 || number[i] >= n) nodes.push_back(i);
+  return nodes;
+}
+
+std::vector<int> Share::written_nodes(int n) const {
+  if (is_whole) return {};
+  std::vector<int> numbers(processes().rank == 0 ? n : 0);
+  std::iota(numbers.begin(), numbers.end(), 0);
+  for (const int i : behind(n)) numbers.push_back(number[i]);
+  return numbers;
+}
+
+Matrix3Xd Share::written(const Matrix3Xd& u, int n) const {
+  if (is_whole) return u;
+  const Matrix3Xd first = gather(u, n), rest = u(Eigen::all, behind(n));
+  Matrix3Xd result(3, first.cols() + rest.cols());
+  result.leftCols(first.cols()) = first;
+  result.rightCols(rest.cols()) = rest;
+  return result;
+}
+
+MatrixXi Share::written_cells(const MatrixXi& cells, int n) const {
+  if (is_whole) return cells;
+  std::unordered_map<int, int> place;
+  for (const int node : written_nodes(n)) place.emplace(node, static_cast<int>(place.size()));
+  return cells.leftCols(n_own).unaryExpr([&](int i) { return place.at(number[i]); });
 }
 
 Share deal_out(TetMesh whole, int degree) {
@@ -349,13 +388,10 @@ Share deal_out(TetMesh whole, int degree) {
     }
   }
   whole = {};
-  MatrixXi faces = std::move(nodes.faces), cells = std::move(nodes.cells);
-  Matrix3Xd X = std::move(nodes.X);
+  MatrixXi faces = std::move(nodes.faces);
   nodes = Nodes({}, 1);
   Share share = share_of(hand, degree);
   share.faces = from_first_process(std::move(faces));
-  share.whole_X = std::move(X);
-  share.whole_cells = std::move(cells);
   return share;
 }
 

@@ -72,19 +72,29 @@ struct Share {
   std::vector<char> is_ghost;  ///< of these; empty: none
   Exchange exchange;
   Eigen::MatrixXi faces;  ///< of several processes, on all: the whole mesh's
-  Eigen::Matrix3Xd whole_X = Eigen::Matrix3Xd::Zero(3, 0);  ///< of several processes, on the first: its nodes
-  Eigen::MatrixXi whole_cells;                              ///< and theirs
 
   /// Number here of each node of the whole mesh that is here.
   std::unordered_map<int, int> local() const;
   /// As meshing::rigid_motions, about the mean of all; X 3 x n over the first nodes (m).
   Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X) const;
   /// Over all nodes, once each.
+  double dot(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& w) const;
   double norm(const Eigen::Matrix3Xd& u) const;
   /// Zero where others own.
   void clear_ghosts(Eigen::Matrix3Xd& u) const;
-  /// On the first of several processes a field over the whole mesh's nodes.
-  Eigen::Matrix3Xd gather(const Eigen::Matrix3Xd& u) const;
+  /// On the first of several processes a field over the whole mesh's first n nodes.
+  Eigen::Matrix3Xd gather(const Eigen::Matrix3Xd& u, int n) const;
+
+  /// What a process writes: the nodes that are here, on the first of several behind the whole mesh's first n.
+  /// @return their numbers in the whole mesh; empty: the same
+  std::vector<int> written_nodes(int n) const;
+  /// A field over these. All processes call it.
+  Eigen::Matrix3Xd written(const Eigen::Matrix3Xd& u, int n) const;
+  /// Places among these of the nodes of tetrahedra that this process counts.
+  Eigen::MatrixXi written_cells(const Eigen::MatrixXi& cells, int n) const;
+
+ private:
+  std::vector<int> behind(int n) const;
 };
 
 /// Shares of a mesh that the first process has, by recursive bisection of its nodes.

@@ -54,7 +54,7 @@ struct TetBatches::View {
   int n;  ///< nodes of a tetrahedron
   int n_points;
   double lambda, mu, kappa;
-  const int *node, *n_lanes, *place;
+  const int *node, *n_lanes, *n_counted, *place;
   const double *geometry, *shrinkage, *points, *weights;  ///< shrinkage: null where there is none
 };
 
@@ -146,7 +146,7 @@ struct Energy {
       }
       sum += batch.weight(q) * W;
     }
-    for (int lane = 0; lane < view.n_lanes[b]; ++lane) total += sum[lane];
+    for (int lane = 0; lane < view.n_counted[b]; ++lane) total += sum[lane];
   }
 };
 
@@ -325,24 +325,24 @@ int power_of_two(Eigen::Index n) {
 
 }  // namespace
 
-TetBatches::TetBatches(const Matrix3Xd& X, const Eigen::MatrixXi& cells, const std::vector<int>& mine,
+TetBatches::TetBatches(const Matrix3Xd& X, const Eigen::MatrixXi& cells, int n_own,
                        const std::vector<char>& is_ghost)
     : X_(X),
       n_nodes_per_cell_(static_cast<int>(cells.rows())),
-      n_tetrahedra_(static_cast<int>(mine.size())),
+      n_tetrahedra_(static_cast<int>(cells.cols())),
       is_subdivided_(X.cols() >= meshing::kLeastSubdivided) {
   number_nodes(X, cells, is_ghost);
 
   // Along the body: tetrahedra by their subdomain and their first node.
-  std::vector<std::array<int, 3>> order;  // subdomain, lowest rank, tetrahedron
-  for (const int t : mine) {
+  std::vector<std::array<int, 4>> order;  // subdomain, whether it does not count, lowest rank, tetrahedron
+  for (int t = 0; t < n_tetrahedra_; ++t) {
     int low = leaf_[cells(0, t)], high = low, first = rank_[cells(0, t)];
     for (const int i : cells.col(t)) {
       low = std::min(low, leaf_[i]);
       high = std::max(high, leaf_[i]);
       first = std::min(first, rank_[i]);
     }
-    order.push_back({{meshing::subdomain_of(low, high), first, t}});
+    order.push_back({{meshing::subdomain_of(low, high), t >= n_own, first, t}});
   }
   std::sort(order.begin(), order.end());
 
@@ -354,11 +354,13 @@ TetBatches::TetBatches(const Matrix3Xd& X, const Eigen::MatrixXi& cells, const s
       while (next < order.size() && next < first + kLanes && order[next][0] == subdomain) ++next;
       const int n_lanes = static_cast<int>(next - first);
       n_lanes_.push_back(n_lanes);
+      n_counted_.push_back(static_cast<int>(
+          std::count_if(&order[first], &order[first] + n_lanes, [](const auto& of) { return of[1] == 0; })));
       const std::size_t node = node_.size(), geometry = geometry_.size();
       node_.resize(node + static_cast<std::size_t>(n_nodes_per_cell_) * kLanes);
       geometry_.resize(geometry + kGeometry);
       for (int lane = 0; lane < kLanes; ++lane) {
-        const auto cell = cells.col(order[lane < n_lanes ? first + lane : first][2]);
+        const auto cell = cells.col(order[lane < n_lanes ? first + lane : first][3]);
         for (int a = 0; a < n_nodes_per_cell_; ++a) node_[node + a * kLanes + lane] = cell(a);
         Eigen::Matrix3d edges;
         for (int i = 0; i < 3; ++i) edges.col(i) = X.col(cell(i + 1)) - X.col(cell(0));
@@ -370,7 +372,7 @@ TetBatches::TetBatches(const Matrix3Xd& X, const Eigen::MatrixXi& cells, const s
     }
   }
   first_batch_.push_back(static_cast<int>(n_lanes_.size()));
-  make_pattern(cells, mine);
+  make_pattern(cells);
 }
 
 /// A node between leaves belongs to the subdomain that holds both, so that rows of different subdomains of
@@ -405,14 +407,13 @@ void TetBatches::number_nodes(const Matrix3Xd& X, const Eigen::MatrixXi& cells,
   std::partial_sum(first_row_.begin(), first_row_.end(), first_row_.begin());
 }
 
-void TetBatches::make_pattern(const Eigen::MatrixXi& cells, const std::vector<int>& mine) {
+void TetBatches::make_pattern(const Eigen::MatrixXi& cells) {
   const auto n = static_cast<int>(rank_.size());
-  std::vector<int> start(n + 1), cell_of(mine.size() * cells.rows());  // tetrahedra of each rank
-  for (const int t : mine)
-    for (const int i : cells.col(t)) ++start[rank_[i] + 1];
+  std::vector<int> start(n + 1), cell_of(cells.size());  // tetrahedra of each rank
+  for (const int i : cells.reshaped()) ++start[rank_[i] + 1];
   std::partial_sum(start.begin(), start.end(), start.begin());
   std::vector<int> next(start.begin(), start.end() - 1);
-  for (const int t : mine)
+  for (int t = 0; t < n_tetrahedra_; ++t)
     for (const int i : cells.col(t)) cell_of[next[rank_[i]]++] = t;
   std::vector<int> seen(n, -1);
   pattern_.row_start.push_back(0);
@@ -485,6 +486,7 @@ TetBatches::View TetBatches::view() const {
           kappa_,
           node_.data(),
           n_lanes_.data(),
+          n_counted_.data(),
           place_.data(),
           geometry_.data(),
           shrinkage_.empty() ? nullptr : shrinkage_.data(),

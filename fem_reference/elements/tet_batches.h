@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "fem_reference/elements/laws.h"
@@ -24,11 +25,11 @@ class TetBatches {
  public:
   /// @param X      3 x n nodes (m)
   /// @param cells  4 or 10 nodes per tetrahedron, in VTK's order
-  /// @param mine   the tetrahedra that count
+  /// @param n_own  tetrahedra whose energy counts, the first: that of the others is another process'
   /// @param is_ghost  nodes whose rows are not complete, as another process owns them, have the last ranks and belong to
   /// no subdomain; empty: none
-  TetBatches(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells, const std::vector<int>& mine,
-             const std::vector<char>& is_ghost = {});
+  TetBatches(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells,
+             int n_own = std::numeric_limits<int>::max(), const std::vector<char>& is_ghost = {});
 
   void set_law(ElasticLaw law, const LameConstants& lame, const TetRule& rule);
   /// Stress-free shrinkage at the points of the rule; empty: none.
@@ -36,7 +37,7 @@ class TetBatches {
   /// The same linear in each tetrahedron, from its values at nodes, of which corners count.
   void interpolate_shrinkage(const Eigen::VectorXd& at_nodes);
 
-  /// Elastic energy of displacements u, 3 x n (J); infinite where the law has none.
+  /// Elastic energy of displacements u, 3 x n (J), of the tetrahedra that count; infinite where the law has none.
   double energy(const Eigen::Matrix3Xd& u) const;
   /// Its gradient, 3 x n (N); not a number where the energy is infinite.
   void forces(const Eigen::Ref<const Eigen::Matrix3Xd>& u, Eigen::Matrix3Xd& f) const;
@@ -63,7 +64,7 @@ class TetBatches {
  private:
   void number_nodes(const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& cells,
                     const std::vector<char>& is_ghost);
-  void make_pattern(const Eigen::MatrixXi& cells, const std::vector<int>& mine);
+  void make_pattern(const Eigen::MatrixXi& cells);
   View view() const;
   template <class Visit>
   void for_each_point(const Visit& visit) const;
@@ -76,6 +77,7 @@ class TetBatches {
   std::vector<int> leaf_, rank_, first_row_;
   std::vector<int> first_batch_;  // of each subdomain
   std::vector<int> n_lanes_;      // of each batch: its tetrahedra, the rest repeat the first with volume 0
+  std::vector<int> n_counted_;    // of these in the energy, the first
   std::vector<int> node_;         // eight of each local node of each batch
   std::vector<double> geometry_;  // of each batch: gradients of barycentric coordinates 1 to 3, volumes
   std::vector<int> place_;        // of the blocks of pairs of local nodes

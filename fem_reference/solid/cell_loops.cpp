@@ -8,7 +8,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numeric>
 
 #include "fem_reference/solid/implementation.h"
 
@@ -50,12 +49,6 @@ Eigen::Matrix4Xd nodes_of_tet(int degree) {
   return points;
 }
 
-std::vector<int> all_cells(const TetMesh& mesh) {
-  std::vector<int> all(mesh.T.cols());
-  std::iota(all.begin(), all.end(), 0);
-  return all;
-}
-
 }  // namespace
 
 ElasticSolid::Implementation::Implementation(Share part, int p)
@@ -63,13 +56,12 @@ ElasticSolid::Implementation::Implementation(Share part, int p)
       degree(p),
       nodes(mesh, degree),
       space(triangulate(mesh, share.n_own, triangulation), degree, nodes),
-      tets(nodes.X, nodes.cells, all_cells(mesh), share.is_ghost),
-      corners(degree == 2 ? std::make_optional<TetBatches>(mesh.X, mesh.T, all_cells(mesh), share.is_ghost)
+      tets(nodes.X, nodes.cells, share.n_own, share.is_ghost),
+      corners(degree == 2 ? std::make_optional<TetBatches>(mesh.X, mesh.T, share.n_own, share.is_ghost)
                           : std::nullopt),
       solver(share, nodes.X, nodes.edges, tets, corners ? &*corners : nullptr),
       from_corners(nodes.X.cols(), nodes.n_vertices),
-      u(Matrix3Xd::Zero(3, nodes.X.cols())),
-      whole_u(Matrix3Xd::Zero(3, share.whole_X.cols())) {
+      u(Matrix3Xd::Zero(3, nodes.X.cols())) {
   std::vector<Eigen::Triplet<double>> weights;
   for (int i = 0; i < nodes.n_vertices; ++i) weights.emplace_back(i, i, 1.);
   for (int e = 0; e < nodes.edges.cols(); ++e)
@@ -155,23 +147,33 @@ void ElasticSolid::Implementation::find_load() {
 void ElasticSolid::Implementation::find_residual(const Matrix3Xd& at, double load_factor, Matrix3Xd& r) {
   shrink(load_factor);
   tets.forces(at, r);
-  share.clear_ghosts(r);
   size = std::max(size, load_factor * share.norm(load.reshaped(3, r.cols())) + share.norm(r));
   r = load_factor * load.reshaped(3, r.cols()) - r;
   for (const auto& energy : surface_at(load_factor)) energy->add_forces(nodes.X + at, r);
+  share.clear_ghosts(r);
   for (Eigen::Index k = 0; k < r.size(); ++k)
     if (is_constrained[k]) r.data()[k] = 0;
 }
 
 double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_factor) {
-  return energy(at, load_factor) - load_factor * load.dot(at.reshaped());
+  return sum_over_processes(energy(at, load_factor) - load_factor * load.dot(at.reshaped()));
 }
 
 double ElasticSolid::Implementation::energy(const Matrix3Xd& at, double load_factor) {
   shrink(load_factor);
   double sum = tets.energy(at);
-  for (const auto& acting : surface_at(load_factor)) sum += acting->energy(nodes.X + at);
+  for (const auto& acting : surface_at(load_factor))
+    sum += share.is_whole ? acting->energy(nodes.X + at) : owned_energy(*acting, nodes.X + at);
   return sum;
+}
+
+/// Of a pressure times an enclosed volume, which is of third degree in x: a third of the work of its forces [Euler].
+double ElasticSolid::Implementation::owned_energy(const meshing::SurfaceEnergy& pressure,
+                                                  const Matrix3Xd& x) const {
+  Matrix3Xd forces = Matrix3Xd::Zero(3, x.cols());
+  pressure.add_forces(x, forces);
+  share.clear_ghosts(forces);
+  return -forces.cwiseProduct(x).sum() / 3;
 }
 
 const meshing::SurfaceEnergies& ElasticSolid::Implementation::surface_at(double load_factor) const {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -48,15 +47,6 @@ const Share& ElasticSolid::share() const {
 }
 int ElasticSolid::n_nodes() const {
   return self_->share.is_whole ? static_cast<int>(X().cols()) : self_->share.n_nodes;
-}
-const Matrix3Xd& ElasticSolid::whole_X() const {
-  return self_->share.is_whole ? X() : self_->share.whole_X;
-}
-const Eigen::MatrixXi& ElasticSolid::whole_cells() const {
-  return self_->share.is_whole ? cells() : self_->share.whole_cells;
-}
-const Matrix3Xd& ElasticSolid::whole_displacement() const {
-  return self_->share.is_whole ? displacement() : self_->whole_u;
 }
 int ElasticSolid::n_free_rigid_motions() const {
   return static_cast<int>(self_->rigid.cols());
@@ -107,25 +97,13 @@ void ElasticSolid::Implementation::check_balance() const {
   sum_over_processes(driven);
   const Matrix3Xd forces = load.reshaped(3, u.cols());
   if (driven.norm() <= kBalanced * share.norm(forces)) return;
-  const Matrix3Xd X = share.gather(nodes.X), whole = share.gather(forces);
+  const int n = share.n_nodes;
+  const Matrix3Xd X = share.gather(nodes.X, n), whole = share.gather(forces, n);
   Eigen::MatrixXd motions(X.size(), rigid.cols());
   for (Eigen::Index k = 0; k < rigid.cols(); ++k)
-    motions.col(k) = share.gather(rigid.col(k).reshaped(3, u.cols())).reshaped();
+    motions.col(k) = share.gather(rigid.col(k).reshaped(3, u.cols()), n).reshaped();
   if (processes().rank == 0) meshing::check_balance(X, motions, whole, kExpected);
   throw std::runtime_error("loads drive free rigid motions");  // the first process says more
-}
-
-/// Tetrahedra that others count are taken out again.
-double ElasticSolid::Implementation::elastic_energy() const {
-  const double energy = tets.energy(u);
-  if (share.is_whole) return energy;
-  std::vector<int> others(tets.n_tetrahedra() - share.n_own);
-  std::iota(others.begin(), others.end(), share.n_own);
-  TetBatches of_others(nodes.X, nodes.cells, others);
-  of_others.set_law(law, lame, rule(degree));
-  if (loads.shrinkage)
-    of_others.set_shrinkage([&](const Vector3d& x) { return loads.shrinkage(x, shrunk_at); });
-  return sum_over_processes(energy - of_others.energy(u));
 }
 
 double ElasticSolid::Implementation::constrained_displacement(int k, double load_factor) const {
@@ -149,7 +127,8 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.surface = {};
   if (loads.follower_pressure) {
     Eigen::VectorXd pressure(s.nodes.faces.cols());
-    for (int f = 0; f < pressure.size(); ++f) pressure(f) = loads.follower_pressure(f);
+    for (int f = 0; f < pressure.size(); ++f)
+      pressure(f) = loads.follower_pressure(s.share.is_whole ? f : s.share.face[f]);
     s.surface = meshing::followers_of(pressure, s.nodes.faces);
   }
   s.surface.insert(s.surface.end(), loads.surface.begin(), loads.surface.end());
@@ -161,8 +140,8 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.constant.reset();
   s.stiffness_norm = 0;
   s.shrunk_at = -1;
-  if (!s.share.is_whole && (law != ElasticLaw::SmallStrain || !s.surface.empty()))
-    throw std::invalid_argument("several processes solve linear statics alone");
+  if (!s.share.is_whole && !loads.surface.empty())
+    throw std::invalid_argument("several processes solve what nothing but loads and supports act on");
   s.is_constrained.assign(s.nodes.X.size(), false);
   for (const ConstrainedComponent& h : constrained) s.is_constrained[3 * h.node + h.component] = true;
   const auto rows_of = [&](const TetBatches& on) {
@@ -217,8 +196,7 @@ bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double resid
   report.residual = size > 0 ? residual / size : 0;
   // Forces at nodes are sums of stresses on the faces of elements, of differences of displacements. Rounding of
   // these is what no solver makes less [Rigal & Gaches 1967].
-  const double h = share.is_whole ? std::cbrt(volume(mesh.X, mesh.F) / static_cast<double>(at.cols()))
-                                  : std::cbrt(share.volume / share.n_nodes);
+  const double h = std::cbrt(share.volume / static_cast<double>(share.is_whole ? at.cols() : share.n_nodes));
   const double rounding = share.norm(at) * std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h,
                                                     std::numeric_limits<double>::epsilon() * stiffness_norm);
   report.is_converged = residual <= std::max(report.tolerance * size, rounding);
@@ -285,6 +263,13 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
   factor = load_factor;
 }
 
+void ElasticSolid::Implementation::remove_rigid(Matrix3Xd& forces) const {
+  Eigen::VectorXd parts = rigid.transpose() * forces.reshaped();
+  sum_over_processes(parts);
+  forces.reshaped() -= rigid * parts;
+  share.clear_ghosts(forces);
+}
+
 /// Adds to x the solution of K x = r by conjugate gradients in double precision, whose products are forces.
 void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double relative, Matrix3Xd& x) {
   constexpr int kMaxIterations = 2000;
@@ -295,10 +280,7 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
     for (Eigen::Index k = 0; k < y.size(); ++k)
       if (is_constrained[k]) y.data()[k] = 0;
     share.clear_ghosts(y);
-    Eigen::VectorXd parts = rigid.transpose() * y.reshaped();
-    sum_over_processes(parts);
-    y.reshaped() -= rigid * parts;
-    share.clear_ghosts(y);
+    remove_rigid(y);
   };
   Summed<Matrix3Xd> rest(r), solution(Matrix3Xd::Zero(3, r.cols()));
   restrict_to_free(rest);
@@ -347,6 +329,7 @@ bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double l
     hold(A);
     dx = Matrix3Xd::Zero(3, r.cols());
     const LinearReport linear = solver.solve(A, rigid, r, relative, dx);
+    share.exchange.update(dx);
     report.solver = linear.solver;
     report.linear_iterations += linear.iterations;
     if (is_stiff(surface)) balance_rigid_motions(A, at, r, dx);
@@ -362,9 +345,13 @@ bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double l
 void ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd& x) {
   constexpr double kRough = 1e-3;
   Matrix3Xd moved = x - u, r;
-  if (moved.isZero(0)) return;
-  for (Eigen::Index k = 0; k < moved.size(); ++k)
-    if (!is_constrained[k] && moved.data()[k] != 0) return;  // predicted from earlier equilibria
+  double of_supports = 0, of_others = 0;
+  for (Eigen::Index k = 0; k < moved.size(); ++k) {
+    double& largest = is_constrained[k] ? of_supports : of_others;
+    largest = std::max(largest, std::abs(moved.data()[k]));
+  }
+  if (largest_over_processes(of_supports) == 0) return;
+  if (largest_over_processes(of_others) > 0) return;  // predicted from earlier equilibria
   find_rigid_motions(u);
   find_residual(u, load_factor, r);
   TwoLevelSolver::Stiffness A = stiffness_at(u, load_factor, meshing::Curvature::Exact);
@@ -373,6 +360,7 @@ void ElasticSolid::Implementation::follow_supports(double load_factor, Matrix3Xd
     if (is_constrained[k]) r.data()[k] = 0;
   hold(A);
   const LinearReport linear = solver.solve(A, rigid, r, kRough, x);
+  share.exchange.update(x);
   report.solver = linear.solver;
   report.linear_iterations += linear.iterations;
   ++report.newton_iterations;
@@ -415,18 +403,19 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
   Matrix3Xd start = x;
   double first = 0, residual = 0;
   meshing::Objective objective;
+  objective.dot = [&](const Matrix3Xd& a, const Matrix3Xd& b) { return share.dot(a, b); };
   objective.value = [&] { return potential(x, load_factor); };
   objective.negative_gradient = [&](Matrix3Xd& r) {
     find_residual(x, load_factor, r);
     find_rigid_motions(x);
-    r.reshaped() -= rigid * (rigid.transpose() * r.reshaped()).eval();
+    remove_rigid(r);
   };
   report.is_definite = true;
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport& newton) {
     // Downhill of a saddle lies another path: shorter load steps keep to this one.
     if (!report.is_definite && surface.empty()) newton.status = meshing::Status::NotConverged;
     if (newton.status != meshing::Status::Ok) return true;
-    residual = r.norm();
+    residual = share.norm(r);
     first = std::max(first, residual);
     // Nothing holds the body any more.
     if (is_stiff && (x - guess).colwise().norm().maxCoeff() > extent)
@@ -435,7 +424,7 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
   };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
     report.is_definite =
-        solve_direction(x, load_factor, r, std::clamp(kForcing * r.norm() / first, kDeepest, kForcing), dx);
+        solve_direction(x, load_factor, r, std::clamp(kForcing * residual / first, kDeepest, kForcing), dx);
     return report.is_definite;
   };
   objective.largest_step = [&](const Matrix3Xd& dx) {
@@ -448,9 +437,8 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
     for (const auto& energy : surface) energy->follow(nodes.X + start, nodes.X + x);
     start = x;
   };
-  const meshing::NewtonOptions options{is_stiff ? kMaxNewtonOfContact : kMaxNewton,
-                                       material.E * volume(mesh.X, mesh.F), is_stiff ? kLastStep * extent : 0,
-                                       false, is_stiff};
+  const meshing::NewtonOptions options{is_stiff ? kMaxNewtonOfContact : kMaxNewton, material.E * share.volume,
+                                       is_stiff ? kLastStep * extent : 0, false, is_stiff};
   const meshing::NewtonReport newton = minimise_constrained(
       surface, [&] { return minimise(objective, options); }, [&]() -> Matrix3Xd { return nodes.X + x; });
   report.newton_iterations += newton.iterations;
@@ -482,12 +470,8 @@ ElasticReport ElasticSolid::solve(double load_factor, StageTimer* timer) {
   }
   if (!s.report.is_converged) return s.report;
   s.shrink(load_factor);
-  s.report.elastic_energy = s.elastic_energy();
+  s.report.elastic_energy = sum_over_processes(s.tets.energy(s.u));
   s.report.max_strain = s.max_strain(s.u);
-  if (s.share.is_whole) return s.report;
-  s.whole_u = s.share.gather(s.u);
-  s.constant.reset();  // the first process has a frame to write
-  s.solver.hold(s.is_constrained);
   return s.report;
 }
 

@@ -95,10 +95,6 @@ class ElasticSolid {
   const Share& share() const;
   int n_nodes() const;  ///< of the whole mesh, as the next
   int n_dofs() const { return 3 * n_nodes(); }
-  /// Of the whole mesh; of several processes the first alone has it.
-  const Eigen::Matrix3Xd& whole_X() const;
-  const Eigen::MatrixXi& whole_cells() const;
-  const Eigen::Matrix3Xd& whole_displacement() const;
 
   /// Takes the problem over and assembles its loads.
   /// @param kappa  of volume.local (Pa), neo-Hookean

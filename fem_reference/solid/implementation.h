@@ -44,8 +44,8 @@ struct ElasticSolid::Implementation {
   Eigen::VectorXd load;   // N at full load, of component c of node i at 3 i + c
   Eigen::MatrixXd rigid;  // free rigid motions of the body as deformed, 3 node + component, orthonormal
 
-  Matrix3Xd u, whole_u;  // whole: on the first of several processes
-  double factor = 0;     // load factor of u
+  Matrix3Xd u;
+  double factor = 0;  // load factor of u
   std::optional<meshing::LoadPath> path;
   std::optional<TwoLevelSolver::Stiffness> constant;  // the stiffness of small strain, once it is needed
   double stiffness_norm = 0;                          // of `constant` (N/m)
@@ -55,7 +55,6 @@ struct ElasticSolid::Implementation {
 
   void find_rigid_motions(const Matrix3Xd& at);
   void check_balance() const;
-  double elastic_energy() const;  // of u, in all processes
   double constrained_displacement(int k, double load_factor) const;
   void prescribe(double load_factor, Matrix3Xd& at) const;
   void find_load();
@@ -63,8 +62,9 @@ struct ElasticSolid::Implementation {
 
   /// Forces out of balance on what is free.
   void find_residual(const Matrix3Xd& at, double load_factor, Matrix3Xd& r);
-  double potential(const Matrix3Xd& at, double load_factor);
-  double energy(const Matrix3Xd& at, double load_factor);  // without dead loads
+  double potential(const Matrix3Xd& at, double load_factor);  // in all processes
+  double energy(const Matrix3Xd& at, double load_factor);     // without dead loads, this process' part
+  double owned_energy(const meshing::SurfaceEnergy& pressure, const Matrix3Xd& x) const;
   const meshing::SurfaceEnergies& surface_at(double load_factor) const;
   /// A load step to `load_factor` begins from the last equilibrium.
   void begin_step(double load_factor);
@@ -83,6 +83,8 @@ struct ElasticSolid::Implementation {
   /// Over nodes, nothing constrained.
   void find_tangent(const Matrix3Xd& at, double load_factor, meshing::Curvature curvature,
                     Linearisation& result) const;
+
+  void remove_rigid(Matrix3Xd& forces) const;  // what drives free rigid motions
 
   void solve_linear(double load_factor, StageTimer* timer);
   void iterate_in_double(const Matrix3Xd& r, double tolerance, Matrix3Xd& x);

@@ -332,14 +332,20 @@ Snapshot Simulation::snapshot() const {
             contact_at(u),
             integrator_->ledger().columns(integrator_->surface(), kinetic, elastic)};
   }
+  const Eigen::Matrix3Xd& u = solid_.displacement();
+  std::optional<double> largest;
+  if (!solid_.share().is_whole)
+    largest = std::abs(scale_) * largest_over_processes(u.colwise().norm().maxCoeff());
   return {load_factor(),
           load_factor(),
-          frame_ * (scale_ * solid_.whole_displacement()),
+          frame_ * (scale_ * solid_.share().written(u, n_surface())),
           0,
           scale_ * scale_ * equilibrium_.elastic_energy,
-          strains(solid_.displacement(), scale_ * equilibrium_.max_strain),
+          strains(u, scale_ * equilibrium_.max_strain),
           {},
-          contact_at(solid_.displacement())};
+          contact_at(u),
+          {},
+          largest};
 }
 
 std::string Simulation::solver() const {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
@@ -60,8 +61,13 @@ class Simulation {
 
   /// Its coordinates are those of assemble_scene.
   const ElasticSolid& solid() const { return solid_; }
-  /// 3 x n_nodes at rest, along x, y and z (m); of several processes the first alone has it, as it has snapshots.
-  Eigen::Matrix3Xd X() const { return frame_ * solid_.whole_X(); }
+  /// Of frames and snapshots, as Share has it; on the first of several processes behind the surface's vertices.
+  std::vector<int> written_nodes() const { return solid_.share().written_nodes(n_surface()); }
+  Eigen::MatrixXi written_cells() const { return solid_.share().written_cells(solid_.cells(), n_surface()); }
+  /// 3 x n over these, at rest, along x, y and z (m).
+  Eigen::Matrix3Xd X() const { return frame_ * solid_.share().written(solid_.X(), n_surface()); }
+  /// On the first of several processes that of all nodes.
+  Eigen::Matrix3Xd whole_X() const { return frame_ * solid_.share().written(solid_.X(), solid_.n_nodes()); }
   const ElasticReport& equilibrium() const { return equilibrium_; }   ///< of statics: sums over steps
   const Integrator* integrator() const { return integrator_.get(); }  ///< in time
   double step() const { return step_; }                               ///< of time (s)
@@ -82,6 +88,7 @@ class Simulation {
   void release_nodes();
   void check_balance();
   void check_strain();
+  int n_surface() const { return static_cast<int>(surface_.X.cols()); }
   const Scheme& scheme() const { return find_scheme(scene_.reference.integrator); }
   double load_factor() const { return static_cast<double>(n_done_) / n_steps_; }
 

@@ -253,7 +253,7 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
       advance(static_cast<float>(dot(rest, p) / dot(p, Ap)), p, Ap, solution, rest);
     }
     report.is_definite = report.curvature >= -kRounding || tolerance <= kNear;
-    if (!report.is_definite && solution.isZero(0)) pass.precondition(rest, solution);  // leads downhill
+    if (!report.is_definite && dot(solution, solution) == 0) pass.precondition(rest, solution);  // downhill
     report.iterations = before + n;
     return n;
   };

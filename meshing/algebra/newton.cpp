@@ -18,7 +18,7 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
   };
   while (true) {
     f.negative_gradient(r);
-    const double norm = r.norm();
+    const double norm = std::sqrt(f.dot(r, r));
     if (!std::isfinite(norm)) return stop(Status::Diverged, "the gradient is not finite");
     if (norm == 0 || (f.is_end && f.is_end(r, report))) return report;
     if (report.iterations == options.max_iterations)
@@ -27,8 +27,7 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
     const bool is_exact = f.direction(r, dx);
     ++report.iterations;
 
-    const double value = reached && !options.is_lagged ? *reached : f.value(),
-                 slope = -r.cwiseProduct(dx).sum();
+    const double value = reached && !options.is_lagged ? *reached : f.value(), slope = -f.dot(r, dx);
     const bool is_flat = -slope < kRounding * (std::abs(value) + options.scale);
     const auto value_after = [&](double step) {
       f.move(dx, step);
@@ -36,7 +35,7 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
     };
     const auto has_smaller_gradient = [&] {
       f.negative_gradient(r);
-      return r.norm() < norm;
+      return std::sqrt(f.dot(r, r)) < norm;
     };
     bool is_accepted = false;
     double step = f.largest_step(dx), moved = 0;

@@ -17,6 +17,9 @@ struct NewtonReport {
 
 /// A function of fields (3 x n) to minimise, at a point that it holds itself.
 struct Objective {
+  /// Of fields; the same in all processes that share them.
+  std::function<double(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b)> dot =
+      [](const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) { return a.cwiseProduct(b).sum(); };
   std::function<double()> value;
   std::function<void(Eigen::Matrix3Xd& r)> negative_gradient;
   /// Whether the iteration ends at the point, as a minimum unless the report is told else; r: negative

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -27,6 +28,7 @@ struct Snapshot {
   std::vector<Field> fields = {};                            ///< besides displacement
   std::vector<std::pair<std::string, double>> contact = {};  ///< contact_columns
   std::vector<std::pair<std::string, double>> ledger = {};   ///< of motion: EnergyLedger::columns (J)
+  std::optional<double> max_displacement = {};               ///< m, where u is that of some nodes alone
 };
 
 }  // namespace testbed::meshing

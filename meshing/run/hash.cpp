@@ -52,6 +52,10 @@ std::string hash_of(const std::string& bytes) {
   return fnv.digits();
 }
 
+std::string hash_of_nodes(const Eigen::Matrix3Xd& X) {
+  return hash_of({reinterpret_cast<const char*>(X.data()), X.size() * sizeof(double)});
+}
+
 std::string crc32_of(const std::string& bytes) {
   // Eight bytes at a time: tables[k][b] is what byte b becomes k bytes later.
   static const auto kTables = [] {

@@ -1,6 +1,7 @@
 // Hashes, by which a run knows that it has been done before.
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,8 @@ namespace testbed::meshing {
 
 /// 16 hex digits of a 64-bit hash of bytes.
 std::string hash_of(const std::string& bytes);
+/// That of nodes' coordinates.
+std::string hash_of_nodes(const Eigen::Matrix3Xd& X);
 
 /// 8 hex digits of the CRC-32 of bytes, which zlib of other languages computes, too: of files that are read
 /// again, at a gigabyte in a second or two.

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <ctime>
 #include <fstream>
+#include <regex>
 #include <sstream>
 #include <stdexcept>
 #include <string_view>
@@ -24,9 +25,8 @@ namespace {
 
 /// Whether a file is a frame, also one half written.
 bool is_frame(const std::string& name) {
-  const std::size_t end = name.find_first_not_of("0123456789", 6);
-  return name.rfind("frame_", 0) == 0 && end != std::string::npos && end >= 12 &&
-         (name.substr(end) == ".vtu" || name.substr(end) == ".vtu.tmp");
+  static const std::regex kFrame(R"(frame_\d{6,}(_\d+)?\.p?vtu(\.tmp)?)");
+  return std::regex_match(name, kFrame);
 }
 
 /// What run.json says of a file.
@@ -94,10 +94,11 @@ void remove_run(const fs::path& folder, const Recorded* kept) {
   for (const fs::path& frame : frames) fs::remove(frame);
 }
 
-Recorder::Recorder(fs::path folder, std::vector<CellBlock> cells, int n_surface, const Recorded* before)
-    : folder_(std::move(folder)), cells_(std::move(cells)), n_surface_(n_surface) {
+Recorder::Recorder(fs::path folder, std::vector<CellBlock> cells, int n_surface, const Recorded* before,
+                   Piece piece)
+    : folder_(std::move(folder)), cells_(std::move(cells)), n_surface_(n_surface), piece_(std::move(piece)) {
   fs::create_directories(folder_ / "frames");
-  remove_run(folder_, before);
+  if (piece_.number == 0) remove_run(folder_, before);
   if (before) recorded_ = *before;
 }
 
@@ -110,25 +111,33 @@ void Recorder::add_frame(double time, const Eigen::Matrix3Xd& X, const Eigen::Ma
                          const std::vector<Field>& fields) {
   end_frame();
   char name[32];
-  std::snprintf(name, sizeof name, "frames/frame_%06zu.vtu", recorded_.frames.size());
-  frame_ = {time, name};
+  std::snprintf(name, sizeof name, "frames/frame_%06zu", recorded_.frames.size());
+  frame_ = {time, name + std::string(piece_.n_pieces > 1 ? ".pvtu" : ".vtu")};
+  std::vector<std::string> pieces;
+  for (int p = 0; p < piece_.n_pieces && piece_.n_pieces > 1; ++p)
+    pieces.push_back(name + ("_" + std::to_string(p) + ".vtu"));
   std::vector<Field> all{{"displacement", u}, {"rest_position", X}};
   all.insert(all.end(), fields.begin(), fields.end());
-  is_written_ =
-      std::async(std::launch::async, [this, x = Eigen::Matrix3Xd(X + u), all = std::move(all)]() mutable {
-        nlohmann::ordered_json stamp =
-            stamp_of(write_vtu(folder_ / frame_.second, x, cells_, all,
-                               {{"TimeValue", frame_.first}, {"n_surface", n_surface_}}));
+  is_written_ = std::async(
+      std::launch::async, [this, pieces, x = Eigen::Matrix3Xd(X + u), all = std::move(all)]() mutable {
+        const std::string& file = pieces.empty() ? frame_.second : pieces[piece_.number];
+        nlohmann::ordered_json stamps{
+            {file,
+             stamp_of(write_vtu(folder_ / file, x, cells_, all,
+                                {{"TimeValue", frame_.first}, {"n_surface", n_surface_}}, piece_.node_id))}};
+        if (!pieces.empty() && piece_.number == 0)
+          stamps[frame_.second] = stamp_of(write_pvtu(folder_ / frame_.second, pieces, all));
         x = {};  // and not when the next frame ends this one
         all = {};
-        return stamp;
+        return stamps;
       });
 }
 
 /// Waits for the frame that is being written, and adds it to the list.
 void Recorder::end_frame() {
   if (!is_written_.valid()) return;
-  recorded_.outputs[frame_.second] = is_written_.get();
+  recorded_.outputs.update(is_written_.get());
+  if (piece_.number > 0) return recorded_.frames.push_back(frame_);
   if (!list_.is_open()) {
     list_.open(folder_ / "frames.pvd", std::ios::binary);
     list_ << list_of(recorded_.frames);
@@ -190,7 +199,7 @@ void Recorder::finish(nlohmann::ordered_json record) {
   if (!recorded_.frames.empty()) write("frames.pvd", list_of(recorded_.frames));
   if (!recorded_.columns.empty()) write("curves.csv", table_of(recorded_));
   record["peak_memory"] = peak_memory();
-  record["outputs"] = recorded_.outputs;
+  record["outputs"].update(recorded_.outputs);
   write_file(folder_ / "run.json", record.dump(2) + "\n");
   if (record["status"] != kStoppedEarly) fs::remove(folder_ / kCheckpointFile);
 }

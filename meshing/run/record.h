@@ -4,6 +4,8 @@
 //   frames/frame_000000.vtu ... deformed points; field data TimeValue (s) and n_surface;
 //                               point data displacement (m), velocity (m/s), node_id;
 //                               cells: the surface triangles first, then springs or tetrahedra
+//   frames/frame_000000.pvtu ... of several processes in their place: a list of pieces frame_000000_0.vtu and on, of which
+//                               the first has the surface; node_id is a node's number in the whole mesh
 //   curves.csv                  one row per step, as it is taken; named columns, SI units
 //   run.json                    written last: a folder without it is not a result; its `outputs` name each of these
 //                               files with its bytes and its CRC-32
@@ -32,12 +34,22 @@ struct CellBlock {
 };
 
 /// Writes an unstructured grid (.vtu, raw appended, zlib) to a temporary name and renames it. Point data
-/// node_id (integers) is added to the given fields.
+/// node_id (integers; empty: 0, 1, ...) is added to the given fields.
 /// @return what was written
 /// @throws std::runtime_error when a value is not finite or the file cannot be written.
 std::string write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
                       const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
-                      const std::map<std::string, double>& field_data);
+                      const std::map<std::string, double>& field_data, const std::vector<int>& node_id = {});
+
+/// What one of several processes writes of every frame.
+struct Piece {
+  int n_pieces = 1, number = 0;
+  std::vector<int> node_id = {};  ///< of its nodes, in the whole mesh; empty: the same
+};
+
+/// Writes the list (.pvtu) of a frame's pieces, which write_vtu has made, and returns it.
+std::string write_pvtu(const std::filesystem::path& file, const std::vector<std::string>& pieces,
+                       const std::vector<Field>& point_fields);
 
 /// What a run has left so far.
 struct Recorded {
@@ -63,8 +75,9 @@ void remove_run(const std::filesystem::path& folder, const Recorded* kept = null
 class Recorder {
  public:
   /// Removes an older run, but for what this one goes on from. `cells` are those of every frame, surface triangles first.
+  /// @param piece  of several processes each has a recorder, and the first alone curves and run.json
   Recorder(std::filesystem::path folder, std::vector<CellBlock> cells, int n_surface,
-           const Recorded* before = nullptr);
+           const Recorded* before = nullptr, Piece piece = {});
 
   /// @throws std::runtime_error as add_frame
   const Recorded& recorded();
@@ -80,7 +93,7 @@ class Recorder {
   void add_row(const std::vector<std::pair<std::string, double>>& row);
 
   /// Writes curves.csv if it has rows and, last of all, run.json, with the largest memory of the run (byte) and the list
-  /// of all files. A checkpoint is left to a run that was stopped early alone.
+  /// of all files, to which the record's own `outputs` belong. A checkpoint is left to a run that was stopped early alone.
   void finish(nlohmann::ordered_json record);
 
  private:
@@ -90,11 +103,12 @@ class Recorder {
   std::filesystem::path folder_;
   std::vector<CellBlock> cells_;
   int n_surface_;
+  Piece piece_;
   Recorded recorded_;
   std::ofstream list_, curves_;           ///< frames.pvd and curves.csv, for those who watch
   std::pair<double, std::string> frame_;  ///< time and name of the one that is being written
   std::future<nlohmann::ordered_json>
-      is_written_;  ///< gives its stamp; last: its thread sees all of the above
+      is_written_;  ///< gives the stamps of its files; last: its thread sees all of the above
 };
 
 /// Largest resident memory of this process so far (byte); unlike getrusage's, not that of who started it.

@@ -253,18 +253,19 @@ void Session::foresee(Eigen::Index n_nodes, std::optional<double> seconds) {
 }
 
 void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::vector<CellBlock> cells,
-                   int n_threads) {
+                   int n_threads, Piece piece) {
   const auto n_surface = static_cast<int>(solved.X.cols());
   X_ = X;
   solved_ = solved;
-  cells.insert(cells.begin(), CellBlock{5, solved.F});
+  if (is_first_) cells.insert(cells.begin(), CellBlock{5, solved.F});
   const std::scoped_lock guard(writing_);
-  if (is_first_) recorder_.emplace(out_, std::move(cells), n_surface, before_ ? &before_->recorded : nullptr);
+  recorder_.emplace(out_, std::move(cells), n_surface, before_ ? &before_->recorded : nullptr,
+                    std::move(piece));
   nlohmann::ordered_json head = environment_record(program_, n_threads);
   head["name"] = scene.name;
   head["law"] = name_of(law_of(scene));
   head["input_hash"] = hash_;
-  head["mesh_hash"] = hash_of({reinterpret_cast<const char*>(X.data()), X.size() * sizeof(double)});
+  head["mesh_hash"] = hash_of_nodes(X);
   head["problem_hash"] = hash_of(bytes_of(problem_));
   head["n_surface"] = n_surface;
   head["n_nodes"] = X.cols();
@@ -283,17 +284,17 @@ void Session::open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::ve
 
 bool Session::needs_frame(int n, bool is_last) const {
   const int every = scene.output.frames_every;
-  return recorder_ && (is_last || (every > 0 && n % every == 0));
+  return is_last || (every > 0 && n % every == 0);
 }
 
 bool Session::needs_snapshot(int n, bool is_last) const {
-  return (recorder_ && scene.output.curves) || needs_frame(n, is_last);
+  return scene.output.curves || needs_frame(n, is_last);
 }
 
 void Session::add(const Snapshot& snapshot, int n, bool is_last) {
   const std::scoped_lock guard(writing_);
   known_["n_steps_done"] = n;
-  if (scene.output.curves) {
+  if (scene.output.curves && is_first_) {
     const Eigen::Matrix3Xd x = solved_.X + snapshot.u.leftCols(solved_.X.cols());
     std::vector<std::pair<std::string, double>> row{
         {"time", snapshot.time},
@@ -302,7 +303,8 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
         {"area", area(x, solved_.F)},
         {"kinetic_energy", snapshot.kinetic_energy},
         {"elastic_energy", snapshot.elastic_energy},
-        {"max_displacement", snapshot.u.colwise().norm().maxCoeff()}};
+        {"max_displacement",
+         snapshot.max_displacement ? *snapshot.max_displacement : snapshot.u.colwise().norm().maxCoeff()}};
     row.insert(row.end(), snapshot.strains.begin(), snapshot.strains.end());
     row.insert(row.end(), snapshot.contact.begin(), snapshot.contact.end());
     row.insert(row.end(), snapshot.ledger.begin(), snapshot.ledger.end());
@@ -328,7 +330,7 @@ ExitStatus Session::finish() {
   }
   if (const double least = record.value(kLeastJacobian, 1.); least <= 0 && is_first_ && !is_quiet_)
     std::cerr << "warning: tetrahedra were turned inside out: det F down to " << least << " at their nodes\n";
-  if (recorder_) recorder_->finish(record);
+  if (recorder_ && is_first_) recorder_->finish(record);
   return tell(record);
 }
 

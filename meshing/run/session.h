@@ -70,12 +70,15 @@ class Session {
   /// takes less. Keeps them in the record.
   void foresee(Eigen::Index n_nodes, std::optional<double> seconds);
 
-  /// Frames hold the triangles of the surface that is solved on, then these cells, over nodes X (3 x n, m) at rest.
+  /// Frames hold the triangles of the surface that is solved on, then these cells, over nodes X (3 x n, m) at rest. Of
+  /// several processes each has a piece of them, the first with the surface.
   /// Volume and area in curves.csv are those of that surface.
   /// @param solved     its vertices are the first nodes
   /// @param n_threads  that the solver may use
-  void open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::vector<CellBlock> cells,
-            int n_threads);
+  void open(const Eigen::Matrix3Xd& X, const SurfaceMesh& solved, std::vector<CellBlock> cells, int n_threads,
+            Piece piece = {});
+  /// The list of the files that this process has written so far, in JSON.
+  std::string outputs() { return recorder_->recorded().outputs.dump(); }
 
   /// Whether a frame is due after n steps.
   bool needs_frame(int n, bool is_last) const;

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <sstream>
 #include <stdexcept>
 
 #include "meshing/base/files.h"
@@ -33,7 +34,7 @@ vtkNew<vtkDoubleArray> array_of(const std::string& name, const Eigen::MatrixXd& 
 
 std::string write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd& points,
                       const std::vector<CellBlock>& cells, const std::vector<Field>& point_fields,
-                      const std::map<std::string, double>& field_data) {
+                      const std::map<std::string, double>& field_data, const std::vector<int>& numbers) {
   if (!points.allFinite())
     throw std::runtime_error(file.string() + ": a position is not finite, nothing written");
   vtkNew<vtkUnstructuredGrid> grid;
@@ -60,6 +61,7 @@ std::string write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd&
   node_id->SetName("node_id");
   node_id->SetNumberOfTuples(points.cols());
   std::iota(node_id->GetPointer(0), node_id->GetPointer(0) + points.cols(), 0);
+  std::copy(numbers.begin(), numbers.end(), node_id->GetPointer(0));
   grid->GetPointData()->AddArray(node_id);
   for (const auto& [name, value] : field_data) {
     if (!std::isfinite(value))
@@ -76,6 +78,28 @@ std::string write_vtu(const std::filesystem::path& file, const Eigen::Matrix3Xd&
   writer->SetCompressionLevel(1);     // higher ones take longer and save a hundredth
   if (!writer->Write()) throw std::runtime_error(file.string() + ": cannot be made by VTK");
   std::string bytes = writer->GetOutputString();
+  write_file(file, bytes);
+  return bytes;
+}
+
+std::string write_pvtu(const std::filesystem::path& file, const std::vector<std::string>& pieces,
+                       const std::vector<Field>& point_fields) {
+  std::ostringstream list;
+  const auto add = [&](const std::string& name, const char* type, Eigen::Index n) {
+    list << "      <PDataArray type=\"" << type << "\" Name=\"" << name << "\" NumberOfComponents=\"" << n
+         << "\"/>\n";
+  };
+  list << "<?xml version=\"1.0\"?>\n<VTKFile type=\"PUnstructuredGrid\" version=\"0.1\">\n"
+          "  <PUnstructuredGrid GhostLevel=\"0\">\n    <PPointData>\n";
+  for (const Field& field : point_fields) add(field.name, "Float64", field.values.rows());
+  add("node_id", "Int64", 1);
+  list << "    </PPointData>\n    <PPoints>\n";
+  add("points", "Float64", 3);
+  list << "    </PPoints>\n";
+  for (const std::string& piece : pieces)
+    list << "    <Piece Source=\"" << std::filesystem::path(piece).filename().string() << "\"/>\n";
+  list << "  </PUnstructuredGrid>\n</VTKFile>\n";
+  std::string bytes = list.str();
   write_file(file, bytes);
   return bytes;
 }

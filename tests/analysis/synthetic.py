@@ -73,6 +73,6 @@ def list_outputs(folder: Path) -> None:
     """Lists the files of a run in its record, as a solver does: what a test changes then counts as written so."""
     record = json.loads((folder / "run.json").read_text())
     files = [file for file in (folder / "frames.pvd", folder / "curves.csv") if file.exists()]
-    files += sorted(folder.glob("frames/*.vtu"))
+    files += sorted(folder.glob("frames/*vtu"))
     record["outputs"] = list_of(folder, [file.relative_to(folder).as_posix() for file in files])
     (folder / "run.json").write_text(json.dumps(record))

@@ -35,6 +35,53 @@ def test_run_that_waited_for_a_core_says_so(record, waited, ball, tmp_path):
     assert run.has_waited == waited
 
 
+def split(folder):
+    """Puts a surface's piece and that of the tetrahedron, in another order, in the place of a run's last frame."""
+    whole = load_run(folder).grid(-1)
+    n = int(whole.field_data["n_surface"][0])
+    corners = whole.cells_dict[pv.CellType.TETRA]
+    inner = np.roll(corners[0], 1)
+    parts = [
+        (np.arange(n), {pv.CellType.TRIANGLE: whole.cells_dict[pv.CellType.TRIANGLE]}),
+        (inner, {pv.CellType.TETRA: (corners[:, :, None] == inner).argmax(axis=2)}),
+    ]
+    name = f"frame_{N_STEPS:06d}"
+    for number, (nodes, cells) in enumerate(parts):
+        piece = pv.UnstructuredGrid(cells, whole.points[nodes])
+        for field in whole.point_data:
+            piece[field] = whole[field][nodes]
+        piece["node_id"], piece.field_data["n_surface"] = nodes, [n]
+        piece.save(folder / "frames" / f"{name}_{number}.vtu")
+    pieces = "".join(f'<Piece Source="{name}_{number}.vtu"/>' for number in range(2))
+    (folder / "frames" / f"{name}.pvtu").write_text(f"<VTKFile>{pieces}</VTKFile>")
+    (folder / "frames" / f"{name}.vtu").unlink()
+    pvd = folder / "frames.pvd"
+    pvd.write_text(pvd.read_text().replace(f"{name}.vtu", f"{name}.pvtu"))
+    list_outputs(folder)
+    return whole
+
+
+def test_frame_in_pieces_is_read_as_a_whole_one(ball, tmp_path):
+    folder = write_run(tmp_path / "run", *ball, lambda X: 0.1 * X, program="fem_reference")
+    before = load_run(folder).last
+    whole, run = split(folder), load_run(folder)
+    grid = run.grid(-1)
+    assert (grid.points == whole.points).all()
+    for kind, cells in whole.cells_dict.items():
+        assert (grid.cells_dict[kind] == cells).all()
+    for name in ("rest_position", "displacement"):
+        assert (grid[name] == whole[name]).all()
+    assert (run.last.u == before.u).all() and (run.last.F == before.F).all()
+
+
+def test_frame_that_lacks_a_piece_is_refused(ball, tmp_path):
+    folder = write_run(tmp_path / "run", *ball, lambda X: 0.1 * X, program="fem_reference")
+    split(folder)
+    (folder / "frames" / f"frame_{N_STEPS:06d}_1.vtu").unlink()
+    with pytest.raises(RunError, match=r"frame_000004_1.vtu: missing"):
+        _ = load_run(folder).last
+
+
 def test_half_written_run_is_refused(folder):
     (folder / "run.json").unlink()
     with pytest.raises(RunError, match=r"no run.json, the run is not finished"):

@@ -7,6 +7,7 @@
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkUnstructuredGrid.h>
+#include <vtkXMLPUnstructuredGridReader.h>
 #include <vtkXMLUnstructuredGridReader.h>
 
 #include <cmath>
@@ -150,6 +151,34 @@ TEST_F(RecorderTest, RemovesAnOlderRunAndNothingElse) {
   EXPECT_FALSE(fs::exists(folder / "frames/frame_000001.vtu"));
   EXPECT_EQ(read_file(folder / "frames/frame_notes.txt"), "mine");
   EXPECT_EQ(read_file(folder / "notes.txt"), "mine");
+}
+
+TEST_F(RecorderTest, ProcessesWriteAPieceOfAFrameEachAndTheFirstTheirList) {
+  {
+    Recorder first(folder, cells, 3, nullptr, {2, 0, {0, 1, 2, 9}});
+    Recorder second(folder, {{10, Eigen::Vector4i(3, 1, 0, 2)}}, 3, nullptr, {2, 1, {1, 2, 9, 11}});
+    for (Recorder* recorder : {&first, &second}) recorder->add_frame(0.5, X, u);
+    first.finish({{"outputs", second.recorded().outputs}});
+  }
+  const auto outputs = nlohmann::json::parse(read_file(folder / "run.json"))["outputs"];
+  for (const char* name :
+       {"frames.pvd", "frames/frame_000000.pvtu", "frames/frame_000000_0.vtu", "frames/frame_000000_1.vtu"})
+    EXPECT_EQ(outputs[name]["crc32"], crc32_of(read_file(folder / name))) << name;
+  EXPECT_EQ(outputs.size(), 4);
+  EXPECT_NE(read_file(folder / "frames.pvd").find("\"frames/frame_000000.pvtu\""), std::string::npos);
+  vtkNew<vtkXMLPUnstructuredGridReader> reader;
+  reader->SetFileName((folder / "frames/frame_000000.pvtu").c_str());
+  reader->Update();
+  vtkUnstructuredGrid* grid = reader->GetOutput();
+  EXPECT_EQ(grid->GetNumberOfCells(), 3);
+  ASSERT_EQ(grid->GetNumberOfPoints(), 8);
+  const int number[] = {0, 1, 2, 9, 1, 2, 9, 11};
+  for (int i = 0; i < 8; ++i) {
+    EXPECT_EQ(grid->GetPointData()->GetArray("node_id")->GetTuple1(i), number[i]);
+    EXPECT_EQ(grid->GetPointData()->GetArray("displacement")->GetComponent(i, 1), u(1, i % 4));
+  }
+  remove_run(folder);
+  EXPECT_TRUE(fs::is_empty(folder / "frames"));
 }
 
 TEST_F(RecorderTest, AFrameThatCannotBeWrittenThrowsAndPrintsNothing) {

@@ -1,0 +1,136 @@
+"""Processes study: statics at small and finite strain by one process, two and four, of one body and of growing ones.
+
+A bar of quadratic elements hangs from its end. Seconds are those of processors, of all processes together, without those
+spent in MPI, most of which are waiting. They and the memory, which is the largest process', are counted beyond what as many
+processes take on a bar of hardly any elements.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from ..paths import PROGRAMS, SCENES
+from ..report import Table
+from ..run_store import say
+from ..runs import RunError, built, record_of
+from .result import Result, Section, alone
+
+_COUNTS = (1, 2, 4)
+_N_VERTICES, _N_QUICK = 4000, 400  # of the surface of the body that four processes solve
+_N_SMALL = 100
+_OVERRIDES = ("reference.degree=2", "time.load_steps=1", "gravity=[0,-1,0]")
+_SCENES = {"small": "bar_sag.toml", "finite": "bar_bend.toml"}
+_ENVIRONMENT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A body by some processes."""
+
+    record: dict[str, Any]
+
+    @cached_property
+    def of_processes(self) -> dict[str, list[float]]:
+        """What each took: CPU seconds without MPI, messages, bytes, sums, largest memory (byte)."""
+        alone = {
+            "cpu": self.record["cpu"] + self.record["seconds"]["start-up"],
+            "messages": 0,
+            "bytes": 0,
+            "sums": 0,
+            "peak_memory": self.record["peak_memory"],
+        }
+        return self.record.get("of_processes", {name: [value] for name, value in alone.items()})
+
+
+def solve(scene: str, n_vertices: int, n: int, folder: Path) -> Solved:
+    """Raises RunError where it fails. A run that is there already is not repeated."""
+    launcher = ["mpirun", "--oversubscribe", "-np", str(n)] if n > 1 else []
+    out = folder / f"{Path(scene).stem}_{n_vertices}_{n}"
+    sets = [
+        word for override in (*_OVERRIDES, f"surface.n_vertices={n_vertices}") for word in ("--set", override)
+    ]
+    program = built(PROGRAMS, "fem_reference")
+    done = subprocess.run(
+        [*launcher, program, SCENES / scene, "--quiet", "--out", out, *sets],
+        env=os.environ | _ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise RunError(f"{out}: {done.stderr.strip()}")
+    return Solved(record_of(out))
+
+
+def vertices_for(n: int, n_vertices: int) -> int:
+    """Of the surface, so that each of n processes has as many unknowns as each of the most: these grow as its power 3/2."""
+    return round(n_vertices * (n / max(_COUNTS)) ** (2 / 3))
+
+
+def row(kind: str, strain: str, solved: Solved, small: Solved) -> list[str]:
+    """Of the table. small: a body of hardly any elements by as many processes."""
+    of, at_least = solved.of_processes, small.of_processes
+    memory = max(of["peak_memory"]) - max(at_least["peak_memory"])
+    return [
+        kind,
+        strain,
+        str(solved.record["processes"]),
+        str(solved.record["n_dofs"]),
+        str(solved.record["linear_iterations"]),
+        f"{sum(of['cpu']) - sum(at_least['cpu']):.2g}",
+        f"{sum(of['messages']):.0f}",
+        f"{sum(of['bytes']) / 1e6:.2g}",
+        f"{max(of['sums']):.0f}",
+        f"{memory / 1e6:.0f}",
+    ]
+
+
+HEAD = [
+    "body",
+    "strain",
+    "processes",
+    "unknowns",
+    "iterations",
+    "CPU seconds",
+    "messages",
+    "MB sent",
+    "sums over all",
+    "MB a process",
+]
+
+
+def measure(n_vertices: int, folder: Path, is_quiet: bool) -> Table:
+    rows = []
+    for kind in ("the same", "grows"):
+        for strain, scene in _SCENES.items():
+            for n in _COUNTS:
+                size = n_vertices if kind == "the same" else vertices_for(n, n_vertices)
+                say(f"{strain} strain, {size} vertices, {n} processes", is_quiet)
+                solved, small = (solve(scene, vertices, n, folder) for vertices in (size, _N_SMALL))
+                rows.append(row(kind, strain, solved, small))
+    return HEAD, rows
+
+
+def finding(table: Table) -> str:
+    """The study in one sentence."""
+    _, rows = table
+    at = [HEAD.index(name) for name in ("CPU seconds", "MB a process")]
+    first, last = rows[0], rows[len(_COUNTS) - 1]
+    cpu, memory = (float(last[k]) / float(first[k]) for k in at)
+    return (
+        f"By {last[HEAD.index('processes')]} processes, linear statics of one body take {cpu:.2g} times the processor's"
+        f" seconds of one, and each holds {memory:.2g} of the body."
+    )
+
+
+def study(arguments: argparse.Namespace, folder: Path) -> Result:
+    """What several processes take."""
+    with alone(arguments.quiet):
+        table = measure(_N_QUICK if arguments.quick else _N_VERTICES, folder / "runs", arguments.quiet)
+    return Result("Processes", finding(table), [Section("What they take", [], {}, {"processes": table})])
