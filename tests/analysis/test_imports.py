@@ -44,7 +44,7 @@ ALLOWED = {
     },
     "references": {"comparison", "experiment_folder", "methods", "run_store", "runs", "verdict", "wording"},
     "remesh": {"paths", "runs", "wording"},
-    "comparison": {"compare", "experiment_folder", "methods", "runs", "verdict"},
+    "comparison": {"compare", "experiment_folder", "methods", "runs", "shape_measures", "verdict"},
     "verdict": {"wording"},
     "report": {"methods", "verdict", "wording"},
     "index": {"paths", "report"},
