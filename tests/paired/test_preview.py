@@ -252,11 +252,14 @@ def test_rates_hold_the_steps_before_a_scene_began_anew(monkeypatch):
 def test_a_pivot_is_dragged_by_its_way_from_where_the_scene_has_it():
     changes = []
     pivots = [{"point": [0.0, 9.0, 0.0]}, {"point": [1.0, 2.0, 0.0], "motion": [[0.0, 1.0, 0.0, 0.0]]}]
+    body = SimpleNamespace()
     engine = SimpleNamespace(
-        scene={"collapse": {"pivots": pivots}}, latest=SimpleNamespace(head={"time": 0.5})
+        scene={"collapse": {"pivots": pivots}},
+        latest=SimpleNamespace(head={"time": 0.5}, body=body),
+        is_beginning=False,
     )
     window = SimpleNamespace(pixels_of=lambda point: 100 * np.array(point))
-    hand = Hand(window, engine, None, lambda *change: changes.append(change), print)
+    hand = Hand(window, engine, body, None, lambda *change: changes.append(change), print)
     np.testing.assert_array_equal(hand.take(203, 198), [2, 2, 0])
     hand.drag(np.array([1.5, 2.0, 4.0]))
     assert changes == [("collapse.pivots.1.motion", "[[0.0, 0.5, 0.0, 4.0]]")]
