@@ -188,7 +188,9 @@ TEST(ImplicitMatrix, DiagonalAndSinglePrecisionAreThoseOfTheProductWithContactsT
   for (const TwoContacts* touching : {&springs, &coupled}) {
     ImplicitMatrix A(*touching->motion);
     const State& state = touching->state;
-    A.set(state, 1.2 * state.x, {2, 0.3, 0.1}, Curvature::Projected);
+    Matrix3Xd stretched = state.x;  // along the floor, so that its barrier acts
+    stretched.topRows<2>() *= 1.2;
+    A.set(state, stretched, {2, 0.3, 0.1}, Curvature::Projected);
     const LinearSystem system = A.system();
     std::vector<Eigen::Matrix3d> diagonal;
     system.diagonal(diagonal);
