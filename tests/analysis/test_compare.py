@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 from synthetic import write_run
 
+from analysis import compare
 from analysis.compare import (
     change_error,
     compare_runs,
@@ -546,3 +547,14 @@ def test_distance_of_surfaces_is_over_the_displacement_and_leaves_shifts_out_whe
     # Two of six faces lie apart by all of the shift; the sides' strips beyond the other cube are of second order.
     expected = 0 if is_free else 1.1 * d / 3 / (0.1 * np.sqrt(3))
     assert relative_distance(run, reference, is_free, 1.0) == pytest.approx(expected, rel=3 * d, abs=ROUNDING)
+
+
+@pytest.mark.parametrize("is_moving, mean_square", [(True, 0.375), (False, 1)])
+def test_length_that_errors_are_relative_to_is_of_a_motion_over_it_all(
+    cube, tmp_path, monkeypatch, is_moving, mean_square
+):
+    monkeypatch.setattr(compare, "is_dynamic", lambda run: is_moving)
+    run = load_run(write_run(tmp_path / "a", cube[0] - 1, cube[1], lambda X: 0.1 * X, np.array([0, 0.5, 1])))
+    # Of squares 0, 1/4 and 1 by the trapezoidal rule, or at the end.
+    expected = 0.1 * np.sqrt(3 * mean_square)
+    assert compare.root_mean_square(run, False, 1.0) == pytest.approx(expected)
