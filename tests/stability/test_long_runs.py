@@ -18,7 +18,7 @@ _LISTED, _ALLOCATED = 2e-3, 8  # MB, for a frame and in all; a frame itself has 
 
 @dataclass
 class Watched:
-    """A run: resident memory (MB) and its seconds of computing whenever another frame lay in its folder."""
+    """A run: resident memory of its own (MB) and its seconds of computing whenever another frame lay in its folder."""
 
     memory: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
@@ -37,9 +37,11 @@ def watch(words, folder: Path) -> Watched:
     while process.poll() is None:
         n = sum(file.name.endswith(".vtu") for file in os.scandir(folder)) if folder.exists() else 0
         stat = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
-        has_memory = int(stat[21]) > 0  # which one that has just ended has not
+        # Pages of libraries come in as their code is first reached, the last of them when the run is written.
+        own = [line.split()[1] for line in open(f"/proc/{process.pid}/status") if line.startswith("RssAnon")]
+        has_memory = own and int(own[0]) > 0  # which one that has just ended has not
         if has_memory and n > (watched.frames or [0])[-1]:
-            watched.memory.append(int(stat[21]) * resource.getpagesize() / 1e6)
+            watched.memory.append(int(own[0]) * 1024 / 1e6)
             watched.seconds.append((int(stat[11]) + int(stat[12])) / _TICKS)
             watched.frames.append(n)
         time.sleep(0.05)
