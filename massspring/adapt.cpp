@@ -42,12 +42,6 @@ Scene in_one_step(Scene scene) {
   return scene;
 }
 
-Matrix3Xd equilibrium(const Scene& scene, const SpringNetwork& network) {
-  Simulation simulation(in_one_step(scene), network);
-  balance(simulation);
-  return simulation.snapshot().u;
-}
-
 /// For each vertex of the surface, squared jumps of the displacement's gradient between the tetrahedra that are
 /// nearest to it and their nodes' averages, times volume [Zienkiewicz & Zhu 1987].
 VectorXd jumps(const SpringNetwork& network, const Matrix3Xd& u) {
@@ -114,7 +108,8 @@ bool has_friction(const Scene& scene) {
                      [](const Obstacle& obstacle) { return obstacle.friction > 0; });
 }
 
-ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Matrix3Xd& u) {
+ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Matrix3Xd& u,
+                             const Simulation* coarse) {
   // Of the finer network's forces, and of its load alone: an error of a hundredth to two digits.
   constexpr double kResidual = 1e-4, kOfLoad = 1e-3;
   if (network.X.cols() > kMostEstimated)
@@ -125,6 +120,7 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   loosely.time.residual = kResidual;
   loosely.network.mass = MassMatrix::Lumped;  // what a consistent one takes to set up serves motions alone
   Simulation simulation(loosely, finer);
+  if (coarse) simulation.set_coarser(between, *coarse);
   if (!has_friction(scene)) {
     simulation.start_at(interpolated(u, between));
     if (!scene.collapse)
@@ -155,8 +151,10 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
 AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, double target) {
   AdaptedSurface adapted{surface, network_on(surface, scene), {}, {}, {}, false};
   while (true) {
-    const Matrix3Xd u = equilibrium(scene, adapted.network);
-    adapted.estimate = estimate_error(scene, adapted.network, u);
+    Simulation simulation(in_one_step(scene), adapted.network);
+    balance(simulation);
+    const Matrix3Xd u = simulation.snapshot().u;
+    adapted.estimate = estimate_error(scene, adapted.network, u, &simulation);
     adapted.errors.push_back(adapted.estimate.error);
     adapted.n_nodes.push_back(static_cast<int>(adapted.network.X.cols()));
     adapted.is_reached = adapted.estimate.error <= target;

@@ -19,10 +19,12 @@ struct ErrorEstimate {
 /// Of an equilibrium of coupled springs under full load, by its distance to that of the same tetrahedra split in eight, as
 /// if errors fell with the square of their edges. The latter starts from the former and is solved to what an estimate
 /// needs.
-/// @param u  displacements (m), 3 x n
+/// @param u       displacements (m), 3 x n
+/// @param coarse  simulation that found them, whose solver serves the finer network's; null: that has its own
 /// @throws std::runtime_error when the finer network finds no equilibrium or is too large to be tried, and where
 /// nothing deforms.
-ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Eigen::Matrix3Xd& u);
+ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Eigen::Matrix3Xd& u,
+                             const Simulation* coarse = nullptr);
 
 struct AdaptedSurface {
   SurfaceMesh surface;

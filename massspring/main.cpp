@@ -113,7 +113,7 @@ void estimate(const Simulation& simulation, const Scene& scene, const SpringNetw
   }
   session.start("estimate");
   try {
-    add_estimate(estimate_error(scene, network, simulation.snapshot().u), network, session);
+    add_estimate(estimate_error(scene, network, simulation.snapshot().u, &simulation), network, session);
   } catch (const std::runtime_error& error) {
     session.record["not_estimated"] = error.what();
   }

@@ -52,6 +52,10 @@ class Simulation {
   void set_state(const State& state);
   /// Statics: the next step starts at these displacements (3 x n, m), as if they were the equilibrium under full load.
   void start_at(const Eigen::Matrix3Xd& u) { equilibrium_->start_at(u, state_); }
+  /// Statics: of a network split in eight, after which `coarser` is not stepped: see QuasiStaticSolver::set_coarser.
+  void set_coarser(const Eigen::Matrix2Xi& between, const Simulation& coarser) {
+    equilibrium_->set_coarser(between, *coarser.equilibrium_);
+  }
   /// Statics: as time.residual.
   void set_residual(double residual) { equilibrium_->set_tolerance(residual); }
   /// A motion's state, counts and what is kept from step to step, as bytes; of statics none.

@@ -2,28 +2,33 @@
 
 A bar of quadratic elements hangs from its end. Seconds are those of processors, of all processes together, without those
 spent in MPI, most of which are waiting. They and the memory, which is the largest process', are counted beyond what as many
-processes take on a bar of hardly any elements.
+processes take on a bar of hardly any elements. A model with the figures of four extrapolates to the processes of a cluster.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import subprocess
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from statistics import mean
 from typing import Any
 
 from ..paths import PROGRAMS, SCENES
 from ..report import Table
 from ..run_store import say
 from ..runs import RunError, built, record_of
+from ..wording import percent
 from .result import Result, Section, alone
 
 _COUNTS = (1, 2, 4)
 _N_VERTICES, _N_QUICK = 4000, 400  # of the surface of the body that four processes solve
 _N_SMALL = 100
+_FAR = (64, 1024)  # processes
+_LATENCY, _BANDWIDTH = 2e-6, 1e10  # s and byte/s, of a cluster's network
 _OVERRIDES = ("reference.degree=2", "time.load_steps=1", "gravity=[0,-1,0]")
 _SCENES = {"small": "bar_sag.toml", "finite": "bar_bend.toml"}
 _ENVIRONMENT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
@@ -105,16 +110,69 @@ HEAD = [
 ]
 
 
-def measure(n_vertices: int, folder: Path, is_quiet: bool) -> Table:
-    rows = []
+@dataclass(frozen=True)
+class Extrapolated:
+    """Seconds of a solution by many processes, part by part."""
+
+    work: float  #: of each, on its share of the body
+    messages: float  #: of each, with those beside it
+    sums: float  #: over all
+    serial: float  #: of the first, which makes the mesh and deals it out, while the others wait
+
+    @property
+    def total(self) -> float:
+        return self.work + self.messages + self.sums + self.serial
+
+
+def extrapolate(n: int, n_dofs: float, several: Solved, small: Solved) -> Extrapolated:
+    """To n processes and so many unknowns, from some processes' slices of a bar, each with one or two beside it.
+
+    Blocks of many processes have 26 beside them, and as much border as six slices. Work grows as a share's unknowns, borders as
+    their power 2/3, the serial part as all unknowns. A sum goes up and down a binary tree.
+    """
+    of, n_slices = several.of_processes, several.record["processes"]
+    first, *others = (cpu - least for cpu, least in zip(of["cpu"], small.of_processes["cpu"], strict=True))
+    all_over = n_dofs / several.record["n_dofs"]
+    share = all_over * n_slices / n
+    messages, sent = (sum(of[name]) / (2 * (n_slices - 1)) for name in ("messages", "bytes"))  # to one beside
+    return Extrapolated(
+        mean(others) * share,
+        26 * messages * _LATENCY + 6 * sent * share ** (2 / 3) / _BANDWIDTH,
+        2 * math.ceil(math.log2(n)) * max(of["sums"]) * _LATENCY,
+        max(first - mean(others), 0) * all_over,
+    )
+
+
+FAR_HEAD = ["body", "strain", "processes", "unknowns", "own work", "messages", "sums", "serial", "efficiency"]
+
+
+def far_row(kind: str, strain: str, n: int, pairs: dict[int, tuple[Solved, Solved]]) -> list[str]:
+    """Of the table. pairs: of each number of processes the body and that of hardly any elements."""
+    (alone_, least), several = pairs[1], pairs[max(_COUNTS)]
+    grows = n / max(_COUNTS) if kind == "grows" else 1
+    n_dofs = several[0].record["n_dofs"] * grows
+    found = extrapolate(n, n_dofs, *several)
+    # One process would take in proportion to its unknowns.
+    of_one = (sum(alone_.of_processes["cpu"]) - sum(least.of_processes["cpu"])) * n_dofs / alone_.record["n_dofs"]
+    parts = (found.work, found.messages, found.sums, found.serial)
+    cells = [f"{seconds:.2g}" for seconds in parts]
+    return [kind, strain, str(n), f"{n_dofs:.2g}", *cells, percent(of_one / (n * found.total), 2)]
+
+
+def measure(n_vertices: int, folder: Path, is_quiet: bool) -> tuple[Table, Table]:
+    """What processes take, and what more of them would."""
+    rows, far = [], []
     for kind in ("the same", "grows"):
         for strain, scene in _SCENES.items():
+            pairs = {}
             for n in _COUNTS:
                 size = n_vertices if kind == "the same" else vertices_for(n, n_vertices)
                 say(f"{strain} strain, {size} vertices, {n} processes", is_quiet)
                 solved, small = (solve(scene, vertices, n, folder) for vertices in (size, _N_SMALL))
+                pairs[n] = solved, small
                 rows.append(row(kind, strain, solved, small))
-    return HEAD, rows
+            far += [far_row(kind, strain, n, pairs) for n in _FAR]
+    return (HEAD, rows), (FAR_HEAD, far)
 
 
 def finding(table: Table) -> str:
@@ -132,5 +190,16 @@ def finding(table: Table) -> str:
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """What several processes take."""
     with alone(arguments.quiet):
-        table = measure(_N_QUICK if arguments.quick else _N_VERTICES, folder / "runs", arguments.quiet)
-    return Result("Processes", finding(table), [Section("What they take", [], {}, {"processes": table})])
+        taken, far = measure(_N_QUICK if arguments.quick else _N_VERTICES, folder / "runs", arguments.quiet)
+    sections = [
+        Section("What they take", [], {}, {"processes": taken}),
+        Section("What more would take", [_FAR_WORDS], {}, {"extrapolated": far}),
+    ]
+    return Result("Processes", finding(taken), sections)
+
+
+_FAR_WORDS = (
+    f"Seconds by a model, in which a message takes {1e6 * _LATENCY:g} us and the network carries {_BANDWIDTH / 1e9:g} GB/s. "
+    "Work grows as the unknowns of a process, messages as their power 2/3, the serial part as all unknowns. "
+    "The first process makes and deals out the mesh alone. Efficiency is that beside one process, of as many unknowns."
+)

@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -80,19 +79,31 @@ Occurrences occurrences(const List& list, int n) {
   return result;
 }
 
-/// Number of each of a tetrahedron's six edges among all edges, 6 x m.
+/// Number of each of a tetrahedron's six edges among all edges, ordered by their ends, 6 x m.
 Eigen::MatrixXi edge_numbers(const Matrix4Xi& T) {
-  std::vector<std::array<int, 3>> edges;  // its ends, its place in the result
+  std::vector<int> lower, upper;  // ends
   for (const auto& t : T.colwise())
     for (int i = 0; i < 4; ++i)
-      for (int j = i + 1; j < 4; ++j)
-        edges.push_back({std::min(t[i], t[j]), std::max(t[i], t[j]), static_cast<int>(edges.size())});
-  std::sort(edges.begin(), edges.end());
+      for (int j = i + 1; j < 4; ++j) {
+        lower.push_back(std::min(t[i], t[j]));
+        upper.push_back(std::max(t[i], t[j]));
+      }
+  const int n = T.maxCoeff() + 1;
+  const Occurrences edges = occurrences(lower, n);
   Eigen::MatrixXi numbers(6, T.cols());
+  std::vector<int> met_from(n, -1), number_to(n), ends;
   int number = 0;
-  for (std::size_t k = 0; k < edges.size(); ++k) {
-    if (k > 0 && (edges[k][0] != edges[k - 1][0] || edges[k][1] != edges[k - 1][1])) ++number;
-    numbers(edges[k][2]) = number;
+  for (int i = 0; i < n; ++i) {
+    const auto for_each_edge = [&](const auto& visit) {
+      for (int k = edges.first[i]; k < edges.first[i + 1]; ++k) visit(edges.at[k], upper[edges.at[k]]);
+    };
+    ends.clear();
+    for_each_edge([&](int, int j) {
+      if (std::exchange(met_from[j], i) != i) ends.push_back(j);
+    });
+    std::sort(ends.begin(), ends.end());
+    for (const int j : ends) number_to[j] = number++;
+    for_each_edge([&](int place, int j) { numbers(place) = number_to[j]; });
   }
   return numbers;
 }
@@ -136,8 +147,10 @@ std::vector<int> order_of_patches(const Matrix3Xd& X, const Matrix4Xi& T, const 
     return order;
   }
   Matrix3Xd centres = Matrix3Xd::Zero(3, n);
-  for (Eigen::Index t = 0; t < T.cols(); ++t)
-    for (const int p : patches.col(t)) centres.col(p) += X(Eigen::all, T.col(t)).rowwise().mean();
+  for (Eigen::Index t = 0; t < T.cols(); ++t) {
+    const Vector3d centre = X(Eigen::all, T.col(t)).rowwise().mean();
+    for (const int p : patches.col(t)) centres.col(p) += centre;
+  }
   const auto n_tets = [&](int p) { return in_patch.first[p + 1] - in_patch.first[p]; };
   for (int p = 0; p < n; ++p) centres.col(p) /= n_tets(p);
   std::vector<int> order = along_body(centres);
@@ -315,6 +328,48 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
   if (!springs.subdomain_first.empty()) springs.subdomain_first.push_back(springs.n_patches());
   fill_batches(b, springs);
   return springs;
+}
+
+BlockMatrix stiffness_of_tetrahedra(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame) {
+  std::vector<Eigen::Matrix<double, 3, 4>> gradients(T.cols());
+  Eigen::VectorXd volume(T.cols());
+  for (Eigen::Index t = 0; t < T.cols(); ++t) {
+    gradients[t] = barycentric_gradients(X, T.col(t));
+    volume[t] = tet_volume(X, T.col(t));
+  }
+  const auto n = static_cast<int>(X.cols());
+  const Occurrences of_node = occurrences(T.reshaped(), n);
+  BlockMatrix K;
+  K.row_start.push_back(0);
+  std::vector<int> at(n, -1);  // of each node its block in the row at hand
+  for (int i = 0; i < n; ++i) {
+    const int begin = K.row_start.back();
+    const auto add = [&](int j) {
+      if (at[j] < begin) K.column.push_back(j);
+      at[j] = begin;
+    };
+    add(i);  // a node may belong to no tetrahedron
+    for (int k = of_node.first[i]; k < of_node.first[i + 1]; ++k)
+      for (const int j : T.col(of_node.at[k] / 4)) add(j);
+    std::sort(K.column.begin() + begin, K.column.end());
+    const auto end = static_cast<int>(K.column.size());
+    K.block.resize(end, Matrix3d::Zero());
+    for (int k = begin; k < end; ++k) at[K.column[k]] = k;
+    K.diagonal.push_back(at[i]);
+    K.row_start.push_back(end);
+    for (int k = of_node.first[i]; k < of_node.first[i + 1]; ++k) {
+      const int t = of_node.at[k] / 4;
+      const Vector3d b = gradients[t].col(of_node.at[k] % 4);
+      for (int c = 0; c < 4; ++c) {
+        const Vector3d d = gradients[t].col(c);
+        Matrix3d& block = K.block[at[T(c, t)]];
+        block.noalias() += volume[t] * lame.lambda * b * d.transpose();
+        block.noalias() += volume[t] * lame.mu * d * b.transpose();
+        block.diagonal().array() += volume[t] * lame.mu * b.dot(d);
+      }
+    }
+  }
+  return K;
 }
 
 double energy(const TetSprings& springs, const Matrix3Xd& u, const Eigen::VectorXd& scale) {

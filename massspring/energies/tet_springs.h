@@ -72,6 +72,9 @@ inline constexpr double kConstrainedNodes = 0.3;
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
                           const Blend& blend, const std::vector<int>& constrained = {});
 
+/// Stiffness at rest of single tetrahedra (N/m), as couple_springs has it of kEdgeCoupled: that of linear elements.
+BlockMatrix stiffness_of_tetrahedra(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame);
+
 /// Elastic energy (J) at displacements u (3 x n, m), the rest shape of patch p shrunk by scale(p): its energy is
 /// scale^3 V psi(F / scale). An empty scale stands for ones.
 ///   psi(F) = mu/2 (|F|^2 - 3) + g(J), J = det F, [(12)]

@@ -305,6 +305,7 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
     add_stiffness(model, state, K);
     return K;
   }
+  if (model.linear) return stiffness_of_tetrahedra(model.network.X, model.network.T, lame_of(model.material));
   const TetSprings simple =
       couple_springs(model.network.X, model.network.T, lame_of(model.material), kEdgeCoupled);
   BlockMatrix K = make_block_matrix(static_cast<int>(state.x.cols()), pairs_of(simple));

@@ -298,6 +298,19 @@ void QuasiStaticSolver::start_at(const Matrix3Xd& u, State& state) const {
   state.loading->path.last = {{1, u}};
 }
 
+void QuasiStaticSolver::set_coarser(const Eigen::Matrix2Xi& between, QuasiStaticSolver& coarser) {
+  const SinglePreconditioner own = coarser.solver_.preconditioner();
+  if (!own) return;
+  has_coarser_ = true;
+  solver_ = LinearSolver::of_halved_edges(
+      between, [&coarser, own, free = PaddedField()](const PaddedField& r, PaddedField& z) mutable {
+        free = r;
+        coarser.project(free);
+        own(free, z);
+        coarser.project(z);
+      });
+}
+
 void QuasiStaticSolver::displace(const Matrix3Xd& u, State& state) const {
   state.u = u;
   state.x = model_.network.X + u;

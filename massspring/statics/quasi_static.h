@@ -41,6 +41,10 @@ class QuasiStaticSolver {
   /// Makes of a state at rest one whose last equilibrium is u (3 x n, m), under the full loads.
   void start_at(const Eigen::Matrix3Xd& u, State& state) const;
 
+  /// Solves linear systems from that of a solver on edges twice as long, which outlives it and has solved its own. What
+  /// stands still so ends: a factor would take many times as long as the coarser equilibrium.
+  void set_coarser(const Eigen::Matrix2Xi& between, QuasiStaticSolver& coarser);
+
   /// As at construction.
   void set_tolerance(double tolerance) { tolerance_ = tolerance; }
 
@@ -88,6 +92,7 @@ class QuasiStaticSolver {
 
   BlockMatrix P_;          ///< of which preconditioners are made
   bool is_exact_ = false;  ///< of the stiffness itself
+  bool has_coarser_ = false;
   LinearSolver solver_;
   LoadHistory rest_;  ///< of a state at rest
 };

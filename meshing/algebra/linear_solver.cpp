@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace testbed::meshing {
 namespace {
@@ -20,6 +21,7 @@ constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;       // iterations more than at first, at which a factor is made anew
 constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried,
 constexpr double kSlowest = 12;    // or of each digit, if these are more
+constexpr int kMostAbove = 300;    // iterations above the solver of edges twice as long, whose system is an eighth
 constexpr int kMaxIterations = 5000, kMaxWithFactor = 1000;
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
 
@@ -140,6 +142,22 @@ LinearSolver LinearSolver::of_stiffness(bool is_floppy) {
   solver.is_floppy_ = is_floppy;
   solver.is_single_enough_ = !is_floppy;
   return solver;
+}
+
+LinearSolver LinearSolver::of_halved_edges(const Eigen::Matrix2Xi& between, SinglePreconditioner coarser) {
+  LinearSolver solver = of_stiffness(false);
+  solver.preconditioner_ = HalvedEdges{between, std::move(coarser), nullptr};
+  solver.choice_ = "multigrid: above that of edges twice as long";
+  return solver;
+}
+
+SinglePreconditioner LinearSolver::preconditioner() {
+  if (auto* const groups = std::get_if<RigidGroups>(&preconditioner_); groups && groups->multigrid)
+    return [&multigrid = *groups->multigrid](const PaddedField& r, PaddedField& z) { multigrid.apply(r, z); };
+  auto* const factor = std::get_if<Factor>(&preconditioner_);
+  if (!factor || !factor->cholesky) return {};
+  if (factor->single.supernodes.empty()) factor->single = factor->cholesky->single_precision();
+  return [&single = factor->single](const PaddedField& r, PaddedField& z) { single.solve(r, z); };
 }
 
 LinearSolver LinearSolver::of_factor(const std::string& why) {
@@ -269,6 +287,14 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
   service.excess += std::max(0., report.iterations - service.first_rate * n_digits);
   if (kCycle * service.excess > kMultigrid) wear_out(groups);
   return report;
+}
+
+SolveReport LinearSolver::solve_with(HalvedEdges& halved, const LinearSystem& A, const Matrix3Xd& b,
+                                     Matrix3Xd& x, double tolerance, int& n) {
+  if (!halved.two_grid)
+    halved.two_grid = std::make_unique<TwoGrid>(A.matrix(), halved.between, halved.coarser);
+  const OfSystem precondition{[&](const PaddedField& r, PaddedField& z) { halved.two_grid->apply(r, z); }, A};
+  return iterate(A, precondition, b, x, tolerance, kMostAbove, n);
 }
 
 void archive(Archive& a, LinearSolver& solver) {

@@ -29,11 +29,17 @@ class LinearSolver {
   static LinearSolver of_stiffness(bool is_floppy);
   /// One by a factor in double precision from the first system on; why: of the choice.
   static LinearSolver of_factor(const std::string& why);
+  /// One for a stiffness matrix whose nodes halve the edges of another one's, as TwoGrid. Where that does not converge in
+  /// 300 iterations nothing else is tried.
+  static LinearSolver of_halved_edges(const Eigen::Matrix2Xi& between, SinglePreconditioner coarser);
 
   /// @param x  the first guess, then the solution
   SolveReport solve(const LinearSystem& A, const Eigen::Matrix3Xd& b, Eigen::Matrix3Xd& x, double tolerance);
 
-  /// All that it keeps from system to system.
+  /// That of the last system, in single precision, as long as this lives; empty where there is none but block Jacobi.
+  SinglePreconditioner preconditioner();
+
+  /// All that it keeps from system to system but a preconditioner of halved edges.
   friend void archive(Archive& a, LinearSolver& solver);
 
   /// The preconditioner in use and why.
@@ -65,12 +71,20 @@ class LinearSolver {
     Service service;
   };
 
+  struct HalvedEdges {
+    Eigen::Matrix2Xi between;
+    SinglePreconditioner coarser;
+    std::unique_ptr<TwoGrid> two_grid;  ///< empty: to be made
+  };
+
   // Each solves a system and decides what preconditions the next one; they add up iterations in n.
   SolveReport solve_with(BlockJacobi& jacobi, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
                          double tolerance, int& n);
   SolveReport solve_with(Factor& factor, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
                          double tolerance, int& n);
   SolveReport solve_with(RigidGroups& groups, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
+                         double tolerance, int& n);
+  SolveReport solve_with(HalvedEdges& halved, const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x,
                          double tolerance, int& n);
   void wear_out(RigidGroups& groups);
   SolveReport solve_on(const LinearSystem& A, const Matrix3Xd& b, Matrix3Xd& x, double tolerance, int& n);
@@ -82,7 +96,7 @@ class LinearSolver {
                       Matrix3Xd& x, double tolerance, int max_iterations, int& n);
 
   Krylov krylov_;
-  std::variant<BlockJacobi, Factor, RigidGroups> preconditioner_;
+  std::variant<BlockJacobi, Factor, RigidGroups, HalvedEdges> preconditioner_;
   bool is_hard_ = false;          ///< block Jacobi is not tried
   bool is_floppy_ = false;        ///< multigrid is not tried
   double waste_ = 0;              ///< iterations with block Jacobi that multigrid would have spared

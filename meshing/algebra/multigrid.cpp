@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/base/random.h"
@@ -338,6 +339,27 @@ double Multigrid::apply(const PaddedField& r, PaddedField& z) {
   cycle(0);
   add_motion(nodes_.P, bodies_.front().x, z);
   sweep_up(nodes_.A, r, z);
+  return dot(r, z);
+}
+
+TwoGrid::TwoGrid(const BlockMatrix& A, const Eigen::Matrix2Xi& between, SinglePreconditioner coarser)
+    : between_(between),
+      coarser_(std::move(coarser)),
+      coarse_rest_(4, padded(between.maxCoeff() + 1)) {
+  const Equations<3> nodes{A.row_start, A.column, A.diagonal, A.block};
+  A_ = single_precision(nodes, inverse_diagonal(nodes));
+}
+
+double TwoGrid::apply(const PaddedField& r, PaddedField& z) {
+  sweep_down(A_, r, z);
+  rest_of_sweep(A_, z, rest_);
+  coarse_rest_.setZero();
+  for (Eigen::Index i = 0; i < between_.cols(); ++i)
+    for (const int node : between_.col(i)) coarse_rest_.col(node) += 0.5F * rest_.col(i);
+  coarser_(coarse_rest_, coarse_);
+  for (Eigen::Index i = 0; i < between_.cols(); ++i)
+    for (const int node : between_.col(i)) z.col(i) += 0.5F * coarse_.col(node);
+  sweep_up(A_, r, z);
   return dot(r, z);
 }
 

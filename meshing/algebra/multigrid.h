@@ -1,4 +1,4 @@
-// Multigrid of smoothed aggregates for elastic systems.
+// Multigrid for elastic systems: of smoothed aggregates, and of nodes that halve the edges of others.
 #pragma once
 
 #include <functional>
@@ -8,6 +8,9 @@
 #include "meshing/algebra/block_rows.h"
 
 namespace testbed::meshing {
+
+/// z = a symmetric positive definite approximation of A^-1 r.
+using SinglePreconditioner = std::function<void(const PaddedField& r, PaddedField& z)>;
 
 /// Preconditioner of elastic systems: groups of neighbouring nodes move as rigid bodies, groups of groups
 /// likewise, and so on. These motions are smoothed by one step of damped block Jacobi, so that bodies blend
@@ -55,6 +58,25 @@ class Multigrid {
   Level<3> nodes_;
   std::vector<Bodies> bodies_;
   Eigen::MatrixXf coarsest_inverse_;
+};
+
+/// Preconditioner of an elastic system whose nodes halve the edges of another one's: a sweep of block Gauss-Seidel down,
+/// the other's preconditioner on what is left, and a sweep backwards, up, in single precision.
+class TwoGrid {
+ public:
+  /// @param A        as for Multigrid
+  /// @param between  2 x n: the other's nodes in whose middle each node lies; the same twice where it is one of them
+  /// @param coarser  of the other system; keeps its constrained directions at rest
+  TwoGrid(const BlockMatrix& A, const Eigen::Matrix2Xi& between, SinglePreconditioner coarser);
+
+  /// z = a symmetric positive definite approximation of A^-1 r; r . z.
+  double apply(const PaddedField& r, PaddedField& z);
+
+ private:
+  BlockRows<3> A_;
+  Eigen::Matrix2Xi between_;
+  SinglePreconditioner coarser_;
+  PaddedField rest_, coarse_rest_, coarse_;
 };
 
 }  // namespace testbed::meshing

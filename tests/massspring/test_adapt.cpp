@@ -94,6 +94,53 @@ TEST(ErrorEstimate, IsThatOfTheFinerNetworkSolvedToTheEndToTwoDigits) {
   }
 }
 
+// On few nodes above a factor, on more above multigrid.
+TEST(ErrorEstimate, IsTheSameWhereTheSolverOfTheNetworkServesTheFinerOne) {
+  for (const int n_vertices : {120, 400})
+    for (const bool is_held : {true, false}) {
+      Scene scene = bent_bar(n_vertices);
+      if (!is_held) {
+        scene.supports.clear();
+        scene.gravity.reset();
+        Load bending;
+        bending.stress = {(meshing::StressTerm() << 0, 1, 0, 1e3, 0, 0, 0, 0, 0).finished()};
+        scene.loads = {bending};
+      }
+      const SpringNetwork network = network_of(scene);
+      Simulation coarse(scene, network);
+      coarse.advance();
+      const Matrix3Xd u = coarse.snapshot().u;
+      const double alone = estimate_error(scene, network, u).error;
+      EXPECT_NEAR(estimate_error(scene, network, u, &coarse).error, alone, 0.01 * alone) << n_vertices;
+      const auto [finer, between] = split_in_eight(network);
+      Simulation above(scene, finer), own(scene, finer);
+      above.set_coarser(between, coarse);
+      above.advance();
+      own.advance();
+      EXPECT_EQ(above.report().solver.rfind("multigrid: above that", 0), 0u) << above.report().solver;
+      EXPECT_LE(above.report().linear_iterations, own.report().linear_iterations) << n_vertices;
+      const Matrix3Xd expected = own.snapshot().u;
+      EXPECT_LT((above.snapshot().u - expected).norm(), 1e-4 * expected.norm());
+    }
+}
+
+TEST(ErrorEstimate, TriesNothingElseWhereTheSolverOfTheNetworkDoesNotServe) {
+  Scene scene = needle(300);
+  scene.gravity = Eigen::Vector3d(0, -1e-4, 0);
+  const SpringNetwork network = network_of(scene);
+  Simulation coarse(scene, network), unsolved(scene, network);
+  const auto [finer, between] = split_in_eight(network);
+  Simulation own(scene, finer), above(scene, finer);
+  own.set_coarser(between, unsolved);
+  own.advance();
+  EXPECT_EQ(own.status(), Status::Ok);
+  coarse.advance();
+  above.set_coarser(Eigen::Matrix2Xi::Zero(2, between.cols()), coarse);  // all nodes as the one that is clamped
+  above.advance();
+  EXPECT_EQ(above.status(), Status::NotConverged);
+  EXPECT_LE(above.report().linear_iterations, 600);
+}
+
 TEST(ErrorEstimate, OfANeedleIsThatOfTheFinerNetworkSolvedToTheEnd) {
   Scene scene = needle(900);
   scene.gravity = Eigen::Vector3d(0, -1e-4, 0);

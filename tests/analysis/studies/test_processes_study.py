@@ -35,3 +35,37 @@ def test_bodies_that_grow_give_each_process_as_many_unknowns():
     sizes = [processes.vertices_for(n, 4000) for n in (1, 2, 4)]
     assert sizes[-1] == 4000
     assert [(size / sizes[0]) ** 1.5 for size in sizes] == pytest.approx([1, 2, 4], rel=1e-2)
+
+
+def bar(cpu, messages=(0, 0), sent=(0, 0), sums=(0, 0)):
+    """Of 300 unknowns in two slices, which are beside each other."""
+    return record(2, [1, 1], cpu=list(cpu), messages=list(messages), bytes=list(sent), sums=list(sums))
+
+
+SLICES, LEAST = bar([5.0, 3.0], [500, 700], [4e9, 6e9], [1000, 900]), bar([1.0, 1.0])
+
+
+def test_blocks_of_many_processes_have_more_beside_them_than_slices():
+    """Sixteen times the bar's unknowns by sixteen processes: each has twice a slice's."""
+    found = processes.extrapolate(16, 16 * 300, SLICES, LEAST)
+    assert found.work == pytest.approx(2 * 2.0)
+    assert found.messages == pytest.approx(26 * 600 * 2e-6 + 6 * 5e9 * 2 ** (2 / 3) / 1e10)
+    assert found.sums == pytest.approx(2 * 4 * 1000 * 2e-6)
+    assert found.serial == pytest.approx(2.0 * 16)
+    assert found.total == pytest.approx(found.work + found.messages + found.sums + found.serial)
+
+
+def test_a_first_process_that_does_no_more_than_others_is_no_serial_part():
+    assert processes.extrapolate(2, 300, bar([2.0, 3.0]), LEAST).serial == 0
+
+
+def test_efficiency_is_beside_one_process_of_as_many_unknowns(monkeypatch):
+    """One process takes 2.5 s of 300 unknowns, less 0.5 s; two slices take 2 s each."""
+    monkeypatch.setattr(processes, "_COUNTS", (1, 2))
+    one, least = record(1, [1]), Solved(record(1, [1]).record | {"cpu": 0.0})
+    pairs = {1: (one, least), 2: (bar([3.0, 3.0]), LEAST)}
+    same = processes.far_row("the same", "small", 8, pairs)
+    grows = processes.far_row("grows", "small", 8, pairs)
+    assert len(same) == len(processes.FAR_HEAD)
+    assert same == ["the same", "small", "8", "3e+02", "0.5", "0", "0", "0", "50 %"]
+    assert grows == ["grows", "small", "8", "1.2e+03", "2", "0", "0", "0", "50 %"]

@@ -299,6 +299,21 @@ TEST(TetSprings, EnergyIsThatOfSquaredLengthsAmongThePatch) {
   }
 }
 
+TEST(StiffnessOfTetrahedra, IsTheHessianOfSingleOnesAtRest) {
+  TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.15);
+  mesh.X.conservativeResize(3, mesh.X.cols() + 1);  // a node of no tetrahedron
+  mesh.X.rightCols(1).setZero();
+  const auto n = static_cast<int>(mesh.X.cols());
+  const TetSprings single = couple_springs(mesh.X, mesh.T, kSoft, kEdgeCoupled);
+  BlockMatrix expected = make_block_matrix(n, pairs_of(single));
+  add_hessian(single, Matrix3Xd::Zero(3, n), expected);
+  const BlockMatrix K = stiffness_of_tetrahedra(mesh.X, mesh.T, kSoft);
+  EXPECT_EQ(K.row_start, expected.row_start);
+  EXPECT_EQ(K.column, expected.column);
+  EXPECT_EQ(K.diagonal, expected.diagonal);
+  EXPECT_LT((dense(K) - dense(expected)).norm(), kRounding * dense(expected).norm());
+}
+
 TEST(CoupleSprings, ANodeOfNoTetrahedronHasNoEnergy) {
   const TetMesh mesh = box_tets(2, 1, 1, 1, 0.2);
   TetMesh lonely = mesh;

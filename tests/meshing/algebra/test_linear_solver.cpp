@@ -316,6 +316,61 @@ TEST(LinearSolver, FactorisesWhereMultigridStandsStillAndSaysSo) {
   EXPECT_LT((x - exact).norm(), kAgreement * exact.norm());
 }
 
+class HalvedEdges : public testing::Test {
+ protected:
+  static constexpr int n = 1999, n_coarse = 1000;
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix A = chain(n, 1e5);
+  Matrix3Xd line = none, x = none, exact;
+  Eigen::Matrix2Xi between{2, n};
+
+  void SetUp() override {
+    line.row(0) = Eigen::RowVectorXd::LinSpaced(n, 0, n - 1);
+    for (int i = 0; i < n; ++i) between.col(i) << i / 2, (i + 1) / 2;
+    BlockCholesky(A).solve(b, exact);
+  }
+  SolveReport solve(LinearSolver& solver) { return solver.solve(system_of(A, none, line), b, x, kSolverTolerance); }
+};
+
+// Two springs in a row are half as stiff, and twice as much ground holds each node.
+TEST_F(HalvedEdges, TakeFewIterationsAboveTheSolutionOfTheOthers) {
+  const auto coarser = BlockCholesky(chain(n_coarse, 1e5 / 4)).single_precision();
+  LinearSolver solver = LinearSolver::of_halved_edges(between, [&](const PaddedField& r, PaddedField& z) {
+    coarser.solve(0.5F * r, z);
+  });
+  const SolveReport report = solve(solver);
+  EXPECT_TRUE(report.is_converged);
+  EXPECT_LT(report.iterations, 30);
+  EXPECT_LT((x - exact).norm(), kAgreement * exact.norm());
+  EXPECT_EQ(solver.choice().rfind("multigrid: above that", 0), 0u) << solver.choice();
+}
+
+TEST_F(HalvedEdges, EndWhereTheOthersDoNotServe) {
+  LinearSolver solver = LinearSolver::of_halved_edges(
+      between, [](const PaddedField& r, PaddedField& z) { z.setZero(4, r.cols()); });
+  const SolveReport report = solve(solver);
+  EXPECT_FALSE(report.is_converged);
+  EXPECT_LE(report.iterations, 600);
+  EXPECT_EQ(solver.choice().rfind("multigrid: above that", 0), 0u) << solver.choice();
+}
+
+TEST(LinearSolver, LendsThePreconditionerOfItsLastSystem) {
+  const Matrix3Xd none = Matrix3Xd::Zero(3, 600);
+  for (const int n : {200, 600}) {
+    const BlockMatrix A = chain(n, 100);
+    const Matrix3Xd b = random_points(n, 1, 2);
+    Matrix3Xd x = Matrix3Xd::Zero(3, n), found = x;
+    LinearSolver solver = LinearSolver::of_factor("asked for");
+    EXPECT_FALSE(solver.preconditioner());
+    solver.solve(system_of(A, none.leftCols(n), none.leftCols(n)), b, x, kSolverTolerance);
+    PaddedField r, z;
+    pad(b, 1, r);
+    solver.preconditioner()(r, z);
+    add_unpadded(z, 1, found);
+    EXPECT_LT((found - x).norm(), 1e-4 * x.norm());
+  }
+}
+
 // Whatever preconditioner it keeps: the block Jacobi of easy systems, a factor of few nodes, multigrid of many.
 TEST(LinearSolver, GoesOnFromAnArchiveBitForBit) {
   for (const auto& [n, stiffness, choice] :
