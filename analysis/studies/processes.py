@@ -153,7 +153,9 @@ def far_row(kind: str, strain: str, n: int, pairs: dict[int, tuple[Solved, Solve
     n_dofs = several[0].record["n_dofs"] * grows
     found = extrapolate(n, n_dofs, *several)
     # One process would take in proportion to its unknowns.
-    of_one = (sum(alone_.of_processes["cpu"]) - sum(least.of_processes["cpu"])) * n_dofs / alone_.record["n_dofs"]
+    of_one = (
+        (sum(alone_.of_processes["cpu"]) - sum(least.of_processes["cpu"])) * n_dofs / alone_.record["n_dofs"]
+    )
     parts = (found.work, found.messages, found.sums, found.serial)
     cells = [f"{seconds:.2g}" for seconds in parts]
     return [kind, strain, str(n), f"{n_dofs:.2g}", *cells, percent(of_one / (n * found.total), 2)]

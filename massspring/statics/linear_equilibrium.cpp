@@ -19,7 +19,7 @@ bool QuasiStaticSolver::turn_to_factor() {
 }
 
 StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
-  constexpr int kMaxSolves = 5;    // later ones take what rounding left to the first
+  constexpr int kMaxSolves = 5;                    // later ones take what rounding left to the first
   const int patience = has_coarser_ ? 300 : 1000;  // iterations, before another factor is tried
   // Displacements are kept on their own: beside the positions of a stiff body they would lose their digits.
   const LoadPath::Equilibrium& last = state.loading->path.last.back();

@@ -343,9 +343,7 @@ double Multigrid::apply(const PaddedField& r, PaddedField& z) {
 }
 
 TwoGrid::TwoGrid(const BlockMatrix& A, const Eigen::Matrix2Xi& between, SinglePreconditioner coarser)
-    : between_(between),
-      coarser_(std::move(coarser)),
-      coarse_rest_(4, padded(between.maxCoeff() + 1)) {
+    : between_(between), coarser_(std::move(coarser)), coarse_rest_(4, padded(between.maxCoeff() + 1)) {
   const Equations<3> nodes{A.row_start, A.column, A.diagonal, A.block};
   A_ = single_precision(nodes, inverse_diagonal(nodes));
 }

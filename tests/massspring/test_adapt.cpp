@@ -135,7 +135,8 @@ TEST(ErrorEstimate, TriesNothingElseWhereTheSolverOfTheNetworkDoesNotServe) {
   own.advance();
   EXPECT_EQ(own.status(), Status::Ok);
   coarse.advance();
-  above.set_coarser(Eigen::Matrix2Xi::Zero(2, between.cols()), coarse);  // all nodes as the one that is clamped
+  above.set_coarser(Eigen::Matrix2Xi::Zero(2, between.cols()),
+                    coarse);  // all nodes as the one that is clamped
   above.advance();
   EXPECT_EQ(above.status(), Status::NotConverged);
   EXPECT_LE(above.report().linear_iterations, 600);

@@ -38,10 +38,11 @@ def watch(words, folder: Path) -> Watched:
         n = sum(file.name.endswith(".vtu") for file in os.scandir(folder)) if folder.exists() else 0
         stat = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
         # Pages of libraries come in as their code is first reached, the last of them when the run is written.
-        own = [line.split()[1] for line in open(f"/proc/{process.pid}/status") if line.startswith("RssAnon")]
-        has_memory = own and int(own[0]) > 0  # which one that has just ended has not
+        status = Path(f"/proc/{process.pid}/status").read_text()
+        own = int(status.partition("RssAnon:")[2].split()[0]) if "RssAnon:" in status else 0  # kB
+        has_memory = own > 0  # which one that has just ended has not
         if has_memory and n > (watched.frames or [0])[-1]:
-            watched.memory.append(int(own[0]) * 1024 / 1e6)
+            watched.memory.append(own * 1024 / 1e6)
             watched.seconds.append((int(stat[11]) + int(stat[12])) / _TICKS)
             watched.frames.append(n)
         time.sleep(0.05)

@@ -329,15 +329,16 @@ class HalvedEdges : public testing::Test {
     for (int i = 0; i < n; ++i) between.col(i) << i / 2, (i + 1) / 2;
     BlockCholesky(A).solve(b, exact);
   }
-  SolveReport solve(LinearSolver& solver) { return solver.solve(system_of(A, none, line), b, x, kSolverTolerance); }
+  SolveReport solve(LinearSolver& solver) {
+    return solver.solve(system_of(A, none, line), b, x, kSolverTolerance);
+  }
 };
 
 // Two springs in a row are half as stiff, and twice as much ground holds each node.
 TEST_F(HalvedEdges, TakeFewIterationsAboveTheSolutionOfTheOthers) {
   const auto coarser = BlockCholesky(chain(n_coarse, 1e5 / 4)).single_precision();
-  LinearSolver solver = LinearSolver::of_halved_edges(between, [&](const PaddedField& r, PaddedField& z) {
-    coarser.solve(0.5F * r, z);
-  });
+  LinearSolver solver = LinearSolver::of_halved_edges(
+      between, [&](const PaddedField& r, PaddedField& z) { coarser.solve(0.5F * r, z); });
   const SolveReport report = solve(solver);
   EXPECT_TRUE(report.is_converged);
   EXPECT_LT(report.iterations, 30);
