@@ -78,6 +78,12 @@ def vertices_for(n: int, n_vertices: int) -> int:
     return round(n_vertices * (n / max(_COUNTS)) ** (2 / 3))
 
 
+def cpu_beyond(solved: Solved, small: Solved) -> list[float]:
+    """CPU seconds of each process beyond those on a body of hardly any elements."""
+    pairs = zip(solved.of_processes["cpu"], small.of_processes["cpu"], strict=True)
+    return [cpu - least for cpu, least in pairs]
+
+
 def row(kind: str, strain: str, solved: Solved, small: Solved) -> list[str]:
     """Of the table. small: a body of hardly any elements by as many processes."""
     of, at_least = solved.of_processes, small.of_processes
@@ -88,7 +94,7 @@ def row(kind: str, strain: str, solved: Solved, small: Solved) -> list[str]:
         str(solved.record["processes"]),
         str(solved.record["n_dofs"]),
         str(solved.record["linear_iterations"]),
-        f"{sum(of['cpu']) - sum(at_least['cpu']):.2g}",
+        f"{sum(cpu_beyond(solved, small)):.2g}",
         f"{sum(of['messages']):.0f}",
         f"{sum(of['bytes']) / 1e6:.2g}",
         f"{max(of['sums']):.0f}",
@@ -131,7 +137,7 @@ def extrapolate(n: int, n_dofs: float, several: Solved, small: Solved) -> Extrap
     their power 2/3, the serial part as all unknowns. A sum goes up and down a binary tree.
     """
     of, n_slices = several.of_processes, several.record["processes"]
-    first, *others = (cpu - least for cpu, least in zip(of["cpu"], small.of_processes["cpu"], strict=True))
+    first, *others = cpu_beyond(several, small)
     all_over = n_dofs / several.record["n_dofs"]
     share = all_over * n_slices / n
     messages, sent = (sum(of[name]) / (2 * (n_slices - 1)) for name in ("messages", "bytes"))  # to one beside
@@ -148,14 +154,12 @@ FAR_HEAD = ["body", "strain", "processes", "unknowns", "own work", "messages", "
 
 def far_row(kind: str, strain: str, n: int, pairs: dict[int, tuple[Solved, Solved]]) -> list[str]:
     """Of the table. pairs: of each number of processes the body and that of hardly any elements."""
-    (alone_, least), several = pairs[1], pairs[max(_COUNTS)]
+    one, several = pairs[1], pairs[max(_COUNTS)]
     grows = n / max(_COUNTS) if kind == "grows" else 1
     n_dofs = several[0].record["n_dofs"] * grows
     found = extrapolate(n, n_dofs, *several)
     # One process would take in proportion to its unknowns.
-    of_one = (
-        (sum(alone_.of_processes["cpu"]) - sum(least.of_processes["cpu"])) * n_dofs / alone_.record["n_dofs"]
-    )
+    of_one = sum(cpu_beyond(*one)) * n_dofs / one[0].record["n_dofs"]
     parts = (found.work, found.messages, found.sums, found.serial)
     cells = [f"{seconds:.2g}" for seconds in parts]
     return [kind, strain, str(n), f"{n_dofs:.2g}", *cells, percent(of_one / (n * found.total), 2)]
@@ -200,8 +204,9 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     return Result("Processes", finding(taken), sections)
 
 
+_NETWORK = f"a message takes {1e6 * _LATENCY:g} us, and the network carries {_BANDWIDTH / 1e9:g} GB/s"
 _FAR_WORDS = (
-    f"Seconds by a model, in which a message takes {1e6 * _LATENCY:g} us and the network carries {_BANDWIDTH / 1e9:g} GB/s. "
+    f"Seconds by a model: {_NETWORK}. "
     "Work grows as the unknowns of a process, messages as their power 2/3, the serial part as all unknowns. "
     "The first process makes and deals out the mesh alone. Efficiency is that beside one process, of as many unknowns."
 )

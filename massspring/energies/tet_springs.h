@@ -72,7 +72,9 @@ inline constexpr double kConstrainedNodes = 0.3;
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
                           const Blend& blend, const std::vector<int>& constrained = {});
 
-/// Stiffness at rest of single tetrahedra (N/m), as couple_springs has it of kEdgeCoupled: that of linear elements.
+/// Stiffness at rest of single tetrahedra (N/m), the second derivative of (12) as couple_springs has it of kEdgeCoupled, and so
+/// that of linear elements: V (lambda b_i b_j^T + mu b_j b_i^T + mu b_i . b_j 1), b_i the gradients of barycentric
+/// coordinates. X 3 x n (m), T 4 x m of positive volume.
 BlockMatrix stiffness_of_tetrahedra(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame);
 
 /// Elastic energy (J) at displacements u (3 x n, m), the rest shape of patch p shrunk by scale(p): its energy is

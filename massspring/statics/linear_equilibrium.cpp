@@ -19,8 +19,8 @@ bool QuasiStaticSolver::turn_to_factor() {
 }
 
 StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
-  constexpr int kMaxSolves = 5;                    // later ones take what rounding left to the first
-  const int patience = has_coarser_ ? 300 : 1000;  // iterations, before another factor is tried
+  constexpr int kMaxSolves = 5;    // later ones take what rounding left to the first
+  constexpr int kPatience = 1000;  // iterations, before another factor is tried
   // Displacements are kept on their own: beside the positions of a stiff body they would lose their digits.
   const LoadPath::Equilibrium& last = state.loading->path.last.back();
   Matrix3Xd u = last.x;
@@ -61,7 +61,7 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   };
   const Matrix3Xd first = u;
   const double first_scale = scale;
-  solve(patience);
+  solve(has_coarser_ ? LinearSolver::kMostAbove : kPatience);
   if (!(report.residual <= tolerance_) && !has_coarser_) {
     if (turn_to_factor()) {
       u = first;

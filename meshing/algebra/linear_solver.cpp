@@ -21,7 +21,6 @@ constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;       // iterations more than at first, at which a factor is made anew
 constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried,
 constexpr double kSlowest = 12;    // or of each digit, if these are more
-constexpr int kMostAbove = 300;    // iterations with edges twice as long below
 constexpr int kMaxIterations = 5000, kMaxWithFactor = 1000;
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
 

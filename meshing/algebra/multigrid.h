@@ -61,7 +61,7 @@ class Multigrid {
 };
 
 /// Preconditioner of an elastic system whose nodes halve the edges of another one's: a sweep of block Gauss-Seidel down,
-/// the other's preconditioner on what is left, and a sweep backwards, up, in single precision.
+/// the other's preconditioner on what is left, and a sweep backwards, up, in single precision [Brandt 1977].
 class TwoGrid {
  public:
   /// @param A        as for Multigrid

@@ -298,9 +298,8 @@ def test_gear_of_needles_is_solved_by_both_programs(tmp_path):
 def test_sag_is_free_of_scale(tmp_path):
     """The same body in other units of length gives the same figures."""
 
-    def result(
-        name, *overrides
-    ):  # how often the reference is refined further hangs on how busy the machine is
+    # How often the reference would be refined further hangs on how busy the machine is.
+    def result(name, *overrides):
         few = ["surface.n_vertices=600", "comparison.calibrations=[]", *overrides]
         return write_results(
             run_solvers(SCENES / "sag.toml", tmp_path / name, None, few, is_quiet=True, is_refined_once=True)

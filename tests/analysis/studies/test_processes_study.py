@@ -2,6 +2,7 @@
 
 import pytest
 
+from analysis.paths import PACKAGE
 from analysis.studies import processes
 from analysis.studies.processes import Solved
 
@@ -53,6 +54,10 @@ def test_blocks_of_many_processes_have_more_beside_them_than_slices():
     assert found.sums == pytest.approx(2 * 4 * 1000 * 2e-6)
     assert found.serial == pytest.approx(2.0 * 16)
     assert found.total == pytest.approx(found.work + found.messages + found.sums + found.serial)
+
+
+def test_page_of_results_names_the_network_of_the_model():
+    assert processes._NETWORK in (PACKAGE / "RESULTS.md").read_text()
 
 
 def test_a_first_process_that_does_no_more_than_others_is_no_serial_part():
