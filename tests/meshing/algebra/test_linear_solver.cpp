@@ -318,7 +318,7 @@ TEST(LinearSolver, FactorisesWhereMultigridStandsStillAndSaysSo) {
 
 class HalvedEdges : public testing::Test {
  protected:
-  static constexpr int n = 1999, n_coarse = 1000;
+  static constexpr int n = 1999, kCoarse = 1000;
   const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
   const BlockMatrix A = chain(n, 1e5);
   Matrix3Xd line = none, x = none, exact;
@@ -336,7 +336,7 @@ class HalvedEdges : public testing::Test {
 
 // Two springs in a row are half as stiff, and twice as much ground holds each node.
 TEST_F(HalvedEdges, TakeFewIterationsAboveTheSolutionOfTheOthers) {
-  const auto coarser = BlockCholesky(chain(n_coarse, 1e5 / 4)).single_precision();
+  const auto coarser = BlockCholesky(chain(kCoarse, 1e5 / 4)).single_precision();
   LinearSolver solver = LinearSolver::of_halved_edges(
       between, [&](const PaddedField& r, PaddedField& z) { coarser.solve(0.5F * r, z); });
   const SolveReport report = solve(solver);
