@@ -1,11 +1,11 @@
 """Accuracy study: bodies and loads drawn at random, springs beside finite elements, against refined quadratic elements.
 
 Each body of bodies.py bears one load while it is free and one while a part of it is held, at two Poisson's ratios. The
-reference of all methods is quadratic elements on the surface as every method cuts it, refined. Their tetrahedra are split in
-eight, twice where a part is held and tetrahedra are few. The reference's own error is estimated from what the last split
-changed, as if it were of first order. Errors are relative, of the surface's displacement in the L2 norm. Half of the bodies
-are for development; --held-out measures the others, too. The exact fields are those of build/bin/accuracy, on the bodies of
-even triangles. What is finished is kept, and published in ACCURACY.md.
+reference of all methods is quadratic elements on the surface as every method cuts it, refined: triangles are cut further
+where supports end, and tetrahedra split in eight. The reference's own error is estimated from what the split changed, as if
+it were of first order. Errors are relative, of the surface's displacement in the L2 norm. Half of the bodies are for
+development; --held-out measures the others, too. The exact fields are those of build/bin/accuracy, on the bodies of even
+triangles. What is finished is kept, and published in ACCURACY.md.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _EXACT_MODELS = (
     SPRINGS,
 )  # the first two on completed PCP
 _DECIDED = 3  # times the refined reference's own error
-_MOST_TETRAHEDRA = 80_000  # of a reference that is split twice
+_AT_SUPPORTS = "surface.at_supports=2"  # of the reference
 _TOLERANCE = "time.residual=1e-9"
 
 Row = dict[str, str]
@@ -104,15 +104,15 @@ class Bench:
             raise RunError(": ".join(word for word in words if word))
         return load_run(outcome.folder)
 
-    def elements(self, scene: Path, nu: str, refine: int) -> Run:
-        return self.run("fem_reference", scene, nu, f"reference.refine={refine}", _TOLERANCE)
+    def elements(self, scene: Path, nu: str, refine: int, *overrides: str) -> Run:
+        return self.run("fem_reference", scene, nu, f"reference.refine={refine}", _TOLERANCE, *overrides)
 
-    def _references(self, scene: Path, case: Case) -> tuple[Run, Run]:
-        """The finest, and the one before."""
-        runs = [self.elements(scene, case.nu, refine) for refine in (0, 1)]
-        if case.kind == "held" and 8 * runs[-1].record["n_tetrahedra"] <= _MOST_TETRAHEDRA:
-            runs.append(self.elements(scene, case.nu, 2))
-        return runs[-1], runs[-2]
+    def references(self, scene: Path, case: Case) -> tuple[Run, Run]:
+        """The finest, and the one before, on the vertices of the surface as all methods cut it."""
+        methods = self.elements(scene, case.nu, 0)
+        finer = (_AT_SUPPORTS,) if case.kind == "held" else ()
+        finest, before = (self.elements(scene, case.nu, refine, *finer) for refine in (1, 0))
+        return on_points_of(finest, methods), on_points_of(before, methods)
 
     def scenes(self, case: Case) -> tuple[Path, Path | None]:
         """Files of the scene, and of the same on triangles cut in four."""
@@ -147,7 +147,7 @@ class Bench:
             )
         row = _row_of(case.body, case.kind, case.load, case.nu)
         try:
-            finest, before = self._references(scene, case)
+            finest, before = self.references(scene, case)
         except RunError as error:
             return [{**row, "method": method, "status": str(error)} for method in runs]
         own = error_of(before, finest)

@@ -1,8 +1,7 @@
 """Estimate study: how near the springs' own estimates come to their errors, and whether nodes added for a target meet it.
 
-Bodies and loads are those of the accuracy study, and so are errors: of the surface's displacement against quadratic
-elements on the same surface, refined once where a part is held. A target is met where the error is at most one and a half
-times as large. The price is the seconds of the estimate over all others. What is finished is kept.
+Bodies, loads, errors and the reference are those of the accuracy study. A target is met where the error is at most one and a
+half times as large. The price is the seconds of the estimate over all others. What is finished is kept.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ def measure(bench: Bench, case: Case) -> list[Row]:
     for asked, key in _keys().items():
         row = {**place, "asked": asked}
         try:
-            reference = bench.elements(scene, case.nu, refine=int(case.kind == "held"))
+            reference, _ = bench.references(scene, case)
             springs = bench.run("massspring", scene, case.nu, f"network.calibration={SPRINGS}", key)
         except RunError as error:
             rows.append({**row, "status": str(error)})

@@ -152,22 +152,12 @@ def test_error_is_to_the_refined_reference_whose_own_is_stated(stand_ins, tmp_pa
     assert [float(row["reference_error"]) for row in rows.values()] == pytest.approx([0.02] * 5, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    "load, n_tetrahedra, own",
-    [("held_pressed", 10_000, 0.01), ("held_pressed", 10_001, 0.02), ("pressed", 9, 0.02)],
-)
-def test_refined_references_of_held_bodies_are_refined_twice_while_they_are_small(
-    load, n_tetrahedra, own, ball, stand_ins, tmp_path
-):
-    """Each refinement makes eight of a tetrahedron. The second takes a hundredth off the displacement."""
-    record = tmp_path / "home" / "fem_reference_refine_1" / "run.json"
-    record.write_text(record.read_text().replace("1000000", str(n_tetrahedra)))
-    twice = tmp_path / "home" / "fem_reference_refine_2"
-    more = {"program": "fem_reference", "is_free": False}
-    write_run(twice, *ball, lambda X: 0.01 / 1.02 / 1.01 * X, np.linspace(0, 1, 2), **more)
-    rows = bench_of(tmp_path / "study", stand_ins).measure(Case(CASE.body, load, "0.25"))
-    assert [float(row["reference_error"]) for row in rows] == pytest.approx([own] * 4, rel=1e-4)
-    assert load not in CUTTABLE
+@pytest.mark.parametrize("load, n_fine", [("held_pressed", 2), ("pressed", 0)])
+def test_references_of_held_bodies_alone_are_finer_where_supports_end(load, n_fine, stand_ins, tmp_path):
+    bench_of(tmp_path / "study", stand_ins).measure(Case(CASE.body, load, "0.25"))
+    fine = [call for call in calls(stand_ins) if "'surface.at_supports', '2'" in call]
+    assert len(fine) == n_fine
+    assert sorted("'reference.refine', '1'" in call for call in fine) == [False, True][:n_fine]
 
 
 def test_method_that_fails_is_a_row_that_says_why(stand_ins, tmp_path):

@@ -50,9 +50,9 @@ class StandIn:
     def scenes(self, _):
         return "scene", None
 
-    def elements(self, scene, nu, refine):
-        self.asked.append(refine)
-        return self.of(1)
+    def references(self, scene, case):
+        self.asked.append((scene, case))
+        return self.of(1), self.of(2)
 
     def run(self, program, scene, nu, *overrides):
         if "network.target_error=0.03" in overrides:
@@ -72,12 +72,11 @@ class StandIn:
         return SimpleNamespace(last=last, record=record)
 
 
-def test_each_question_is_a_row_and_held_bodies_have_a_refined_reference():
-    case = next(case for case in cases() if case.kind == "held")
-    bench = StandIn()
+def test_each_question_is_a_row_beside_the_refined_reference():
+    case, bench = cases()[0], StandIn()
     rows = measure(bench, case)
     assert [row["asked"] for row in rows] == [ESTIMATE, "target 0.1", "target 0.05", "target 0.03"]
-    assert set(bench.asked) == {1} and rows[-1]["status"] == "too large"
+    assert set(bench.asked) == {("scene", case)} and rows[-1]["status"] == "too large"
     assert (rows[0]["error"], rows[0]["estimate"]) == ("0.04", "0.06")
     assert (rows[0]["seconds"], rows[0]["price"]) == ("1.5", "2")
 
