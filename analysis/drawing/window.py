@@ -16,6 +16,7 @@ from .pictures import light
 _FRAME = 1 / 30  # s, at least, from one picture to the next
 _SELDOM = 1 / 5  # s, about, between pictures of a panel without a body
 _HEIGHT = 600  # pixels of a panel, at first
+_SMALLER = 0.75  # times that without a graphics card, where pixels decide how long a picture takes
 _CURVES = 0.78  # of the height of their panel, below text and slider
 _SMOOTHED = 0.9  # share of the former rate in the one that is shown
 
@@ -87,6 +88,7 @@ class Window:
             renderer.SetUseOIT(False)  # passes over all pixels, for layers that obstacles do not have
         self.plotter.show(interactive_update=True, auto_close=False)
         if "llvmpipe" in self.plotter.render_window.ReportCapabilities():
+            self.plotter.window_size = [round(_SMALLER * n) for n in self.plotter.window_size]
             self.plotter.render_window.SetMultiSamples(0)  # smooth edges take a processor three times as long
             self.plotter.render_window.SetFrameBlitModeToBlitToCurrent()  # colours: nothing reads a window's depths
         interactor = self.plotter.iren.interactor
