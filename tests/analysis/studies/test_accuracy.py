@@ -37,7 +37,7 @@ from analysis.studies.accuracy import (
     table_of_models,
     write_page,
 )
-from analysis.studies.accuracy_loads import CUTTABLE, FREE, HELD
+from analysis.studies.accuracy_loads import FREE, HELD
 from analysis.studies.bodies import Body
 from analysis.studies.command import main
 
