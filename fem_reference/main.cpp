@@ -1,4 +1,6 @@
 // The reference program: scene in, frames, curves and a record out.
+#include <algorithm>
+
 #include "fem_reference/base/memory.h"
 #include "fem_reference/base/processes.h"
 #include "fem_reference/solid/problem.h"
@@ -20,8 +22,19 @@ struct Arguments : SessionOptions {
 /// What several processes do not solve together; empty: nothing.
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
-  const std::string allowed = " under mpirun, expected statics of a body that only loads and supports act on";
-  if (scene.time.mode != TimeMode::Static) return "time.mode = \"dynamic\"" + allowed;
+  const std::string allowed =
+      " under mpirun, expected statics, or explicit motion from rest, of a body that only loads and supports "
+      "act on";
+  if (scene.time.mode == TimeMode::Dynamic) {
+    if (!find_scheme(scene.reference.integrator).is_explicit())
+      return "reference.integrator = \"" + scene.reference.integrator + "\"" + allowed;
+    const bool has_follower = std::any_of(scene.loads.begin(), scene.loads.end(),
+                                          [](const Load& load) { return load.is_follower; });
+    for (const auto& [key, is_there] : {std::pair("loads.follower", has_follower),
+                                        {"material.damping_ratio", scene.material.damping_ratio > 0},
+                                        {"initial", !scene.initial.empty()}})
+      if (is_there) return key + allowed + " without it";
+  }
   const bool keeps_volume = scene.volume && (scene.volume->is_exact || scene.volume->coefficient > 0);
   for (const auto& [key, is_there] : {std::pair("obstacles", !scene.obstacles.empty()),
                                       {"skin", scene.skin.has_value()},
@@ -144,7 +157,8 @@ void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann
 
 ExitStatus run(const Arguments& arguments) {
   const bool is_first = processes().rank == 0;
-  const Scene scene = read_scene(arguments.scene, arguments.overrides);
+  Scene scene = read_scene(arguments.scene, arguments.overrides);
+  if (processes().n > 1) scene.output.checkpoint_every = 0;  // none tells of several processes
   check_scene(scene, arguments.scene);
   check_scheme(scene, arguments.scene);
   Session session("fem_reference", arguments, scene, is_first);
@@ -155,6 +169,9 @@ ExitStatus run(const Arguments& arguments) {
       std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies);
   const auto status = session.stored_status({"network"}, options);
   if (from_first_process(status.has_value())) return status.value_or(kSolved);
+  if (processes().n > 1 && from_first_process(session.saved_simulation() != nullptr))
+    throw std::runtime_error(
+        arguments.out + ": a run was stopped there, expected the one process that it began with, or --force");
 
   session.start("mesh");
   TetOptions tets;
@@ -217,7 +234,7 @@ int main(int argc, char** argv) {
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
       "  fem_reference scene.toml --converge 2\n"
-      "  mpirun -np 8 fem_reference scene.toml        (statics without contact)\n");
+      "  mpirun -np 8 fem_reference scene.toml        (statics and explicit motion, without contact)\n");
   app.add_option(
          "--converge", arguments.n_levels,
          "also solve on this many meshes, each refined once more, and write the estimated error of the "

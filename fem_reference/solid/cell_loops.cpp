@@ -309,6 +309,7 @@ void ElasticSolid::find_forces(const Eigen::Ref<const Matrix3Xd>& displacement, 
   Implementation& s = *self_;
   s.shrink(load_factor);
   s.tets.forces(displacement, force);
+  s.share.clear_ghosts(force);
   if (s.surface.empty()) return;
   Matrix3Xd by_surface = Matrix3Xd::Zero(3, force.cols());
   for (const auto& energy : s.surface_at(load_factor))
@@ -359,6 +360,12 @@ void ElasticSolid::Implementation::find_tangent(const Matrix3Xd& at, double load
   }
 }
 
+/// Rows that other processes own.
+void ElasticSolid::Implementation::drop_ghosts(Eigen::SparseMatrix<double>& A) const {
+  if (!share.is_whole)
+    A.prune([&](Eigen::Index row, Eigen::Index, double) { return !share.is_ghost[row / 3]; });
+}
+
 Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
   Linearisation at_rest;
   self_->shrink(0);
@@ -368,6 +375,7 @@ Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
   std::swap(acting, self_->surface);
   self_->find_tangent(Matrix3Xd::Zero(3, X().cols()), 0, Curvature::Projected, at_rest);
   std::swap(acting, self_->surface);
+  self_->drop_ghosts(at_rest.tangent);
   return at_rest.tangent;
 }
 
@@ -396,8 +404,9 @@ Eigen::SparseMatrix<double> ElasticSolid::mass(MassMatrix kind) const {
         for (int c = 0; m(a, b) != 0 && c < 3; ++c)
           entries.emplace_back(3 * nodes_of(a) + c, 3 * nodes_of(b) + c, m(a, b));
   }
-  Eigen::SparseMatrix<double> M(n_dofs(), n_dofs());
+  Eigen::SparseMatrix<double> M(X().size(), X().size());
   M.setFromTriplets(entries.begin(), entries.end());
+  self_->drop_ghosts(M);
   return M;
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <memory>
 
+#include "fem_reference/base/processes.h"
 #include "meshing/algebra/largest_eigenvalue.h"
 #include "meshing/algebra/subdomains.h"
 #include "meshing/base/random.h"
@@ -14,7 +15,8 @@ namespace {
 using Eigen::VectorXd;
 
 VectorXd inverse_of_free(const Dynamics& system) {
-  VectorXd inverse = system.M.diagonal().cwiseInverse();
+  const VectorXd mass = system.M.diagonal();
+  VectorXd inverse = (mass.array() > 0).select(mass.cwiseInverse(), 0);
   inverse(system.constrained).setZero();
   return inverse;
 }
@@ -67,11 +69,12 @@ bool CentralDifferences::step() {
     u += h_ * v;
   });
   u_(system_.constrained) = constrained.u;
+  if (system_.exchange) system_.exchange(u_);
   accelerate(h_ / 2);
   v_(system_.constrained) = constrained.v;
   ++n_steps_;
   constexpr double kRunaway = 1e30;  // m/s: energies, areas and strains are still numbers
-  return v_.squaredNorm() < kRunaway * kRunaway;
+  return sum_over_processes(v_.squaredNorm()) < kRunaway * kRunaway;
 }
 
 std::unique_ptr<Integrator> make_central_differences(Dynamics system, double h, const ReferenceOptions&) {
@@ -87,10 +90,14 @@ double stable_step(const Dynamics& system) {
   start.reshaped().array() *= (scale.array() > 0).cast<double>();
   const double largest = meshing::largest_eigenvalue(
       [&](const Eigen::Matrix3Xd& q) -> Eigen::Matrix3Xd {
-        const VectorXd scaled = scale.cwiseProduct(q.reshaped());
+        VectorXd scaled = scale.cwiseProduct(q.reshaped());
+        if (system.exchange) system.exchange(scaled);
         return scale.cwiseProduct(system.K * scaled).reshaped(3, n);
       },
-      start);
+      start,
+      [](const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) {
+        return sum_over_processes(a.cwiseProduct(b).sum());
+      });
   return 2 / std::sqrt(largest);
 }
 

@@ -9,7 +9,7 @@ namespace testbed::fem {
 /// and angular momentum is kept at finite strain; steps beyond stable_step() grow without bound.
 class CentralDifferences : public Integrator {
  public:
-  /// @param system  M diagonal and positive, no stiffness damping
+  /// @param system  M diagonal and positive where this process owns, no stiffness damping
   CentralDifferences(Dynamics system, double h);
 
   bool step() override;
@@ -20,7 +20,7 @@ class CentralDifferences : public Integrator {
   void go_on(const Eigen::VectorXd& u, const Eigen::VectorXd& v) override;
   void accelerate(double time);
 
-  Eigen::VectorXd inverse_mass_;  // 0 of constrained unknowns
+  Eigen::VectorXd inverse_mass_;  // 0 of constrained unknowns and those of others
   Eigen::Matrix3Xd force_;
 };
 

@@ -7,6 +7,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "fem_reference/base/processes.h"
 #include "meshing/algebra/lowest_modes.h"
 #include "meshing/algebra/newton.h"
 #include "meshing/scene/scene.h"
@@ -142,10 +143,18 @@ void Integrator::begin_step() {
   ledger_.begin_step(system_.surface, at(u_));
 }
 
+double Integrator::kinetic_energy() const {
+  return sum_over_processes(v_.dot(system_.M * v_) / 2);
+}
+
+double Integrator::elastic_energy() const {
+  return sum_over_processes(respond(u_, false).energy);
+}
+
 void Integrator::begin_ledger() {
   constexpr double kRounding = 1e-12;  // of the energy at a strain of one; linear forces have none
   const double scale = system_.linearise && system_.X.size() > 0
-                           ? system_.X.reshaped().dot(system_.K * system_.X.reshaped())
+                           ? sum_over_processes(system_.X.reshaped().dot(system_.K * system_.X.reshaped()))
                            : 0;
   ledger_.begin(kinetic_energy(), elastic_energy(), system_.surface,
                 system_.surface.empty() ? Matrix3Xd() : at(u_), kRounding * scale);
@@ -157,7 +166,7 @@ void Integrator::change_rest(const std::function<void()>& change) {
   ledger_.flows.rest += elastic_energy() - before;
 }
 
-/// That damping takes (W).
+/// That damping takes here (W).
 double Integrator::damping_power(const VectorXd& v) const {
   double power = 0;
   if (system_.damping > 0) power += system_.damping * v.dot(system_.M * v);
@@ -165,7 +174,7 @@ double Integrator::damping_power(const VectorXd& v) const {
   return power;
 }
 
-/// In the step from displacements u and velocities v (J): what supports add to momenta at the mean of velocities,
+/// In the step from displacements u and velocities v, here (J): what supports add to momenta at the mean of velocities,
 /// and what they hold against forces along the way.
 double Integrator::work_of_supports(const VectorXd& u, const VectorXd& v) const {
   if (!system_.constrained_motion) return 0;
@@ -182,9 +191,12 @@ bool Integrator::advance() {
   const double before = damping_power(v);
   if (!step()) return false;
   meshing::EnergyFlows& flows = ledger_.flows;
-  flows.loads += system_.load.dot(u_ - u);
-  flows.damping += h_ / 2 * (before + damping_power(v_));
-  flows.supports += work_of_supports(u, v);
+  VectorXd here = Eigen::Vector3d(system_.load.dot(u_ - u), h_ / 2 * (before + damping_power(v_)),
+                                  work_of_supports(u, v));
+  sum_over_processes(here);
+  flows.loads += here(0);
+  flows.damping += here(1);
+  flows.supports += here(2);
   if (!system_.surface.empty()) ledger_.end_step(system_.surface, at(u_));
   return true;
 }

@@ -42,7 +42,8 @@ constexpr TimeScheme generalised_alpha(double rho) {
   return {alpha_m, alpha_f, d * d / 4, 0.5 - alpha_m + alpha_f};
 }
 
-/// M a + damping M v + stiffness_damping K v + f(u) = load.
+/// M a + damping M v + stiffness_damping K v + f(u) = load. Of several processes each has its share of the unknowns: M, K,
+/// load and f are 0 where others own.
 struct Dynamics {
   Eigen::SparseMatrix<double> K, M;  ///< at rest (N/m); kg
   double damping = 0;                ///< 1/s
@@ -59,8 +60,10 @@ struct Dynamics {
   double tolerance = 1e-10;  ///< at finite strain: forces out of balance over load, inertia and f
   /// Of f at finite strain (J), infinite where there is none; empty: the elastic energy of `linearise`.
   std::function<double(const Eigen::VectorXd& u)> potential = {};
-  Eigen::Matrix3Xd X = {};                ///< nodes at rest, at finite strain (m)
+  Eigen::Matrix3Xd X = {};                ///< nodes at rest, where there is `linearise` (m)
   meshing::SurfaceEnergies surface = {};  ///< what of f acts on it, of positions X + u
+  /// Brings unknowns that others own up to date; empty: there are none.
+  std::function<void(Eigen::VectorXd& u)> exchange = {};
 };
 
 /// All that decides how a motion goes on.
@@ -122,11 +125,11 @@ class Integrator {
   }
   /// Goes on from a state with what is constrained now, and forgets what is kept besides.
   void set_state(const MotionState& state);
-  double t() const { return n_steps_ * step_ + begun_; }                ///< s
-  const Eigen::VectorXd& u() const { return u_; }                       ///< m
-  const Eigen::VectorXd& v() const { return v_; }                       ///< m/s
-  double kinetic_energy() const { return v_.dot(system_.M * v_) / 2; }  ///< J
-  double elastic_energy() const { return respond(u_, false).energy; }   ///< J
+  double t() const { return n_steps_ * step_ + begun_; }  ///< s
+  const Eigen::VectorXd& u() const { return u_; }         ///< m
+  const Eigen::VectorXd& v() const { return v_; }         ///< m/s
+  double kinetic_energy() const;                          ///< J, as the next of all processes
+  double elastic_energy() const;
   const StepCounts& counts() const { return counts_; }
   void set_counts(const StepCounts& counts) { counts_ = counts; }
 

@@ -139,7 +139,7 @@ class ElasticSolid {
   void find_forces(const Eigen::Ref<const Eigen::Matrix3Xd>& displacement, double load_factor,
                    Eigen::Matrix3Xd& force) const;
   /// Stiffness at rest without contact (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing
-  /// constrained.
+  /// constrained. Rows that other processes own are 0, as are their parts of forces.
   Eigen::SparseMatrix<double> stiffness() const;
   /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
   Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;

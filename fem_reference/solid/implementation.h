@@ -84,6 +84,7 @@ struct ElasticSolid::Implementation {
   void find_tangent(const Matrix3Xd& at, double load_factor, meshing::Curvature curvature,
                     Linearisation& result) const;
 
+  void drop_ghosts(Eigen::SparseMatrix<double>& A) const;
   void remove_rigid(Matrix3Xd& forces) const;  // what drives free rigid motions
 
   void solve_linear(double load_factor, StageTimer* timer);

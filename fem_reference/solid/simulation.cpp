@@ -135,7 +135,7 @@ void Simulation::set_in_motion(double t) {
     system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[0];
   }
   damping_ = system.damping;
-  if (law_of(scene_) != MaterialLaw::SmallStrain || !solid_.surface().empty()) {
+  if (law_of(scene_) != MaterialLaw::SmallStrain || !solid_.surface().empty() || !solid_.share().is_whole) {
     system.linearise = [this](const Eigen::VectorXd& u, bool with_tangent) {
       return solid_.linearise(u.reshaped(3, solid_.X().cols()), 1, with_tangent);
     };
@@ -145,6 +145,12 @@ void Simulation::set_in_motion(double t) {
     system.surface = solid_.surface();
     system.X = solid_.X();
   }
+  if (!solid_.share().is_whole)
+    system.exchange = [this](Eigen::VectorXd& u) {
+      Eigen::Matrix3Xd field = u.reshaped(3, u.size() / 3);
+      solid_.share().exchange.update(field);
+      u = field.reshaped();
+    };
   const TimeOptions& time = scene_.time;
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest, which strain lowers
   step_ = time.step;
@@ -319,33 +325,41 @@ Snapshot Simulation::snapshot() const {
   const auto contact_at = [&](const Eigen::Matrix3Xd& u) {
     return meshing::contact_columns(solid_.surface(), solid_.X() + u, frame_);
   };
+  const auto seen = [&](const Eigen::Matrix3Xd& field) -> Eigen::Matrix3Xd {
+    return frame_ * solid_.share().written(field, n_surface());
+  };
+  const auto largest_of = [&](const Eigen::Matrix3Xd& u) {
+    std::optional<double> largest;
+    if (!solid_.share().is_whole) largest = largest_over_processes(u.colwise().norm().maxCoeff());
+    return largest;
+  };
   if (integrator_) {
     const Eigen::Matrix3Xd u = integrator_->u().reshaped(3, solid_.X().cols());
+    Eigen::Matrix3Xd v = integrator_->v().reshaped(3, u.cols());
+    solid_.share().exchange.update(v);
     const double kinetic = integrator_->kinetic_energy(), elastic = integrator_->elastic_energy();
     return {integrator_->t(),
             1,
-            frame_ * u,
+            seen(u),
             kinetic,
             elastic,
             strains(u, solid_.max_strain(u)),
-            {{"velocity", frame_ * integrator_->v().reshaped(3, u.cols())}},
+            {{"velocity", seen(v)}},
             contact_at(u),
-            integrator_->ledger().columns(integrator_->surface(), kinetic, elastic)};
+            integrator_->ledger().columns(integrator_->surface(), kinetic, elastic),
+            largest_of(u)};
   }
   const Eigen::Matrix3Xd& u = solid_.displacement();
-  std::optional<double> largest;
-  if (!solid_.share().is_whole)
-    largest = std::abs(scale_) * largest_over_processes(u.colwise().norm().maxCoeff());
   return {load_factor(),
           load_factor(),
-          frame_ * (scale_ * solid_.share().written(u, n_surface())),
+          seen(scale_ * u),
           0,
           scale_ * scale_ * equilibrium_.elastic_energy,
           strains(u, scale_ * equilibrium_.max_strain),
           {},
           contact_at(u),
           {},
-          largest};
+          largest_of(scale_ * u)};
 }
 
 std::string Simulation::solver() const {

@@ -12,7 +12,9 @@ namespace testbed::meshing {
 /// the iteration knows of its own error is added, so that it errs upwards.
 /// @param product  returns the operator times q
 /// @param start    of the iteration, with a part of every vector that counts; not zero
-double largest_eigenvalue(const std::function<Eigen::Matrix3Xd(const Eigen::Matrix3Xd& q)>& product,
-                          const Eigen::Matrix3Xd& start);
+/// @param dot      of two such fields, that of Euclid where it is empty
+double largest_eigenvalue(
+    const std::function<Eigen::Matrix3Xd(const Eigen::Matrix3Xd& q)>& product, const Eigen::Matrix3Xd& start,
+    const std::function<double(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b)>& dot = {});
 
 }  // namespace testbed::meshing
