@@ -1,8 +1,12 @@
 """The gallery shows every scene with its command, and says of it what its file says first."""
 
+from argparse import Namespace
+from pathlib import Path
+
 from pages import n_words
 
-from analysis.paths import PACKAGE, SCENES
+from analysis.paths import PACKAGE, SCENES, THUMBNAIL
+from analysis.studies import gallery
 from analysis.studies.gallery import PAGE, sentence_of, write_page
 
 SCENE_FILES = sorted(SCENES.glob("*.toml"))
@@ -14,7 +18,7 @@ def test_every_scene_has_a_small_picture_and_its_command():
         picture = f"figures/gallery/{scene.stem}.jpg"
         assert f"![{scene.stem}]({picture})" in text
         assert 2000 < (PACKAGE / picture).stat().st_size <= 60_000, picture
-        assert f"./testbed run analysis/scenes/{scene.name}\n" in text
+        assert f"./testbed run analysis/scenes/{scene.name}" in text
     assert text.count("./testbed run") == len(SCENE_FILES)
 
 
@@ -22,6 +26,29 @@ def test_page_is_what_the_scenes_say_now(tmp_path, monkeypatch):
     monkeypatch.setattr("analysis.studies.gallery.PAGE", tmp_path / "page.md")
     write_page(SCENE_FILES)
     assert (tmp_path / "page.md").read_text() == PAGE.read_text()
+
+
+def test_scenes_run_as_their_commands_say(tmp_path, monkeypatch):
+    asked = {}
+
+    def run_solvers(scene, out, surface, overrides, **_):
+        asked[scene.name] = overrides
+        out.mkdir()
+        (out / THUMBNAIL).write_bytes(b"")
+
+    for name, value in {
+        "PACKAGE": tmp_path,
+        "PAGE": tmp_path / "page.md",
+        "run_solvers": run_solvers,
+    }.items():
+        monkeypatch.setattr(gallery, name, value)
+    monkeypatch.setattr(gallery, "results_of", lambda _: None)
+    gallery.study(Namespace(quick=False, quiet=True), tmp_path)
+    commands = [
+        line.split() for line in (tmp_path / "page.md").read_text().splitlines() if "run" in line[:14]
+    ]
+    told = {Path(words[2]).name: words[4::2] for words in commands}
+    assert told == asked and any(asked.values())
 
 
 def test_a_scene_says_first_what_it_shows(tmp_path):
