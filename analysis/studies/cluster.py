@@ -67,16 +67,16 @@ def _cpu() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def n_done(folder: Path) -> int:
-    """Runs in a sweep's store."""
-    return len(list((folder / "runs").glob("*/outcome.json")))
+def finished(folder: Path) -> list[Path]:
+    """Outcomes of the runs in a sweep's store. A process works on a folder of another name, which a kill leaves."""
+    return [file for file in (folder / "runs").glob("*/outcome.json") if ".part-" not in file.parent.name]
 
 
 def _at_half(folder: Path, n_runs: int, act: Callable[[], None]) -> threading.Thread:
     """Does something once half of the runs are there."""
 
     def wait() -> None:
-        while n_done(folder) < n_runs / 2:
+        while len(finished(folder)) < n_runs / 2:
             time.sleep(0.02)
         act()
 
@@ -122,7 +122,7 @@ def _measured(name: str, n_workers: int, folder: Path, n: int, cpu: Callable[[],
 
 
 def _ended(name: str, n_workers: int, wall: float, cpu: float | None, folder: Path) -> Measured:
-    outcomes = [json.loads(file.read_text()) for file in (folder / "runs").glob("*/outcome.json")]
+    outcomes = [json.loads(file.read_text()) for file in finished(folder)]
     of_runs = sum(outcome["wall"] for outcome in outcomes)
     return Measured(name, n_workers, wall, of_runs, cpu, len(outcomes), table_in(folder))
 
@@ -160,7 +160,7 @@ def by_a_sweep_that_is_killed(folder: Path, n: int) -> Measured:
         first = subprocess.Popen(command, cwd=ROOT, stdout=said, stderr=said)
         _at_half(out, 2 * n, first.kill).join()
         first.wait()
-        there = {file: file.stat().st_mtime_ns for file in (out / "runs").glob("*/outcome.json")}
+        there = {file: file.stat().st_mtime_ns for file in finished(out)}
         subprocess.run(command, cwd=ROOT, stdout=said, stderr=said, check=True)
     if again := [file for file, when in there.items() if file.stat().st_mtime_ns != when]:
         raise RunError(f"{again[0].parent}: made again though it was there, expected none")

@@ -442,6 +442,14 @@ def test_sweeps_of_small_runs_give_one_table_whatever_is_killed(tmp_path, monkey
     assert found.sentence.startswith("3 of 3 sweeps") and not left.exists()
 
 
+def test_a_run_that_a_kill_has_cut_off_is_not_finished(tmp_path):
+    """Its outcome was written, and its folder not yet given its name."""
+    for name in ("5aa49c47", "5aa49c48.part-vm-12312"):
+        (tmp_path / "runs" / name).mkdir(parents=True)
+        (tmp_path / "runs" / name / "outcome.json").write_text("{}")
+    assert [file.parent.name for file in study.finished(tmp_path)] == ["5aa49c47"]
+
+
 def test_one_worker_loads_no_engine():
     code = (
         "import sys; from argparse import Namespace; import analysis.__main__ as m\n"
