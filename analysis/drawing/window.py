@@ -16,7 +16,7 @@ from .pictures import light
 _FRAME = 1 / 30  # s, at least, from one picture to the next
 _SELDOM = 1 / 5  # s, about, between pictures of a panel without a body
 _HEIGHT = 600  # pixels of a panel, at first
-_SMALLER = 0.75  # times that without a graphics card, where pixels decide how long a picture takes
+_SMALLER = 0.75  # times that of a window that shrinks: without a graphics card pixels decide how long a picture takes
 _CURVES = 0.78  # of the height of their panel, below text and slider
 _SMOOTHED = 0.9  # share of the former rate in the one that is shown
 
@@ -42,12 +42,17 @@ class Hold(Protocol):
 class Window:
     """A lit pyvista window of panels in a row, above one for curves; is_linked: all seen from one place.
 
-    widths: of the panels, in pixels at first; keys: as VTK names them -> what each does; the window has no other keys but q,
-    which closes it.
+    widths: of the panels, in pixels at first, fewer in a window that shrinks without a graphics card; keys: as VTK names them
+    -> what each does; the window has no other keys but q, which closes it.
     """
 
     def __init__(
-        self, title: str, widths: list[int], keys: dict[str, Callable[[], None]], is_linked: bool = True
+        self,
+        title: str,
+        widths: list[int],
+        keys: dict[str, Callable[[], None]],
+        is_linked: bool = True,
+        shrinks: bool = False,
     ) -> None:
         self.panel = (widths[0], _HEIGHT)  #: pixels of the first, at first
         self.plotter = pv.Plotter(
@@ -55,6 +60,7 @@ class Window:
             lighting="none", window_size=[sum(widths), _HEIGHT * 4 // 3], title=title,
         )  # fmt: skip
         self.plotter.set_background("white", all_renderers=True)
+        self._shrinks = shrinks
         self._linked = list(range(len(widths))) if is_linked else []
         light(self.plotter)  # all panels
         self.is_open = True
@@ -88,7 +94,8 @@ class Window:
             renderer.SetUseOIT(False)  # passes over all pixels, for layers that obstacles do not have
         self.plotter.show(interactive_update=True, auto_close=False)
         if "llvmpipe" in self.plotter.render_window.ReportCapabilities():
-            self.plotter.window_size = [round(_SMALLER * n) for n in self.plotter.window_size]
+            if self._shrinks:
+                self.plotter.window_size = [round(_SMALLER * n) for n in self.plotter.window_size]
             self.plotter.render_window.SetMultiSamples(0)  # smooth edges take a processor three times as long
             self.plotter.render_window.SetFrameBlitModeToBlitToCurrent()  # colours: nothing reads a window's depths
         interactor = self.plotter.iren.interactor

@@ -159,7 +159,7 @@ class Preview:
         } | {str(n): functools.partial(self.toggle_part, part) for n, part in enumerate(_PARTS, 1)}  # fmt: skip
         n_drawing = max(1, (os.cpu_count() or 1) - 1)  # threads: a core is left to steps
         os.environ.setdefault("LP_NUM_THREADS", str(n_drawing))  # Mesa's
-        self.window = Window("preview", _WIDTHS, keys, is_linked=False)
+        self.window = Window("preview", _WIDTHS, keys, is_linked=False, shrinks=True)
         plotter = self.window.plotter
         plotter.subplot(1, 0)
         self.text = self.window.add_text(0.98)

@@ -73,7 +73,7 @@ from PIL import ImageGrab
 from analysis.drawing import window as windows
 
 windows._SELDOM = 1e9
-window = windows.Window("bodies", [400, 200], {}, is_linked=False)
+window = windows.Window("bodies", [400, 200], {}, is_linked=False, shrinks=True)
 plotter = window.plotter
 plotter.subplot(0, 0)
 plotter.add_mesh(pv.Sphere(), color="red")
