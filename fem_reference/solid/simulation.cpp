@@ -135,7 +135,7 @@ void Simulation::set_in_motion(double t) {
     system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[0];
   }
   damping_ = system.damping;
-  if (law_of(scene_) != MaterialLaw::SmallStrain || !solid_.surface().empty() || !solid_.share().is_whole) {
+  if (law_of(scene_) != MaterialLaw::SmallStrain || !solid_.surface().empty()) {
     system.linearise = [this](const Eigen::VectorXd& u, bool with_tangent) {
       return solid_.linearise(u.reshaped(3, solid_.X().cols()), 1, with_tangent);
     };
