@@ -157,7 +157,10 @@ TEST_F(RecorderTest, ProcessesWriteAPieceOfAFrameEachAndTheFirstTheirList) {
   {
     Recorder first(folder, cells, 3, nullptr, {2, 0, {0, 1, 2, 9}});
     Recorder second(folder, {{10, Eigen::Vector4i(3, 1, 0, 2)}}, 3, nullptr, {2, 1, {1, 2, 9, 11}});
-    for (Recorder* recorder : {&first, &second}) recorder->add_frame(0.5, X, u);
+    for (Recorder* recorder : {&first, &second}) {
+      recorder->add_frame(0.5, X, u);
+      recorder->recorded();  // waits: VTK is of one thread, and here one process plays both
+    }
     first.finish({{"outputs", second.recorded().outputs}});
   }
   const auto outputs = nlohmann::json::parse(read_file(folder / "run.json"))["outputs"];
