@@ -23,18 +23,8 @@ struct Arguments : SessionOptions {
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
   const std::string allowed =
-      " under mpirun, expected statics, or explicit motion from rest, of a body that only loads and supports "
-      "act on";
-  if (scene.time.mode == TimeMode::Dynamic) {
-    if (!find_scheme(scene.reference.integrator).is_explicit())
-      return "reference.integrator = \"" + scene.reference.integrator + "\"" + allowed;
-    const bool has_follower = std::any_of(scene.loads.begin(), scene.loads.end(),
-                                          [](const Load& load) { return load.is_follower; });
-    for (const auto& [key, is_there] : {std::pair("loads.follower", has_follower),
-                                        {"material.damping_ratio", scene.material.damping_ratio > 0},
-                                        {"initial", !scene.initial.empty()}})
-      if (is_there) return key + allowed + " without it";
-  }
+      " under mpirun, expected statics, or motion from rest, of a body that only loads and supports act on";
+  if (!scene.initial.empty()) return "initial" + allowed + " without it";
   const bool keeps_volume = scene.volume && (scene.volume->is_exact || scene.volume->coefficient > 0);
   for (const auto& [key, is_there] : {std::pair("obstacles", !scene.obstacles.empty()),
                                       {"skin", scene.skin.has_value()},
@@ -44,7 +34,6 @@ std::string undivided_part(const Scene& scene, const Arguments& arguments) {
                                       {"self_contact", scene.self_contact.is_on}})
     if (is_there) return key + allowed;
   if (scene.reference.inertia_relief) return "reference.inertia_relief" + allowed + " without it";
-  if (arguments.n_frequencies > 0) return "--frequencies" + allowed;
   if (arguments.budget) return "--budget" + allowed + " without it";
   return "";
 }
@@ -148,9 +137,10 @@ void report_processes(Session& session) {
 }
 
 void add_frequencies(const ElasticSolid& solid, MassMatrix mass, int n, nlohmann::ordered_json& record) {
-  std::vector<int> constrained;
-  for (const ConstrainedComponent& h : solid.constrained()) constrained.push_back(3 * h.node + h.component);
-  const Modes modes = natural_modes(solid.stiffness(), solid.mass(mass), constrained, n);
+  Dynamics system = dynamics_of(solid, mass);
+  for (const ConstrainedComponent& h : solid.constrained())
+    system.constrained.push_back(3 * h.node + h.component);
+  const Modes modes = natural_modes(system, solid, n);
   record["natural_frequencies"] = std::vector<double>(modes.frequency.begin(), modes.frequency.end());
   record["n_zero_frequencies"] = modes.n_rigid;
 }
@@ -234,7 +224,7 @@ int main(int argc, char** argv) {
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
       "  fem_reference scene.toml --converge 2\n"
-      "  mpirun -np 8 fem_reference scene.toml        (statics and explicit motion, without contact)\n");
+      "  mpirun -np 8 fem_reference scene.toml        (statics and motion, without contact)\n");
   app.add_option(
          "--converge", arguments.n_levels,
          "also solve on this many meshes, each refined once more, and write the estimated error of the "

@@ -551,4 +551,10 @@ void TetBatches::for_each_gradient(const Matrix3Xd& u, const Eigen::Matrix4Xd& p
   }
 }
 
+std::vector<char> rows_of(const TetBatches& tets, const std::vector<char>& of_nodes) {
+  std::vector<char> rows(3 * tets.rank().size());
+  for (size_t k = 0; k < rows.size(); ++k) rows[3 * tets.rank()[k / 3] + k % 3] = of_nodes[k];
+  return rows;
+}
+
 }  // namespace testbed::fem

@@ -88,4 +88,7 @@ class TetBatches {
   TetRule rule_;
 };
 
+/// Of matrices over ranks, from a mark of each unknown 3 node + component, of which corners of tetrahedra come first.
+std::vector<char> rows_of(const TetBatches& tets, const std::vector<char>& of_nodes);
+
 }  // namespace testbed::fem

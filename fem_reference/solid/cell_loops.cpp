@@ -162,18 +162,8 @@ double ElasticSolid::Implementation::potential(const Matrix3Xd& at, double load_
 double ElasticSolid::Implementation::energy(const Matrix3Xd& at, double load_factor) {
   shrink(load_factor);
   double sum = tets.energy(at);
-  for (const auto& acting : surface_at(load_factor))
-    sum += share.is_whole ? acting->energy(nodes.X + at) : owned_energy(*acting, nodes.X + at);
+  for (const auto& acting : surface_at(load_factor)) sum += acting->energy(nodes.X + at);
   return sum;
-}
-
-/// Of a pressure times an enclosed volume, which is of third degree in x: a third of the work of its forces [Euler].
-double ElasticSolid::Implementation::owned_energy(const meshing::SurfaceEnergy& pressure,
-                                                  const Matrix3Xd& x) const {
-  Matrix3Xd forces = Matrix3Xd::Zero(3, x.cols());
-  pressure.add_forces(x, forces);
-  share.clear_ghosts(forces);
-  return -forces.cwiseProduct(x).sum() / 3;
 }
 
 const meshing::SurfaceEnergies& ElasticSolid::Implementation::surface_at(double load_factor) const {
@@ -251,6 +241,99 @@ TwoLevelSolver::Stiffness ElasticSolid::Implementation::stiffness_at(const Matri
   return A;
 }
 
+namespace {
+
+/// Adds masses, the same of three unknowns of a node, to blocks of a pattern.
+template <class Real>
+void add_masses(const Eigen::SparseMatrix<double>& of_nodes, double factor, const TetBatches& on,
+                Real* blocks) {
+  for (int j = 0; j < of_nodes.outerSize(); ++j)
+    for (Eigen::SparseMatrix<double>::InnerIterator entry(of_nodes, j); entry; ++entry) {
+      const int place = on.pattern().find(on.rank()[entry.row()], on.rank()[j]);
+      Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place))
+          .diagonal()
+          .array() += static_cast<Real>(factor * entry.value());
+    }
+}
+
+/// Consistent, of linear functions on tetrahedra of one density.
+Eigen::SparseMatrix<double> mass_of_corners(const TetMesh& mesh, double density) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (const auto& t : mesh.T.colwise()) {
+    const Eigen::Matrix3d edges = mesh.X(Eigen::all, t.tail<3>()).colwise() - mesh.X.col(t(0));
+    const double mass = density * edges.determinant() / 6;
+    for (const int i : t)
+      for (const int j : t) entries.emplace_back(i, j, mass / (i == j ? 10 : 20));
+  }
+  Eigen::SparseMatrix<double> M(mesh.X.cols(), mesh.X.cols());
+  M.setFromTriplets(entries.begin(), entries.end());
+  return M;
+}
+
+/// Of nodes, each with three unknowns of that mass.
+Eigen::SparseMatrix<double> mass_of_nodes(const Eigen::SparseMatrix<double>& M) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int j = 0; j < M.outerSize(); j += 3)
+    for (Eigen::SparseMatrix<double>::InnerIterator entry(M, j); entry; ++entry)
+      entries.emplace_back(static_cast<int>(entry.row()) / 3, j / 3, entry.value());
+  Eigen::SparseMatrix<double> of_nodes(M.rows() / 3, M.cols() / 3);
+  of_nodes.setFromTriplets(entries.begin(), entries.end());
+  return of_nodes;
+}
+
+}  // namespace
+
+StepSolver ElasticSolid::step_solver(const Eigen::SparseMatrix<double>& M, double mass,
+                                     const Matrix3Xd& displacement, double stiffness,
+                                     const std::vector<int>& constrained) const {
+  const Implementation& s = *self_;
+  struct System {
+    Eigen::SparseMatrix<double> fine, corners;  // masses of nodes
+    std::vector<char> rows, corner_rows;        // constrained
+    TwoLevelSolver::Stiffness A;
+    TwoLevelSolver solver;
+  };
+  const TetBatches* corners = s.corners ? &*s.corners : nullptr;
+  const auto system = std::make_shared<System>(
+      System{mass_of_nodes(M), {}, {}, {}, {}, {s.share, s.nodes.X, s.nodes.edges, s.tets, corners}});
+  std::vector<char> is_constrained(s.nodes.X.size());
+  for (const int k : constrained) is_constrained[k] = true;
+  system->rows = rows_of(s.tets, is_constrained);
+  if (corners) {
+    system->corners = mass_of_corners(s.mesh, s.material.rho);
+    system->corner_rows = rows_of(*corners, is_constrained);
+  }
+  const auto fill = [&s, mass, stiffness, displacement](const TetBatches& on,
+                                                        const Eigen::SparseMatrix<double>& masses,
+                                                        const std::vector<char>& rows, auto* blocks) {
+    using Real = std::remove_pointer_t<decltype(blocks)>;
+    s.fill(on, displacement, 1, Curvature::Exact, blocks);
+    Eigen::Map<Eigen::VectorX<Real>>(blocks, static_cast<Eigen::Index>(9 * on.pattern().column.size())) *=
+        static_cast<Real>(stiffness);
+    add_masses(masses, mass, on, blocks);
+    meshing::hold(on.pattern(), rows, blocks);
+  };
+  const auto fill_double = [fill](const TetBatches& on, const Eigen::SparseMatrix<double>& masses,
+                                  const std::vector<char>& rows) {
+    return [=, &on, &masses, &rows](meshing::BlockMatrix& B) {
+      fill(on, masses, rows, B.block.data()->data());
+      return std::vector<meshing::SymmetricBlock>();
+    };
+  };
+  system->A.blocks.assign(9 * s.tets.pattern().column.size() + 3, 0);
+  fill(s.tets, system->fine, system->rows, system->A.blocks.data());
+  system->A.fill_fine = fill_double(s.tets, system->fine, system->rows);
+  if (corners) system->A.fill_corners = fill_double(*corners, system->corners, system->corner_rows);
+  system->solver.hold(is_constrained);
+  const Eigen::MatrixXd rigid = mass == 0 ? rigid_motions_at_rest() : Eigen::MatrixXd(s.nodes.X.size(), 0);
+  return [system, rigid](const Eigen::VectorXd& r, double tolerance) -> std::optional<Eigen::VectorXd> {
+    Matrix3Xd x = Matrix3Xd::Zero(3, r.size() / 3);
+    const LinearReport found = system->solver.solve(system->A, rigid, r.reshaped(3, x.cols()), tolerance, x);
+    if (!found.is_definite || found.residual > 1) return {};
+    return x.reshaped();
+  };
+}
+
 /// Makes u orthogonal to the free rigid motions in L2 over the volume, whatever the mesh.
 void ElasticSolid::Implementation::remove_rigid_motion(Matrix3Xd& displacement) const {
   const auto m = rigid.cols();
@@ -309,12 +392,13 @@ void ElasticSolid::find_forces(const Eigen::Ref<const Matrix3Xd>& displacement, 
   Implementation& s = *self_;
   s.shrink(load_factor);
   s.tets.forces(displacement, force);
+  if (!s.surface.empty()) {
+    Matrix3Xd by_surface = Matrix3Xd::Zero(3, force.cols());
+    for (const auto& energy : s.surface_at(load_factor))
+      energy->add_forces(s.nodes.X + displacement, by_surface);
+    force -= by_surface;
+  }
   s.share.clear_ghosts(force);
-  if (s.surface.empty()) return;
-  Matrix3Xd by_surface = Matrix3Xd::Zero(3, force.cols());
-  for (const auto& energy : s.surface_at(load_factor))
-    energy->add_forces(s.nodes.X + displacement, by_surface);
-  force -= by_surface;
 }
 
 Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load_factor,
@@ -325,7 +409,10 @@ Linearisation ElasticSolid::linearise(const Matrix3Xd& displacement, double load
   find_forces(displacement, load_factor, force);
   result.energy = s.tets.energy(displacement);
   result.force = force.reshaped();
-  if (with_tangent) s.find_tangent(displacement, load_factor, Curvature::Exact, result);
+  if (with_tangent) {
+    s.find_tangent(displacement, load_factor, Curvature::Exact, result);
+    s.drop_ghosts(result.tangent);
+  }
   return result;
 }
 

@@ -59,6 +59,40 @@ Matrix3Xd field_of(const VectorXd& r) {
   return field;
 }
 
+/// Of forces of all processes, 0 where others own.
+double norm(const VectorXd& r) {
+  return std::sqrt(sum_over_processes(r.squaredNorm()));
+}
+
+struct Balance {
+  VectorXd left;  // out of balance (N)
+  double size;    // of all forces
+};
+
+/// Adds corrections by a solver in single precision until no more than so much of the forces is out of balance, or
+/// rounding alone. Whether that is so.
+bool refine(const StepSolver& solver, const std::vector<int>& constrained, double tolerance,
+            const std::function<Balance()>& out_of_balance,
+            const std::function<void(const VectorXd& correction)>& add) {
+  constexpr int kMaxRefinements = 30;
+  constexpr double kDeepest = 1e-5, kLost = 0.5, kRounding = 1e-10;
+  double before = std::numeric_limits<double>::infinity();
+  for (int n = 0; n < kMaxRefinements; ++n) {
+    Balance forces = out_of_balance();
+    forces.left(constrained).setZero();
+    const double left = norm(forces.left);
+    if (left <= tolerance * forces.size) return true;
+    if (left > kLost * before) return left <= kRounding * forces.size;
+    before = left;
+    const auto correction = solver(forces.left, std::max(kDeepest, tolerance * forces.size / left / 2));
+    if (!correction) return false;
+    add(*correction);
+  }
+  return false;
+}
+
+constexpr double kLinear = 1e-13;  // tolerance of linear forces
+
 /// Of the box around points (m).
 double diagonal_of(const Matrix3Xd& X) {
   return (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
@@ -87,6 +121,75 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
   return modes;
 }
 
+Dynamics dynamics_of(const ElasticSolid& solid, MassMatrix mass) {
+  Dynamics system;
+  system.K = solid.stiffness();
+  system.M = solid.mass(mass);
+  if (solid.share().is_whole) return system;
+  system.exchange = [&solid](VectorXd& u) {
+    Matrix3Xd field = u.reshaped(3, u.size() / 3);
+    solid.share().exchange.update(field);
+    u = field.reshaped();
+  };
+  system.step_solver = [&solid](const Sparse& M, double of_mass, const VectorXd& u, double stiffness,
+                                const std::vector<int>& constrained) {
+    return solid.step_solver(M, of_mass, u.reshaped(3, u.size() / 3), stiffness, constrained);
+  };
+  return system;
+}
+
+Modes natural_modes(const Dynamics& system, const ElasticSolid& solid, int n) {
+  const Sparse &K = system.K, &M = system.M;
+  if (!system.step_solver) return natural_modes(K, M, system.constrained, n);
+  using Eigen::MatrixXd;
+  constexpr double kZero = 1e-12, kOfInverse = 1e-9;
+  const MatrixXd rigid = solid.rigid_motions_at_rest();
+  const VectorXd mass = M.diagonal();
+  VectorXd is_own = (mass.array() > 0).cast<double>();
+  is_own(system.constrained).setZero();
+  const auto by_columns = [&](const std::function<VectorXd(const VectorXd&)>& of) {
+    return [of](const MatrixXd& x) -> MatrixXd {
+      MatrixXd y(x.rows(), x.cols());
+      for (Eigen::Index k = 0; k < x.cols(); ++k) y.col(k) = of(x.col(k));
+      return y;
+    };
+  };
+  const auto product = [&](const Sparse& A) {
+    return [&](const VectorXd& x) -> VectorXd {
+      VectorXd all = x;
+      system.exchange(all);
+      return is_own.cwiseProduct(A * all);
+    };
+  };
+  const auto sum = [](MatrixXd sums) {
+    sum_over_processes(sums.reshaped());
+    return sums;
+  };
+  const MatrixXd momenta = M * rigid;
+  const auto inertia = sum(rigid.transpose() * momenta).ldlt();
+  const StepSolver solver = system.step_solver(M, 0, VectorXd::Zero(K.rows()), 1, system.constrained);
+  const auto inverse = [&](const VectorXd& b) -> VectorXd {  // on what is orthogonal to rigid motions in M
+    VectorXd r = is_own.cwiseProduct(b), x = VectorXd::Zero(b.size());
+    r -= momenta * inertia.solve(sum(rigid.transpose() * r));
+    const double size = norm(r);
+    if (!refine(
+            solver, system.constrained, kOfInverse,
+            [&] {
+              return Balance{r - product(K)(x), size};
+            },
+            [&](const VectorXd& dx) { x += dx; }))
+      refuse_indefinite();
+    return is_own.cwiseProduct(x - rigid * inertia.solve(sum(momenta.transpose() * is_own.cwiseProduct(x))));
+  };
+  const double highest =
+      largest_over_processes((mass.array() > 0).select(K.diagonal().array() / mass.array(), 0).maxCoeff());
+  const LowestModes found =
+      lowest_modes({by_columns(product(K)), by_columns(product(M)), by_columns(inverse), K.rows(),
+                    kZero * highest, [](Eigen::Ref<VectorXd> sums) { sum_over_processes(sums); }},
+                   n);
+  return {found.eigenvalue.cwiseSqrt() / (2 * M_PI), found.shape, static_cast<int>(rigid.cols())};
+}
+
 GeneralisedAlpha::GeneralisedAlpha(Dynamics system, double h, const TimeScheme& scheme)
     : Integrator(std::move(system), h), scheme_(scheme) {
   // Forces of so small a strain leave rounding alone out of balance, as in a body that rests free of stress.
@@ -94,8 +197,8 @@ GeneralisedAlpha::GeneralisedAlpha(Dynamics system, double h, const TimeScheme& 
   const auto n = system_.K.rows();
   if (system_.linearise) {
     const VectorXd f = system_.K * system_.X.reshaped();
-    energy_scale_ = system_.X.reshaped().dot(f);
-    least_size_ = kLeastStrain * f.norm();
+    energy_scale_ = sum_over_processes(system_.X.reshaped().dot(f));
+    least_size_ = kLeastStrain * norm(f);
   }
   find_free();
   restart(VectorXd::Zero(n), VectorXd::Zero(n));
@@ -106,7 +209,8 @@ std::string GeneralisedAlpha::solver() const {
   return std::string(scheme_.gamma == 1 ? "implicit Euler"
                      : is_newmark       ? "Newmark (average acceleration)"
                                         : "generalised-alpha") +
-         (system_.linearise ? ", Newton" : "") + ", Cholesky";
+         (system_.linearise ? ", Newton" : "") +
+         (system_.step_solver ? ", CG, " + std::to_string(processes().n) + " processes" : ", Cholesky");
 }
 
 std::unique_ptr<Integrator> make_generalised_alpha(Dynamics system, double h,
@@ -124,7 +228,8 @@ void GeneralisedAlpha::find_free() {
   free_ = all_but(system_.constrained, system_.K.rows());
   factor_.reset();
   roots_.resize(0, 0);  // of another tangent
-  if (!factorise(system_.K)) refuse_indefinite();
+  if (!(system_.step_solver ? factorise_at(VectorXd::Zero(system_.K.rows())) : factorise(system_.K)))
+    refuse_indefinite();
 }
 
 Linearisation Integrator::respond(const VectorXd& u, bool with_tangent) const {
@@ -134,7 +239,7 @@ Linearisation Integrator::respond(const VectorXd& u, bool with_tangent) const {
 }
 
 double Integrator::potential_of(const VectorXd& u) const {
-  return system_.potential ? system_.potential(u) : respond(u, false).energy;
+  return sum_over_processes(system_.potential ? system_.potential(u) : respond(u, false).energy);
 }
 
 void Integrator::begin_step() {
@@ -218,12 +323,17 @@ Integrator::ConstrainedState Integrator::constrained_at(double t) const {
   return {now, (after - before) / (2 * h_), (after - 2 * now + before) / (h_ * h_)};
 }
 
-/// Of the step's system for its acceleration.
-bool GeneralisedAlpha::factorise(const Sparse& tangent) {
+/// What mass and tangent count in the step's system for its acceleration.
+std::pair<double, double> GeneralisedAlpha::weights() const {
   const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
-  Sparse A = ((1 - alpha_m) + (1 - alpha_f) * gamma * h_ * system_.damping) * system_.M +
-             (1 - alpha_f) * beta * h_ * h_ * tangent;
-  if (system_.stiffness_damping > 0) A += (1 - alpha_f) * gamma * h_ * system_.stiffness_damping * system_.K;
+  const double of_velocity = (1 - alpha_f) * gamma * h_;
+  return {(1 - alpha_m) + of_velocity * system_.damping,
+          (1 - alpha_f) * beta * h_ * h_ + of_velocity * system_.stiffness_damping};
+}
+
+bool GeneralisedAlpha::factorise(const Sparse& tangent) {
+  const auto [mass, stiffness] = weights();
+  const Sparse A = mass * system_.M + stiffness * tangent;
   ++counts_.factorisations;
   const Sparse lower = restricted(A, free_);
   if (factor_)
@@ -279,11 +389,24 @@ void GeneralisedAlpha::go_on(const VectorXd& u, const VectorXd& v) {
   a_ = VectorXd::Zero(u.size());
   a_(system_.constrained) = constrained.a;
   f_ = force_of(u_);
+  const VectorXd others = f_ + system_.stiffness_damping * (system_.K * v_);
+  const auto out_of_balance = [&]() -> Balance {
+    const VectorXd inertia = system_.M * (a_ + system_.damping * v_).eval();
+    return {system_.load - inertia - others, norm(system_.load) + norm(inertia) + norm(others)};
+  };
+  if (system_.step_solver) {
+    const StepSolver solver =
+        system_.step_solver(system_.M, 1, VectorXd::Zero(u.size()), 0, system_.constrained);
+    const auto add = [&](const VectorXd& a) {
+      a_ += a;
+      system_.exchange(a_);
+    };
+    if (!refine(solver, system_.constrained, kLinear, out_of_balance, add)) refuse_indefinite();
+    return;
+  }
   const SparseCholesky mass(restricted(system_.M, free_));
   if (!mass.is_ok()) refuse_indefinite();
-  const VectorXd residual = system_.load - system_.M * (a_ + system_.damping * v_).eval() - f_ -
-                            system_.stiffness_damping * (system_.K * v_);
-  a_(free_) = mass.solve(residual(free_).eval()).eval();
+  a_(free_) = mass.solve(out_of_balance().left(free_)).eval();
 }
 
 /// An acceleration at the end of a step, and what follows from it.
@@ -291,8 +414,15 @@ struct GeneralisedAlpha::Trial {
   VectorXd a, u, v, velocity, f;
 };
 
-/// (A + G G^T)^-1 r of the step's system on what is free [Woodbury 1950], by the factor in single precision.
-Matrix3Xd GeneralisedAlpha::direction(const Matrix3Xd& r) const {
+/// (A + G G^T)^-1 r of the step's system on what is free [Woodbury 1950], by the factor in single precision. Of several
+/// processes none where A is not definite.
+std::optional<Matrix3Xd> GeneralisedAlpha::direction(const Matrix3Xd& r) const {
+  constexpr double kForcing = 1e-2;
+  if (solver_) {
+    const std::optional<VectorXd> x = solver_(r.reshaped(), kForcing);
+    if (!x) return {};
+    return Matrix3Xd(x->reshaped(3, r.cols()));
+  }
   const VectorXd free = r.reshaped()(free_);
   VectorXd x = single_.solve(field_of(free)).reshaped().head(free.size());
   if (roots_.cols() > 0) {
@@ -305,8 +435,14 @@ Matrix3Xd GeneralisedAlpha::direction(const Matrix3Xd& r) const {
   return dx;
 }
 
-/// Whether the tangent at u is definite; else that at rest takes its place.
+/// Whether the tangent at u is definite, as far as a factor tells; else that at rest takes its place.
 bool GeneralisedAlpha::factorise_at(const VectorXd& u) {
+  if (system_.step_solver) {
+    const auto [mass, stiffness] = weights();
+    ++counts_.factorisations;
+    solver_ = system_.step_solver(system_.M, mass, u, stiffness, system_.constrained);
+    return true;
+  }
   const Linearisation at = respond(u, true);
   if (!system_.surface.empty()) factor_.reset();  // its pattern changes
   const bool is_definite = factorise(at.tangent);
@@ -364,23 +500,14 @@ void GeneralisedAlpha::set_length(double h) {
 }
 
 bool GeneralisedAlpha::advance_whole() {
-  const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
   begin_step();
   const ConstrainedState constrained = constrained_at(t() + h_);
   Trial trial;
   trial.a = a_;
   trial.a(system_.constrained) = constrained.a;
   const bool is_linear = !system_.linearise;
-  if (is_linear) {
-    follow(constrained, trial);
-    const VectorXd residual =
-        system_.load - momentum_change(trial) -
-        force_of((1 - alpha_f) * trial.u + alpha_f * u_ + system_.stiffness_damping * trial.velocity);
-    trial.a(free_) += factor_->solve(residual(free_).eval());
-    follow(constrained, trial);
-  } else if (!find_acceleration(constrained, trial)) {
+  if (!(is_linear ? find_linear_acceleration(constrained, trial) : find_acceleration(constrained, trial)))
     return false;
-  }
   u_.swap(trial.u);
   v_.swap(trial.v);
   a_.swap(trial.a);
@@ -388,9 +515,31 @@ bool GeneralisedAlpha::advance_whole() {
   return true;
 }
 
+/// From the acceleration of the step before on. Whether iterations got there.
+bool GeneralisedAlpha::find_linear_acceleration(const ConstrainedState& constrained, Trial& trial) const {
+  const double alpha_f = scheme_.alpha_f;
+  follow(constrained, trial);
+  const auto out_of_balance = [&]() -> Balance {
+    const VectorXd inertia = momentum_change(trial);
+    const VectorXd f =
+        force_of((1 - alpha_f) * trial.u + alpha_f * u_ + system_.stiffness_damping * trial.velocity);
+    return {system_.load - inertia - f, norm(system_.load) + norm(inertia) + norm(f)};
+  };
+  const auto add = [&](const VectorXd& a) {
+    trial.a += a;
+    follow(constrained, trial);
+  };
+  if (solver_) return refine(solver_, system_.constrained, kLinear, out_of_balance, add);
+  VectorXd a = VectorXd::Zero(trial.a.size());
+  a(free_) = factor_->solve(out_of_balance().left(free_));
+  add(a);
+  return true;
+}
+
 /// Displacement and velocity that an acceleration leads to.
 void GeneralisedAlpha::follow(const ConstrainedState& constrained, Trial& trial) const {
   const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
+  if (system_.exchange) system_.exchange(trial.a);
   trial.u = u_ + h_ * v_ + h_ * h_ * (early * a_ + beta * trial.a);
   trial.v = v_ + h_ * ((1 - gamma) * a_ + gamma * trial.a);
   trial.u(system_.constrained) = constrained.u;
@@ -404,16 +553,16 @@ VectorXd GeneralisedAlpha::momentum_change(const Trial& trial) const {
   return system_.M * ((1 - alpha_m) * trial.a + alpha_m * a_ + system_.damping * trial.velocity).eval();
 }
 
-/// Whose negative gradient by the displacement of free unknowns is the force out of balance (J).
+/// Whose negative gradient by the displacement of free unknowns is the force out of balance (J); of all processes.
 double GeneralisedAlpha::incremental_potential(const Trial& trial) const {
   const auto& [alpha_m, alpha_f, beta, gamma, early] = scheme_;
   const VectorXd a = (1 - alpha_m) * trial.a + alpha_m * a_, way = trial.u - u_;
-  double sum = beta * h_ * h_ / (2 * (1 - alpha_m)) * a.dot(system_.M * a) +
-               (1 - alpha_f) * potential_of(trial.u) + way.dot(alpha_f * f_ - system_.load);
+  double sum =
+      beta * h_ * h_ / (2 * (1 - alpha_m)) * a.dot(system_.M * a) + way.dot(alpha_f * f_ - system_.load);
   if (system_.damping > 0)
     sum += system_.damping * beta * h_ / (2 * gamma * (1 - alpha_f)) *
            trial.velocity.dot(system_.M * trial.velocity);
-  return sum;
+  return sum_over_processes(sum) + (1 - alpha_f) * potential_of(trial.u);
 }
 
 /// At finite strain, from the acceleration of the step before on. Whether there is one.
@@ -446,24 +595,33 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
   double size = 0, error = 0, before = std::numeric_limits<double>::infinity();
   bool is_new = false;
   meshing::Objective objective;
+  objective.dot = [](const Matrix3Xd& a, const Matrix3Xd& b) {
+    return sum_over_processes(a.cwiseProduct(b).sum());
+  };
   objective.value = [&] { return incremental_potential(trial); };
   objective.negative_gradient = [&](Matrix3Xd& r) {
     trial.f = force_of(trial.u);
     const VectorXd inertia = momentum_change(trial);
-    size = system_.load.norm() + inertia.norm() + trial.f.norm();
+    size = norm(system_.load) + norm(inertia) + norm(trial.f);
     VectorXd residual = system_.load - inertia - (1 - alpha_f) * trial.f - alpha_f * f_;
     residual(system_.constrained).setZero();
     r = field_of(residual);
   };
   objective.is_end = [&](const Matrix3Xd& r, meshing::NewtonReport&) {
-    error = r.norm() / std::max(size, least_size_);
+    error = norm(r.reshaped()) / std::max(size, least_size_);
     return error <= system_.tolerance || (is_new && error > kSlow * before && error <= kRounding);
   };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {
     is_new = error > kSlow * before;
     if (is_new) is_new = factorise_at(trial.u);
     before = error;
-    dx = by_acceleration * direction(r);
+    std::optional<Matrix3Xd> found = direction(r);
+    if (!found) {
+      is_new = false;
+      factorise_at(VectorXd::Zero(trial.u.size()));
+      found = direction(r);
+    }
+    dx = by_acceleration * found.value();
     return false;
   };
   objective.largest_step = [&](const Matrix3Xd& dx) {

@@ -64,7 +64,17 @@ struct Dynamics {
   meshing::SurfaceEnergies surface = {};  ///< what of f acts on it, of positions X + u
   /// Brings unknowns that others own up to date; empty: there are none.
   std::function<void(Eigen::VectorXd& u)> exchange = {};
+  /// Of several processes: solves `mass` M + `stiffness` K(u), nothing constrained but these unknowns.
+  std::function<StepSolver(const Eigen::SparseMatrix<double>& M, double mass, const Eigen::VectorXd& u,
+                           double stiffness, const std::vector<int>& constrained)>
+      step_solver = {};
 };
+
+/// Stiffness and mass of a solid, which outlives it, and what several processes need besides.
+Dynamics dynamics_of(const ElasticSolid& solid, MassMatrix mass);
+
+/// Of the dynamics of a solid, also of several processes: shapes have each one's part.
+Modes natural_modes(const Dynamics& system, const ElasticSolid& solid, int n);
 
 /// All that decides how a motion goes on.
 struct MotionState {
@@ -144,7 +154,7 @@ class Integrator {
   Linearisation respond(const Eigen::VectorXd& u, bool with_tangent) const;
   /// f(u), not finite where the energy is not.
   Eigen::VectorXd force_of(const Eigen::VectorXd& u) const;
-  double potential_of(const Eigen::VectorXd& u) const;
+  double potential_of(const Eigen::VectorXd& u) const;  // of all processes
   /// Nodes where the surface's energies see them.
   Eigen::Matrix3Xd at(const Eigen::VectorXd& u) const { return system_.X + u.reshaped(3, system_.X.cols()); }
   void begin_ledger();
@@ -168,8 +178,8 @@ class Integrator {
 
 /// The generalised-alpha method. Each step is solved by sparse Cholesky: with one factor where f is linear, else
 /// by Newton's method with a line search on the incremental potential, whose gradient is the step's equation, and
-/// a factor in single precision, renewed where iterations converge slowly. A step in which it does not end is taken
-/// in halves, down to a 64th.
+/// a factor in single precision, renewed where iterations converge slowly. Several processes iterate as in statics
+/// instead. A step in which it does not end is taken in halves, down to a 64th.
 class GeneralisedAlpha : public Integrator {
  public:
   GeneralisedAlpha(Dynamics system, double h, const TimeScheme& scheme);
@@ -186,7 +196,9 @@ class GeneralisedAlpha : public Integrator {
   struct Trial;
   bool factorise(const Eigen::SparseMatrix<double>& tangent);
   bool factorise_at(const Eigen::VectorXd& u);
-  Eigen::Matrix3Xd direction(const Eigen::Matrix3Xd& r) const;
+  bool find_linear_acceleration(const ConstrainedState& constrained, Trial& trial) const;
+  std::pair<double, double> weights() const;
+  std::optional<Eigen::Matrix3Xd> direction(const Eigen::Matrix3Xd& r) const;
   void follow(const ConstrainedState& constrained, Trial& trial) const;
   Eigen::VectorXd momentum_change(const Trial& trial) const;
   double incremental_potential(const Trial& trial) const;
@@ -195,6 +207,7 @@ class GeneralisedAlpha : public Integrator {
   TimeScheme scheme_;
   std::vector<int> free_;
   std::optional<meshing::SparseCholesky> factor_;
+  StepSolver solver_;  // of several processes, in the factor's place
   // At finite strain:
   double energy_scale_ = 0;  // of what a body as large as itself would take: for rounding (J)
   double least_size_ = 0;    // of forces that a step is held against (N)

@@ -20,6 +20,37 @@ namespace {
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 
+/// Follower pressures on a share's part of a body's surface.
+class DividedPressure : public meshing::SurfaceEnergy {
+ public:
+  DividedPressure(meshing::SurfaceEnergies part, const Share& share)
+      : part_(std::move(part)), share_(share) {}
+
+  const char* name() const override { return "pressure"; }
+  void set_load_factor(double factor) override {
+    for (const auto& pressure : part_) pressure->set_load_factor(factor);
+  }
+  /// What this process counts. The volume is of third degree in x: a third of the work of its forces [Euler].
+  double energy(const Matrix3Xd& x) const override {
+    Matrix3Xd forces = Matrix3Xd::Zero(3, x.cols());
+    add_forces(x, forces);
+    share_.clear_ghosts(forces);
+    return -forces.cwiseProduct(x).sum() / 3;
+  }
+  double stored(const Matrix3Xd& x) const override { return sum_over_processes(energy(x)); }
+  void add_forces(const Matrix3Xd& x, Matrix3Xd& f) const override {
+    for (const auto& pressure : part_) pressure->add_forces(x, f);
+  }
+  void add_hessian(const Matrix3Xd& x, meshing::SurfaceHessian& H,
+                   meshing::Curvature curvature) const override {
+    for (const auto& pressure : part_) pressure->add_hessian(x, H, curvature);
+  }
+
+ private:
+  meshing::SurfaceEnergies part_;
+  const Share& share_;
+};
+
 }  // namespace
 
 ElasticSolid::ElasticSolid(Share share, int degree)
@@ -50,6 +81,11 @@ int ElasticSolid::n_nodes() const {
 }
 int ElasticSolid::n_free_rigid_motions() const {
   return static_cast<int>(self_->rigid.cols());
+}
+Eigen::MatrixXd ElasticSolid::rigid_motions_at_rest() const {
+  Eigen::MatrixXd at_hand = self_->rigid;
+  self_->find_rigid_motions(Matrix3Xd::Zero(3, self_->u.cols()));
+  return std::exchange(self_->rigid, std::move(at_hand));
 }
 Eigen::VectorXd ElasticSolid::load() const {
   return self_->load;
@@ -130,6 +166,7 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
     for (int f = 0; f < pressure.size(); ++f)
       pressure(f) = loads.follower_pressure(s.share.is_whole ? f : s.share.face[f]);
     s.surface = meshing::followers_of(pressure, s.nodes.faces);
+    if (!s.share.is_whole) s.surface = {std::make_shared<DividedPressure>(s.surface, s.share)};
   }
   s.surface.insert(s.surface.end(), loads.surface.begin(), loads.surface.end());
   s.stepped_to.reset();
@@ -144,15 +181,10 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
     throw std::invalid_argument("several processes solve what nothing but loads and supports act on");
   s.is_constrained.assign(s.nodes.X.size(), false);
   for (const ConstrainedComponent& h : constrained) s.is_constrained[3 * h.node + h.component] = true;
-  const auto rows_of = [&](const TetBatches& on) {
-    std::vector<char> rows(3 * on.rank().size());
-    for (size_t k = 0; k < rows.size(); ++k) rows[3 * on.rank()[k / 3] + k % 3] = s.is_constrained[k];
-    return rows;
-  };
-  s.constrained_rows = rows_of(s.tets);
+  s.constrained_rows = rows_of(s.tets, s.is_constrained);
   s.tets.set_law(law, s.lame, s.rule(s.degree));
   if (s.corners) {
-    s.constrained_corner_rows = rows_of(*s.corners);
+    s.constrained_corner_rows = rows_of(*s.corners, s.is_constrained);
     s.corners->set_law(law, s.lame, s.rule(1));
   }
   s.solver.hold(s.is_constrained);

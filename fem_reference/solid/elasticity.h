@@ -5,6 +5,7 @@
 #include <Eigen/SparseCore>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -75,6 +76,10 @@ struct Linearisation {
   double energy = 0;                    ///< elastic (J); infinite where the law has none
 };
 
+/// x of A x = r to a residual of so much of r: over all unknowns, 0 of those that are constrained. None where A is not
+/// positive definite.
+using StepSolver = std::function<std::optional<Eigen::VectorXd>(const Eigen::VectorXd& r, double tolerance)>;
+
 /// Equilibrium of -div P(grad u) = f [fem_reference/README.md (1)]. Nodes:
 /// the vertices of the mesh in their order, then (degree 2) the middles of its edges.
 class ElasticSolid {
@@ -110,6 +115,8 @@ class ElasticSolid {
   void set_tolerance(double tolerance);
   /// Number of rigid motions that the constrained components leave free; they are kept out of the solution.
   int n_free_rigid_motions() const;
+  /// Free ones of the body at rest: all components 3 node + c, orthonormal.
+  Eigen::MatrixXd rigid_motions_at_rest() const;
 
   /// Equilibrium at a load factor, from the one found before (at first: from rest). Small strain:
   /// one linear solve. Finite strain, or where something acts on the surface: Newton with line search on the potential energy, in
@@ -144,6 +151,11 @@ class ElasticSolid {
   /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
   Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;
   Eigen::VectorXd load() const;
+  /// Of the matrix `mass` M + `stiffness` K, K the tangent at a displacement under full loads, by the iterations of
+  /// statics [solvers/two_level.h]. It refers to this solid. Without mass free rigid motions are kept out.
+  StepSolver step_solver(const Eigen::SparseMatrix<double>& M, double mass,
+                         const Eigen::Matrix3Xd& displacement, double stiffness,
+                         const std::vector<int>& constrained) const;
   const meshing::SurfaceEnergies& surface() const;
   const std::vector<ConstrainedComponent>& constrained() const;
   /// Displacement (m) of the k-th constrained component at a load factor.

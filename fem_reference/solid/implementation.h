@@ -64,7 +64,6 @@ struct ElasticSolid::Implementation {
   void find_residual(const Matrix3Xd& at, double load_factor, Matrix3Xd& r);
   double potential(const Matrix3Xd& at, double load_factor);  // in all processes
   double energy(const Matrix3Xd& at, double load_factor);     // without dead loads, this process' part
-  double owned_energy(const meshing::SurfaceEnergy& pressure, const Matrix3Xd& x) const;
   const meshing::SurfaceEnergies& surface_at(double load_factor) const;
   /// A load step to `load_factor` begins from the last equilibrium.
   void begin_step(double load_factor);

@@ -104,7 +104,7 @@ std::function<Eigen::VectorXd(double t)> Simulation::motion_of(const std::map<in
 /// Where supports have ended, the motion goes on with those that are left.
 void Simulation::release_nodes() {
   const auto constrained = constrained_at(integrator_->t());
-  if (constrained.size() == n_constrained_) return;
+  if (largest_over_processes(constrained.size() != n_constrained_) == 0) return;
   n_constrained_ = constrained.size();
   std::vector<int> unknowns;
   for (const auto& [unknown, k] : constrained) unknowns.push_back(unknown);
@@ -115,9 +115,7 @@ void Simulation::release_nodes() {
 /// the body as it was at first.
 void Simulation::set_in_motion(double t) {
   timer_.start("assemble");
-  Dynamics system;
-  system.K = solid_.stiffness();
-  system.M = solid_.mass(mass());
+  Dynamics system = dynamics_of(solid_, mass());
   system.damping = scene_.material.damping;
   system.stiffness_damping = scene_.material.stiffness_damping;
   system.load = solid_.load();
@@ -131,7 +129,7 @@ void Simulation::set_in_motion(double t) {
   };
   hold_at(0);
   if (scene_.material.damping_ratio > 0) {
-    const Modes modes = natural_modes(system.K, system.M, system.constrained, 1);
+    const Modes modes = natural_modes(system, solid_, 1);
     system.damping += 2 * scene_.material.damping_ratio * 2 * M_PI * modes.frequency[0];
   }
   damping_ = system.damping;
@@ -145,12 +143,6 @@ void Simulation::set_in_motion(double t) {
     system.surface = solid_.surface();
     system.X = solid_.X();
   }
-  if (!solid_.share().is_whole)
-    system.exchange = [this](Eigen::VectorXd& u) {
-      Eigen::Matrix3Xd field = u.reshaped(3, u.size() / 3);
-      solid_.share().exchange.update(field);
-      u = field.reshaped();
-    };
   const TimeOptions& time = scene_.time;
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest, which strain lowers
   step_ = time.step;

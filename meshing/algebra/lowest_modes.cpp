@@ -15,28 +15,36 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+/// A^T B.
+MatrixXd products(const Pencil& pencil, const MatrixXd& A, const MatrixXd& B) {
+  MatrixXd sums = A.transpose() * B;
+  pencil.add_up(sums.reshaped());
+  return sums;
+}
+
 /// Columns that are orthonormal in M, and M times them.
 struct Basis {
   MatrixXd V, MV;
 
   /// Adds what columns of B are independent of these and of each other.
-  void append(const Pencil::Operator& mass, MatrixXd B) {
+  void append(const Pencil& pencil, MatrixXd B) {
     constexpr double kDependent = 1e-12;  // of a column's length, what projection may leave of one
     constexpr double kDependentSquare =
         1e-14;                  // of the largest eigenvalue of the Gram matrix of unit columns
     constexpr int kPasses = 2;  // the second takes away what rounding left
-    VectorXd before = lengths(B, mass(B));
+    const Pencil::Operator& mass = pencil.mass;
+    VectorXd before = lengths(pencil, B, mass(B));
     for (int pass = 0; pass < kPasses; ++pass) {
-      if (V.cols() > 0) B -= V * (MV.transpose() * B);
+      if (V.cols() > 0) B -= V * products(pencil, MV, B);
       MatrixXd MB = mass(B);
-      const VectorXd after = lengths(B, MB);
+      const VectorXd after = lengths(pencil, B, MB);
       std::vector<Index> kept;
       for (Index k = 0; k < B.cols(); ++k)
         if (after(k) > kDependent * before(k)) kept.push_back(k);
       if (kept.empty()) return;
       B = (B(Eigen::all, kept) * after(kept).cwiseInverse().asDiagonal()).eval();
       MB = (MB(Eigen::all, kept) * after(kept).cwiseInverse().asDiagonal()).eval();
-      const Eigen::SelfAdjointEigenSolver<MatrixXd> gram(B.transpose() * MB);
+      const Eigen::SelfAdjointEigenSolver<MatrixXd> gram(products(pencil, B, MB));
       const VectorXd& lambda = gram.eigenvalues();  // ascending
       const Index n = (lambda.array() > kDependentSquare * lambda(lambda.size() - 1)).count();
       B = B * (gram.eigenvectors().rightCols(n) * lambda.tail(n).cwiseSqrt().cwiseInverse().asDiagonal());
@@ -48,8 +56,10 @@ struct Basis {
     MV.rightCols(B.cols()) = mass(B);
   }
 
-  static VectorXd lengths(const MatrixXd& B, const MatrixXd& MB) {
-    return B.cwiseProduct(MB).colwise().sum().transpose().cwiseMax(0).cwiseSqrt();
+  static VectorXd lengths(const Pencil& pencil, const MatrixXd& B, const MatrixXd& MB) {
+    VectorXd squares = B.cwiseProduct(MB).colwise().sum();
+    pencil.add_up(squares);
+    return squares.cwiseMax(0).cwiseSqrt();
   }
 };
 
@@ -67,12 +77,12 @@ std::pair<VectorXd, MatrixXd> iterate(const Pencil& pencil, Index n_columns, Ind
   VectorXd last;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     Basis basis;
-    basis.append(pencil.mass, X);
+    basis.append(pencil, X);
     for (int depth = 1; depth < kDepth; ++depth) {
       const Index n_new = std::min<Index>(n_columns, basis.V.cols());
-      basis.append(pencil.mass, pencil.inverse(basis.MV.rightCols(n_new)));
+      basis.append(pencil, pencil.inverse(basis.MV.rightCols(n_new)));
     }
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> ritz(basis.V.transpose() * pencil.stiffness(basis.V));
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> ritz(products(pencil, basis.V, pencil.stiffness(basis.V)));
     const Index n = std::min(n_columns, basis.V.cols());
     X = basis.V * ritz.eigenvectors().leftCols(n);
     const VectorXd now = ritz.eigenvalues().head(std::min(n_wanted, n));

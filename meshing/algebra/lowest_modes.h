@@ -16,6 +16,8 @@ struct Pencil {
   Operator inverse;    ///< (K + s M)^-1, s > 0 far below the lowest eigenvalue that is not zero
   Eigen::Index n_rows;
   double zero;  ///< eigenvalues below count as none: motions without energy
+  /// Makes sums over rows those over all processes that share them; of one process there is nothing to add.
+  std::function<void(Eigen::Ref<Eigen::VectorXd> sums)> add_up = [](Eigen::Ref<Eigen::VectorXd>) {};
 };
 
 /// Of K x = lambda M x.
