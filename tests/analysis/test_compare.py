@@ -16,6 +16,7 @@ from analysis.compare import (
     displacement_at,
     displacement_error,
     free_motions,
+    free_motions_of,
     remove_rigid_motion,
     tip_of,
     trajectory_error,
@@ -130,6 +131,14 @@ def test_motions_that_supports_leave_free_are_removed_alone(ball):
     assert displacement_error(X, F, free + stretch, stretch, free_motions(record)).l2 < 1e-6
     for record in ({"is_free": False, "free_motions": motions.tolist()}, {"is_free": True}, {}):
         assert free_motions(record) is False
+
+
+@pytest.mark.parametrize(
+    "scene, is_free",
+    [({"supports": [{}]}, False), ({"handles": [{}]}, False), ({"obstacles": [{}]}, True), ({}, True)],
+)
+def test_handles_hold_a_body_and_obstacles_do_not(scene, is_free):
+    assert free_motions_of(scene, []) is is_free
 
 
 def test_what_is_left_has_no_mean_motion_over_the_surface(uneven):

@@ -165,6 +165,27 @@ def test_rigid_motion_that_supports_leave_free_is_removed_from_two_runs(ball, tm
     assert pair.as_json()["runs"]["displacement_error_l2"] == pytest.approx(2, rel=1e-6)
 
 
+def test_rigid_motion_of_a_free_run_is_removed_from_a_file_too(ball, tmp_path):
+    X, F = ball
+    run = write_run(tmp_path / "run", X, F, stretched)
+    run.joinpath("scene.toml").write_text("[time]\nmode = 'static'\n")
+    file = read_result(write_vtk(tmp_path / "moved.vtp", X, F, stretched(X) + np.array([0.1, 0, 0])))
+    for pair in (match(file, read_result(run)), match(read_result(run), file)):
+        assert pair.as_json()["displacement_error_max"] < 1e-6
+        assert pair.as_json()["rigid_motion_removed"]
+
+
+def test_tip_of_both_is_the_vertex_that_the_reference_moves_farthest(ball, tmp_path):
+    X, F = ball
+    top, bottom = X[:, 2].argmax(), X[:, 2].argmin()
+    u, v = np.zeros_like(X), np.zeros_like(X)
+    u[top], u[bottom], v[top], v[bottom] = [0, 0, 0.01], [0, 0, 0.03], [0, 0, 0.02], [0, 0, 0.004]
+    files = [read_result(write_vtk(tmp_path / f"{name}.vtp", X, F, w)) for name, w in (("u", u), ("v", v))]
+    values = match(*files).as_json()
+    assert values["of_model"]["tip_displacement"] == pytest.approx(0.01, rel=1e-6)
+    assert values["of_reference"]["tip_displacement"] == pytest.approx(0.02, rel=1e-6)
+
+
 def test_curves_of_two_runs_are_drawn_as_they_were_written(drawn, ball, tmp_path):
     from analysis.drawing import plots
 

@@ -381,6 +381,24 @@ def test_who_waits_is_told_again_what_is_at_work(monkeypatch):
     assert sys.stderr.getvalue() == ""
 
 
+def test_command_makes_the_share_that_it_names(scene, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(sweeps, "sweep", lambda *words: asked.append(words) or [])
+    words = [
+        "sweep",
+        str(scene),
+        "--set",
+        "material.nu=0.25,0.3",
+        "--out",
+        str(tmp_path),
+        "--part",
+        "2/3",
+        "--quiet",
+    ]
+    assert sweeps.main(parse_arguments(words)) == 0
+    assert asked == [(scene, {"material.nu": ["0.25", "0.3"]}, tmp_path, (2, 3), True)]
+
+
 def test_shares_of_two_machines_make_the_whole_table(scene, programs, tmp_path):
     run(scene, tmp_path / "whole", programs)
     n_calls = len(calls(programs))
