@@ -385,18 +385,22 @@ def test_a_command_of_several_entries_is_run_once(page, monkeypatch):
 def test_rows_are_of_the_reference_as_the_scene_has_it(tmp_path, monkeypatch):
     """However fine the one is that a verdict needs."""
     values = {True: {"n_nodes": 5, "displacement_error_l2": 0.25}, False: {"n_nodes": 7}}
+    asked = []
 
     def comparison(_, is_as_in_scene=False):
         return SimpleNamespace(as_json=lambda: values[is_as_in_scene])
 
     for name, stand_in in {
         "OUT": tmp_path,
-        "run_solvers": lambda *_, **__: None,
+        "run_solvers": lambda *words, **_: asked.append(words),
         "compare": comparison,
     }.items():
         monkeypatch.setattr(module, name, stand_in)
     entry = Entry("a", "PAGE.md", "Two", 1, columns=("n_nodes", "displacement_error_l2"))
-    assert fresh_cells(entry, {"label": ["x"], "scene": "bar_sag.toml"}) == ["5", "25 %"]
+    row = {"label": ["x"], "scene": "bar_sag.toml", "set": ["material.nu=0.3"]}
+    assert fresh_cells(entry, row) == ["5", "25 %"]
+    ((scene, _, surface, overrides),) = asked
+    assert (scene.name, surface, overrides) == ("bar_sag.toml", None, ["material.nu=0.3"])
 
 
 @pytest.mark.skipif(not (PROGRAMS / "fem_reference").exists(), reason="needs the built programs")

@@ -265,6 +265,21 @@ def test_a_pivot_is_dragged_by_its_way_from_where_the_scene_has_it():
     assert changes == [("collapse.pivots.1.motion", "[[0.0, 0.5, 0.0, 4.0]]")]
 
 
+def test_what_the_scene_pulls_goes_on_while_a_hand_pulls():
+    changes = []
+    own = [{"vertex": 0, "stiffness": 5.0, "motion": [[0.0, 1.0, 0.0, 0.0]]}]
+    body = SimpleNamespace(X=np.eye(3), n_uncut=3)
+    engine = SimpleNamespace(scene={"handles": own, "material": {"E": 10.0}}, latest=None, is_beginning=False)
+    hand = Hand(None, engine, body, None, lambda *change: changes.append(change), lambda _: None)
+    hand._pull(2, np.array([0.0, 0.0, 3.0]))
+    hand.let_go()
+    (key, both), (_, alone) = changes
+    assert key == "handles"
+    pulled, left = (tomllib.loads(f"handles = {text}")["handles"] for text in (both, alone))
+    assert pulled[0] == left[0] == own[0] and len(left) == 1
+    assert pulled[1]["region"]["sphere"]["center"] == [0, 0, 1] and pulled[1]["motion"] == [[0, 0, 0, 2]]
+
+
 def test_the_slider_of_gravity_leaves_what_acts_sideways():
     changes = []
     preview = SimpleNamespace(

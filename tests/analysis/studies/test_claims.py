@@ -54,6 +54,21 @@ def test_depletion_of_a_second_is_that_of_the_steps_in_it():
                 assert left == pytest.approx(1 - own["collapse"]["coefficient"], rel=1e-6)
 
 
+def test_rates_of_table_1_stand_beside_the_papers_of_the_same_scheme():
+    rates = {"explicit_euler": (1.0, 3.0, 2.0), "implicit_euler": (10.0, 30.0, 20.0)}
+    rows = [
+        {"run_name": f"torus/{scheme}/soft/repeats:3", "FPS": rate, "nodes": 7, "springs": 9}
+        for scheme, values in rates.items()
+        for rate in values
+    ]
+    head, lines = paper.table_1(rows)
+    (torus,) = [dict(zip(head, line, strict=True)) for line in lines if line[0] == "torus"]
+    _, springs, explicit, implicit = paper.PUBLISHED["torus"]
+    assert torus["springs, the paper"] == str(springs)
+    for scheme, own, theirs in ((claims.EXPLICIT, "2", explicit), (claims.IMPLICIT, "20", implicit)):
+        assert (torus[scheme], torus[f"{scheme}, the paper"]) == (own, f"{theirs:.2f}")
+
+
 def test_film_goes_there_and_back_by_every_warp(ball, tmp_path):
     """From the later start to the earlier end; the explosion has shown half of it after an eighth of its time."""
     runs = []

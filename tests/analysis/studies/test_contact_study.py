@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic import list_outputs, write_run
 
-from analysis.methods import FEM_P1, FEM_P2
+from analysis.methods import FEM_P1, FEM_P2, label_of
 from analysis.run_store import Outcome
 from analysis.studies import contact
 
@@ -82,6 +82,15 @@ def test_plates_are_compared_where_both_have_come(ball, tmp_path):
     linear = by_method["finite elements, linear"]
     assert linear[:2] == ["50 %", "10 %"] and linear[3:] == ["+10 %", "-10 %"]
     assert by_method["springs, edge_coupled"][3:] == ["-10 %", "+10 %"]
+
+
+def test_finding_tells_the_displacement_of_averaged_springs():
+    head = ["scene", "method", "nodes", "load reached", "displacement", "volume", "force", "area in touch"]
+    rows = [
+        [name, label_of(method), "1", "2", f"{off} %", "9 %", "8 %", "7 %"]
+        for name, method, off in (("a", FEM_P1, 4), ("a", "node_averaged", 1), ("b", "node_averaged", 2))
+    ]
+    assert contact.finding((head, rows)).endswith("are off quadratic elements by 1 % (a), 2 % (b).")
 
 
 @pytest.mark.parametrize("nu", [0.25, 1 / 3])

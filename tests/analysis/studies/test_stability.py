@@ -21,6 +21,13 @@ def test_finding_counts_what_is_not_sound():
     assert stability.finding(rows_of("ok")).endswith("1 cells, all sound.")
 
 
+def test_finding_tells_the_papers_schemes_from_ours():
+    papers = [{**row, "is_papers": "1"} for row in rows_of("diverged", "ok")]
+    assert stability.finding([*papers, *rows_of("ok")]) == (
+        "The paper's schemes: 2 cells, 1 diverged. Ours: 1 cells, all sound."
+    )
+
+
 def test_table_has_every_outcome_of_every_method():
     head, lines = stability.table(rows_of("ok", "inverted", "ok"))
     assert dict(zip(head, lines[0], strict=True))["sound"] == "2"

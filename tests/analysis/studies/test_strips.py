@@ -96,6 +96,23 @@ def test_copies_move_inwards_by_a_part_of_an_edge_and_by_their_name(ball):
     assert (moved != strips.jittered(X, F, "a_2")).any()
 
 
+def test_copies_run_on_surfaces_of_their_own(ball, tmp_path):
+    asked = []
+
+    def run(_method, words):
+        asked.append(words)
+        return SimpleNamespace(status="late")
+
+    rest = SimpleNamespace(X=ball[0], F=ball[1])
+    strip = SimpleNamespace(
+        scene=SimpleNamespace(stem="s"), runs={"m": SimpleNamespace(frame=lambda _: rest)}, run=run
+    )
+    assert strips.Strip.copies(strip, "m", 2, tmp_path) == []
+    assert {words[0] for words in asked} == {f'surface.file="{tmp_path / f"s_{n}.obj"}"' for n in (0, 1)}
+    moved = [line for line in (tmp_path / "s_0.obj").read_text().splitlines() if line.startswith("v ")]
+    assert len(moved) == len(ball[0])
+
+
 @pytest.mark.parametrize(
     "ends, referee",
     [
