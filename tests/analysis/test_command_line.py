@@ -15,6 +15,8 @@ import pytest
 from solvers import calls, make_solvers
 from synthetic import write_run
 
+from analysis import __main__ as command_line
+from analysis.__main__ import parse_arguments
 from analysis.paths import ROOT
 
 # As ./testbed starts it, with stand-ins in place of the solvers.
@@ -134,6 +136,20 @@ def test_stopped_by_hand_it_says_how_to_continue_and_leaves_no_child(words, ball
     while n_alive(programs.parent) and time.monotonic() < until:
         time.sleep(0.01)
     assert n_alive(programs.parent) == 0
+
+
+def test_what_a_run_is_told_reaches_its_solvers(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(command_line, "run_solvers", lambda *words, **more: asked.append((words, more)))
+    monkeypatch.setattr(command_line, "results_of", lambda *_: {"status": "ok"})
+    monkeypatch.setattr(command_line, "text_of", lambda _: "")
+    words = [
+        "run", "scene.toml", "--surface", "a.stl", "--up", "z", "--units", "mm", "--set", "material.nu=0.3",
+        "--out", str(tmp_path), "--time-limit", "5", "--budget", "7", "--quiet",
+    ]  # fmt: skip
+    assert command_line.run(parse_arguments(words)) == 0
+    overrides = ["material.nu=0.3", 'surface.up="z"', 'surface.unit="mm"']
+    assert asked == [((Path("scene.toml"), tmp_path, Path("a.stl"), overrides, True, 5), {"budget": 7})]
 
 
 def test_a_pipe_that_is_closed_ends_it_without_a_word(ball, tmp_path):
