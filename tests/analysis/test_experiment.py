@@ -503,11 +503,14 @@ def test_scene_without_a_fair_reference_shows_the_springs_alone(ball, tmp_path):
 
 
 def test_fingerprint_follows_the_runs(experiment):
-    before = fingerprint(experiment)
-    assert fingerprint(experiment) == before
-    record = experiment.reference_folder / "run.json"
-    record.write_text(record.read_text().replace("ok", "diverged"))
-    assert fingerprint(experiment) != before
+    springs = experiment.massspring_folder(experiment.calibration)
+    prints = {fingerprint(experiment)}
+    for n, folder in enumerate((experiment.reference_folder, springs), 1):
+        assert fingerprint(experiment) in prints and len(prints) == n
+        record = folder / "run.json"
+        record.write_text(record.read_text().replace("ok", "diverged"))
+        prints.add(fingerprint(experiment))
+    assert len(prints) == 3
 
 
 def test_fingerprint_follows_what_failed(experiment):

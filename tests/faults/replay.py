@@ -12,6 +12,7 @@ import os
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -150,21 +151,25 @@ class Copy:
             ]
             no_such_test = r"Running 0 tests"
         environment = {**os.environ, "PYTHONPATH": str(self.folder), "PYTHONDONTWRITEBYTECODE": "1"}
-        with tempfile.TemporaryDirectory() as elsewhere:
+        with (
+            tempfile.TemporaryDirectory() as elsewhere,
+            subprocess.Popen(
+                words,
+                cwd=elsewhere,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+            ) as ran,
+        ):
             try:
-                ran = subprocess.run(
-                    words,
-                    cwd=elsewhere,
-                    env=environment,
-                    timeout=TIME_LIMIT,
-                    capture_output=True,
-                    text=True,
-                    errors="replace",
-                    check=False,
-                )
+                said, _ = ran.communicate(timeout=TIME_LIMIT)
             except subprocess.TimeoutExpired:
+                os.killpg(ran.pid, signal.SIGKILL)  # with what it has started, which holds its output open
                 return False
-        if re.search(no_such_test, ran.stdout + ran.stderr):
+        if re.search(no_such_test, said):
             raise ListError(f"there is no test {test}")
         return ran.returncode == 0
 

@@ -1,8 +1,11 @@
 """The lists of faults can be planted, and the script that plants them tells caught from survived."""
 
 import re
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+import replay
 from replay import (
     CAUGHT,
     ROOT,
@@ -94,6 +97,20 @@ def test_verdicts(before, after, complaint, verdict, tmp_path):
     copy = WithoutBuilds(tmp_path, complaint)
     assert copy.replay(fault("a"), "a.cpp", after) == verdict
     assert (tmp_path / "a.cpp").read_text() == before
+
+
+def test_a_test_that_hangs_notices_the_fault_and_leaves_nothing_at_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(replay, "TIME_LIMIT", 5)
+    (tmp_path / "test_hangs.py").write_text(
+        "import pathlib, subprocess\n"
+        "def test_hangs():\n"
+        "    child = subprocess.Popen(['sleep', '60'])\n"
+        f"    pathlib.Path({str(tmp_path / 'pid')!r}).write_text(str(child.pid))\n"
+        "    child.wait()\n"
+    )
+    assert not Copy.passes(SimpleNamespace(folder=tmp_path, build=tmp_path), "test_hangs.py")
+    status = Path("/proc", (tmp_path / "pid").read_text(), "status")
+    assert not status.exists() or "State:\tZ" in status.read_text()
 
 
 def test_summary_counts_each_list_and_all():
