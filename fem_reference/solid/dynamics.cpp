@@ -185,7 +185,7 @@ Modes natural_modes(const Dynamics& system, const ElasticSolid& solid, int n) {
       largest_over_processes((mass.array() > 0).select(K.diagonal().array() / mass.array(), 0).maxCoeff());
   const LowestModes found =
       lowest_modes({by_columns(product(K)), by_columns(product(M)), by_columns(inverse), K.rows(),
-                    kZero * highest, [](Eigen::Ref<VectorXd> sums) { sum_over_processes(sums); }},
+                    kZero * highest, [](MatrixXd& sums) { sum_over_processes(sums.reshaped()); }},
                    n);
   return {found.eigenvalue.cwiseSqrt() / (2 * M_PI), found.shape, static_cast<int>(rigid.cols())};
 }

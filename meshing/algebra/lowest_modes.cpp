@@ -18,7 +18,7 @@ using Eigen::VectorXd;
 /// A^T B.
 MatrixXd products(const Pencil& pencil, const MatrixXd& A, const MatrixXd& B) {
   MatrixXd sums = A.transpose() * B;
-  pencil.add_up(sums.reshaped());
+  pencil.add_up(sums);
   return sums;
 }
 
@@ -57,7 +57,7 @@ struct Basis {
   }
 
   static VectorXd lengths(const Pencil& pencil, const MatrixXd& B, const MatrixXd& MB) {
-    VectorXd squares = B.cwiseProduct(MB).colwise().sum();
+    MatrixXd squares = B.cwiseProduct(MB).colwise().sum().transpose();
     pencil.add_up(squares);
     return squares.cwiseMax(0).cwiseSqrt();
   }

@@ -17,7 +17,7 @@ struct Pencil {
   Eigen::Index n_rows;
   double zero;  ///< eigenvalues below count as none: motions without energy
   /// Makes sums over rows those over all processes that share them; of one process there is nothing to add.
-  std::function<void(Eigen::Ref<Eigen::VectorXd> sums)> add_up = [](Eigen::Ref<Eigen::VectorXd>) {};
+  std::function<void(Eigen::MatrixXd& sums)> add_up = [](Eigen::MatrixXd&) {};
 };
 
 /// Of K x = lambda M x.
