@@ -621,7 +621,8 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
       factorise_at(VectorXd::Zero(trial.u.size()));
       found = direction(r);
     }
-    dx = by_acceleration * found.value();
+    if (!found) refuse_indefinite();
+    dx = by_acceleration * *found;
     return false;
   };
   objective.largest_step = [&](const Matrix3Xd& dx) {
