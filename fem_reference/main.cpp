@@ -3,6 +3,7 @@
 
 #include "fem_reference/base/memory.h"
 #include "fem_reference/base/processes.h"
+#include "fem_reference/solid/natural_modes.h"
 #include "fem_reference/solid/problem.h"
 #include "fem_reference/solid/richardson.h"
 #include "fem_reference/solid/simulation.h"

@@ -1,6 +1,5 @@
 #include "fem_reference/solid/dynamics.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,7 +7,7 @@
 #include <stdexcept>
 
 #include "fem_reference/base/processes.h"
-#include "meshing/algebra/lowest_modes.h"
+#include "fem_reference/solid/free_unknowns.h"
 #include "meshing/algebra/newton.h"
 #include "meshing/scene/scene.h"
 
@@ -23,72 +22,11 @@ using meshing::SparseCholesky;
 using meshing::SurfaceMemories;
 using Sparse = Eigen::SparseMatrix<double>;
 
-[[noreturn]] void refuse_indefinite() {
-  throw std::runtime_error("the matrix is not positive definite, expected sound tetrahedra and mass");
-}
-
-/// The lower triangle of rows and columns `keep` (ascending) of A.
-Sparse restricted(const Sparse& A, const std::vector<int>& keep) {
-  std::vector<int> place(A.rows(), -1);
-  for (size_t i = 0; i < keep.size(); ++i) place[keep[i]] = static_cast<int>(i);
-  const auto n = static_cast<Eigen::Index>(keep.size());
-  Sparse part(n, n);
-  part.reserve(A.nonZeros() / 2 + n);
-  for (int j = 0; j < n; ++j) {
-    part.startVec(j);
-    for (Sparse::InnerIterator entry(A, keep[j]); entry; ++entry)
-      if (place[entry.row()] >= j) part.insertBack(place[entry.row()], j) = entry.value();
-  }
-  part.finalize();
-  return part;
-}
-
-std::vector<int> all_but(const std::vector<int>& constrained, Eigen::Index n) {
-  std::vector<bool> is_constrained(n, false);
-  for (int i : constrained) is_constrained[i] = true;
-  std::vector<int> rest;
-  for (int i = 0; i < n; ++i)
-    if (!is_constrained[i]) rest.push_back(i);
-  return rest;
-}
-
 /// Field of unknowns; the last column is filled up with zeros.
 Matrix3Xd field_of(const VectorXd& r) {
   Matrix3Xd field = Matrix3Xd::Zero(3, (r.size() + 2) / 3);
   field.reshaped().head(r.size()) = r;
   return field;
-}
-
-/// Of forces of all processes, 0 where others own.
-double norm(const VectorXd& r) {
-  return std::sqrt(sum_over_processes(r.squaredNorm()));
-}
-
-struct Balance {
-  VectorXd left;  // out of balance (N)
-  double size;    // of all forces
-};
-
-/// Adds corrections by a solver in single precision until no more than so much of the forces is out of balance, or
-/// rounding alone. Whether that is so.
-bool refine(const StepSolver& solver, const std::vector<int>& constrained, double tolerance,
-            const std::function<Balance()>& out_of_balance,
-            const std::function<void(const VectorXd& correction)>& add) {
-  constexpr int kMaxRefinements = 30;
-  constexpr double kDeepest = 1e-5, kLost = 0.5, kRounding = 1e-10;
-  double before = std::numeric_limits<double>::infinity();
-  for (int n = 0; n < kMaxRefinements; ++n) {
-    Balance forces = out_of_balance();
-    forces.left(constrained).setZero();
-    const double left = norm(forces.left);
-    if (left <= tolerance * forces.size) return true;
-    if (left > kLost * before) return left <= kRounding * forces.size;
-    before = left;
-    const auto correction = solver(forces.left, std::max(kDeepest, tolerance * forces.size / left / 2));
-    if (!correction) return false;
-    add(*correction);
-  }
-  return false;
 }
 
 constexpr double kLinear = 1e-13;  // tolerance of linear forces
@@ -99,27 +37,6 @@ double diagonal_of(const Matrix3Xd& X) {
 }
 
 }  // namespace
-
-Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std::vector<int>& constrained,
-                    int n) {
-  const std::vector<int> free = all_but(constrained, stiffness.rows());
-  const Sparse K = restricted(stiffness, free), M = restricted(full_mass, free);
-  // Far below the first elastic eigenvalue, far above rounding.
-  constexpr double kShift = 1e-8, kZero = 1e-12;
-  const double highest = (K.diagonal().array() / M.diagonal().array()).maxCoeff();
-  const SparseCholesky factor(K + kShift * highest * M);
-  if (!factor.is_ok()) refuse_indefinite();
-  using Eigen::MatrixXd;
-  const LowestModes found =
-      lowest_modes({[&](const MatrixXd& x) -> MatrixXd { return K.selfadjointView<Eigen::Lower>() * x; },
-                    [&](const MatrixXd& x) -> MatrixXd { return M.selfadjointView<Eigen::Lower>() * x; },
-                    [&](const MatrixXd& x) -> MatrixXd { return factor.solve(x); }, K.rows(), kZero* highest},
-                   n);
-  Modes modes{found.eigenvalue.cwiseSqrt() / (2 * M_PI), MatrixXd::Zero(stiffness.rows(), found.shape.cols()),
-              found.n_zero};
-  modes.shape(free, Eigen::all) = found.shape;
-  return modes;
-}
 
 Dynamics dynamics_of(const ElasticSolid& solid, MassMatrix mass) {
   Dynamics system;
@@ -136,58 +53,6 @@ Dynamics dynamics_of(const ElasticSolid& solid, MassMatrix mass) {
     return solid.step_solver(M, of_mass, u.reshaped(3, u.size() / 3), stiffness, constrained);
   };
   return system;
-}
-
-Modes natural_modes(const Dynamics& system, const ElasticSolid& solid, int n) {
-  const Sparse &K = system.K, &M = system.M;
-  if (!system.step_solver) return natural_modes(K, M, system.constrained, n);
-  using Eigen::MatrixXd;
-  constexpr double kZero = 1e-12, kOfInverse = 1e-9;
-  const MatrixXd rigid = solid.rigid_motions_at_rest();
-  const VectorXd mass = M.diagonal();
-  VectorXd is_own = (mass.array() > 0).cast<double>();
-  is_own(system.constrained).setZero();
-  const auto by_columns = [&](const std::function<VectorXd(const VectorXd&)>& of) {
-    return [of](const MatrixXd& x) -> MatrixXd {
-      MatrixXd y(x.rows(), x.cols());
-      for (Eigen::Index k = 0; k < x.cols(); ++k) y.col(k) = of(x.col(k));
-      return y;
-    };
-  };
-  const auto product = [&](const Sparse& A) {
-    return [&](const VectorXd& x) -> VectorXd {
-      VectorXd all = x;
-      system.exchange(all);
-      return is_own.cwiseProduct(A * all);
-    };
-  };
-  const auto sum = [](MatrixXd sums) {
-    sum_over_processes(sums.reshaped());
-    return sums;
-  };
-  const MatrixXd momenta = M * rigid;
-  const auto inertia = sum(rigid.transpose() * momenta).ldlt();
-  const StepSolver solver = system.step_solver(M, 0, VectorXd::Zero(K.rows()), 1, system.constrained);
-  const auto inverse = [&](const VectorXd& b) -> VectorXd {  // on what is orthogonal to rigid motions in M
-    VectorXd r = is_own.cwiseProduct(b), x = VectorXd::Zero(b.size());
-    r -= momenta * inertia.solve(sum(rigid.transpose() * r));
-    const double size = norm(r);
-    if (!refine(
-            solver, system.constrained, kOfInverse,
-            [&] {
-              return Balance{r - product(K)(x), size};
-            },
-            [&](const VectorXd& dx) { x += dx; }))
-      refuse_indefinite();
-    return is_own.cwiseProduct(x - rigid * inertia.solve(sum(momenta.transpose() * is_own.cwiseProduct(x))));
-  };
-  const double highest =
-      largest_over_processes((mass.array() > 0).select(K.diagonal().array() / mass.array(), 0).maxCoeff());
-  const LowestModes found =
-      lowest_modes({by_columns(product(K)), by_columns(product(M)), by_columns(inverse), K.rows(),
-                    kZero * highest, [](MatrixXd& sums) { sum_over_processes(sums.reshaped()); }},
-                   n);
-  return {found.eigenvalue.cwiseSqrt() / (2 * M_PI), found.shape, static_cast<int>(rigid.cols())};
 }
 
 GeneralisedAlpha::GeneralisedAlpha(Dynamics system, double h, const TimeScheme& scheme)

@@ -1,4 +1,4 @@
-// Natural frequencies, and steps in time at small and finite strain, on assembled matrices.
+// Steps in time at small and finite strain, on assembled matrices.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,19 +13,6 @@
 #include "meshing/surface_energies/energy_ledger.h"
 
 namespace testbed::fem {
-
-/// The lowest undamped modes, K x = w^2 M x.
-struct Modes {
-  Eigen::VectorXd frequency;  ///< Hz, ascending, of vibrations
-  Eigen::MatrixXd shape;      ///< a column each, M-orthonormal (1/sqrt(kg))
-  int n_rigid = 0;            ///< motions without energy besides
-};
-
-/// The n lowest vibrations by lowest_modes, fewer where there are no more. K may be singular, as that of a free
-/// body, M must be positive definite; the unknowns `constrained` (ascending) stay where they are.
-/// @throws std::runtime_error when it does not converge.
-Modes natural_modes(const Eigen::SparseMatrix<double>& K, const Eigen::SparseMatrix<double>& M,
-                    const std::vector<int>& constrained, int n);
 
 /// Parameters of the generalised-alpha method [Chung & Hulbert 1993].
 struct TimeScheme {
@@ -72,9 +59,6 @@ struct Dynamics {
 
 /// Stiffness and mass of a solid, which outlives it, and what several processes need besides.
 Dynamics dynamics_of(const ElasticSolid& solid, MassMatrix mass);
-
-/// Of the dynamics of a solid, also of several processes: shapes have each one's part.
-Modes natural_modes(const Dynamics& system, const ElasticSolid& solid, int n);
 
 /// All that decides how a motion goes on.
 struct MotionState {

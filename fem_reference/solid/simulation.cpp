@@ -7,6 +7,7 @@
 #include <sstream>
 #include <utility>
 
+#include "fem_reference/solid/natural_modes.h"
 #include "fem_reference/solid/problem.h"
 #include "meshing/scene/changed_keys.h"
 #include "meshing/scene/collapse.h"

@@ -7,8 +7,8 @@
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include "fem_reference/elements/laws.h"
-#include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
+#include "fem_reference/solid/natural_modes.h"
 #include "meshing/surface/surface.h"
 #include "tests/fem_reference/root.h"
 #include "tests/meshing/box_tets.h"

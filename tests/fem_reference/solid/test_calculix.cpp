@@ -1,8 +1,8 @@
 // The reference against CalculiX on the same tetrahedra, to the digits that it prints.
 #include <gtest/gtest.h>
 
-#include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
+#include "fem_reference/solid/natural_modes.h"
 #include "meshing/base/geometry.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "fem_reference/solid/central_differences.h"
+#include "fem_reference/solid/natural_modes.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::fem {

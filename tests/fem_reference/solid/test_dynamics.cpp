@@ -8,6 +8,7 @@
 
 #include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
+#include "fem_reference/solid/natural_modes.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::fem {

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "fem_reference/solid/dynamics.h"
 #include "fem_reference/solid/elasticity.h"
+#include "fem_reference/solid/natural_modes.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/tetrahedra/tetrahedralize.h"
