@@ -1,8 +1,9 @@
-"""Processes study: statics at small and finite strain by one process, two and four, of one body and of growing ones.
+"""Processes study: statics and implicit steps by one process, two and four, of one body and of growing ones.
 
-A bar of quadratic elements hangs from its end. Seconds are those of processors, of all processes together, without those
-spent in MPI, most of which are waiting. They and the memory, which is the largest process', are counted beyond what as many
-processes take on a bar of hardly any elements. A model with the figures of four extrapolates to the processes of a cluster.
+A bar of quadratic elements hangs from its end, at small and finite strain, or is let go for ten steps. Seconds are those of
+processors, of all processes together, without those spent in MPI, most of which are waiting. They and the memory, which is the
+largest process', are counted beyond what as many processes take on a bar of hardly any elements. A model with the figures of
+four extrapolates to the processes of a cluster.
 """
 
 from __future__ import annotations
@@ -29,8 +30,19 @@ _N_VERTICES, _N_QUICK = 4000, 400  # of the surface of the body that four proces
 _N_SMALL = 100
 _FAR = (64, 1024)  # processes
 _LATENCY, _BANDWIDTH = 2e-6, 1e10  # s and byte/s, of a cluster's network
-_OVERRIDES = ("reference.degree=2", "time.load_steps=1", "gravity=[0,-1,0]")
-_SCENES = {"small": "bar_sag.toml", "finite": "bar_bend.toml"}
+_STATICS = ("reference.degree=2", "time.load_steps=1", "gravity=[0,-1,0]")
+_STEPS = (
+    "reference.degree=2",
+    "time.end=0.005",
+    "output.frames_every=0",
+    "output.curves=false",
+    "surface.across=0",
+)
+_PROBLEMS = {
+    "small strain": ("bar_sag.toml", _STATICS),
+    "finite strain": ("bar_bend.toml", _STATICS),
+    "ten steps": ("bar_swing.toml", _STEPS),
+}
 _ENVIRONMENT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 
 
@@ -53,12 +65,13 @@ class Solved:
         return self.record.get("of_processes", {name: [value] for name, value in alone.items()})
 
 
-def solve(scene: str, n_vertices: int, n: int, folder: Path) -> Solved:
+def solve(problem: str, n_vertices: int, n: int, folder: Path) -> Solved:
     """Raises RunError where it fails. A run that is there already is not repeated."""
+    scene, overrides = _PROBLEMS[problem]
     launcher = ["mpirun", "--oversubscribe", "-np", str(n)] if n > 1 else []
     out = folder / f"{Path(scene).stem}_{n_vertices}_{n}"
     sets = [
-        word for override in (*_OVERRIDES, f"surface.n_vertices={n_vertices}") for word in ("--set", override)
+        word for override in (*overrides, f"surface.n_vertices={n_vertices}") for word in ("--set", override)
     ]
     program = built(PROGRAMS, "fem_reference")
     done = subprocess.run(
@@ -84,16 +97,16 @@ def cpu_beyond(solved: Solved, small: Solved) -> list[float]:
     return [cpu - least for cpu, least in pairs]
 
 
-def row(kind: str, strain: str, solved: Solved, small: Solved) -> list[str]:
+def row(kind: str, problem: str, solved: Solved, small: Solved) -> list[str]:
     """Of the table. small: a body of hardly any elements by as many processes."""
     of, at_least = solved.of_processes, small.of_processes
     memory = max(of["peak_memory"]) - max(at_least["peak_memory"])
     return [
         kind,
-        strain,
+        problem,
         str(solved.record["processes"]),
         str(solved.record["n_dofs"]),
-        str(solved.record["linear_iterations"]),
+        str(solved.record.get("linear_iterations", "-")),
         f"{sum(cpu_beyond(solved, small)):.2g}",
         f"{sum(of['messages']):.0f}",
         f"{sum(of['bytes']) / 1e6:.2g}",
@@ -104,7 +117,7 @@ def row(kind: str, strain: str, solved: Solved, small: Solved) -> list[str]:
 
 HEAD = [
     "body",
-    "strain",
+    "problem",
     "processes",
     "unknowns",
     "iterations",
@@ -149,10 +162,20 @@ def extrapolate(n: int, n_dofs: float, several: Solved, small: Solved) -> Extrap
     )
 
 
-FAR_HEAD = ["body", "strain", "processes", "unknowns", "own work", "messages", "sums", "serial", "efficiency"]
+FAR_HEAD = [
+    "body",
+    "problem",
+    "processes",
+    "unknowns",
+    "own work",
+    "messages",
+    "sums",
+    "serial",
+    "efficiency",
+]
 
 
-def far_row(kind: str, strain: str, n: int, pairs: dict[int, tuple[Solved, Solved]]) -> list[str]:
+def far_row(kind: str, problem: str, n: int, pairs: dict[int, tuple[Solved, Solved]]) -> list[str]:
     """Of the table. pairs: of each number of processes the body and that of hardly any elements."""
     one, several = pairs[1], pairs[max(_COUNTS)]
     grows = n / max(_COUNTS) if kind == "grows" else 1
@@ -162,22 +185,22 @@ def far_row(kind: str, strain: str, n: int, pairs: dict[int, tuple[Solved, Solve
     of_one = sum(cpu_beyond(*one)) * n_dofs / one[0].record["n_dofs"]
     parts = (found.work, found.messages, found.sums, found.serial)
     cells = [f"{seconds:.2g}" for seconds in parts]
-    return [kind, strain, str(n), f"{n_dofs:.2g}", *cells, percent(of_one / (n * found.total), 2)]
+    return [kind, problem, str(n), f"{n_dofs:.2g}", *cells, percent(of_one / (n * found.total), 2)]
 
 
 def measure(n_vertices: int, folder: Path, is_quiet: bool) -> tuple[Table, Table]:
     """What processes take, and what more of them would."""
     rows, far = [], []
     for kind in ("the same", "grows"):
-        for strain, scene in _SCENES.items():
+        for problem in _PROBLEMS:
             pairs = {}
             for n in _COUNTS:
                 size = n_vertices if kind == "the same" else vertices_for(n, n_vertices)
-                say(f"{strain} strain, {size} vertices, {n} processes", is_quiet)
-                solved, small = (solve(scene, vertices, n, folder) for vertices in (size, _N_SMALL))
+                say(f"{problem}, {size} vertices, {n} processes", is_quiet)
+                solved, small = (solve(problem, vertices, n, folder) for vertices in (size, _N_SMALL))
                 pairs[n] = solved, small
-                rows.append(row(kind, strain, solved, small))
-            far += [far_row(kind, strain, n, pairs) for n in _FAR]
+                rows.append(row(kind, problem, solved, small))
+            far += [far_row(kind, problem, n, pairs) for n in _FAR]
     return (HEAD, rows), (FAR_HEAD, far)
 
 

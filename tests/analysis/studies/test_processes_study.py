@@ -22,14 +22,21 @@ def record(n, memory, **of):
 def test_seconds_and_memory_are_those_beyond_a_small_body():
     several = record(2, [30e6, 42e6], cpu=[1, 1.5], messages=[3, 4], bytes=[1e6, 5e5], sums=[9, 9])
     small = record(2, [20e6, 19e6], cpu=[0.5, 0.25], messages=[0, 0], bytes=[0, 0], sums=[0, 0])
-    row = processes.row("grows", "finite", several, small)
-    assert row == ["grows", "finite", "2", "300", "7", "1.8", "7", "1.5", "9", "22"]
+    row = processes.row("grows", "finite strain", several, small)
+    assert row == ["grows", "finite strain", "2", "300", "7", "1.8", "7", "1.5", "9", "22"]
     assert len(row) == len(processes.HEAD)
 
 
 def test_one_process_tells_nobody_anything():
-    row = processes.row("grows", "small", record(1, [30e6]), record(1, [20e6]))
+    row = processes.row("grows", "small strain", record(1, [30e6]), record(1, [20e6]))
     assert row[-5:] == ["0", "0", "0", "0", "10"]
+
+
+def test_one_process_that_factorises_has_no_iterations():
+    solved = record(1, [30e6])
+    del solved.record["linear_iterations"]
+    row = processes.row("the same", "ten steps", solved, record(1, [20e6]))
+    assert row[processes.HEAD.index("iterations")] == "-"
 
 
 def test_bodies_that_grow_give_each_process_as_many_unknowns():
@@ -69,8 +76,8 @@ def test_efficiency_is_beside_one_process_of_as_many_unknowns(monkeypatch):
     monkeypatch.setattr(processes, "_COUNTS", (1, 2))
     one, least = record(1, [1]), Solved(record(1, [1]).record | {"cpu": 0.0})
     pairs = {1: (one, least), 2: (bar([3.0, 3.0]), LEAST)}
-    same = processes.far_row("the same", "small", 8, pairs)
-    grows = processes.far_row("grows", "small", 8, pairs)
+    same = processes.far_row("the same", "small strain", 8, pairs)
+    grows = processes.far_row("grows", "small strain", 8, pairs)
     assert len(same) == len(processes.FAR_HEAD)
-    assert same == ["the same", "small", "8", "3e+02", "0.5", "0", "0", "0", "50 %"]
-    assert grows == ["grows", "small", "8", "1.2e+03", "2", "0", "0", "0", "50 %"]
+    assert same == ["the same", "small strain", "8", "3e+02", "0.5", "0", "0", "0", "50 %"]
+    assert grows == ["grows", "small strain", "8", "1.2e+03", "2", "0", "0", "0", "50 %"]
