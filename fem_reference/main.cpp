@@ -24,8 +24,7 @@ struct Arguments : SessionOptions {
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
   const std::string allowed =
-      " under mpirun, expected statics, or motion from rest, of a body that only loads and supports act on";
-  if (!scene.initial.empty()) return "initial" + allowed + " without it";
+      " under mpirun, expected statics or motion of a body that only loads and supports act on";
   const bool keeps_volume = scene.volume && (scene.volume->is_exact || scene.volume->coefficient > 0);
   for (const auto& [key, is_there] : {std::pair("obstacles", !scene.obstacles.empty()),
                                       {"skin", scene.skin.has_value()},

@@ -102,7 +102,7 @@ Simulation::Simulation(const Scene& scene, const SpringNetwork& network)
   check_apart(contacts_, model_, forces_.constraints);
   state_ = initial_state(model_);
   push_out_of_obstacles();
-  state_.v = initial_velocity(scene, model_.network.X, model_.mass);
+  state_.v = initial_velocity(scene, model_.network.X, model_.mass, box_of(model_.network.X));
   filter(forces_.constraints, state_.v);
   begin_stepping();
   count_steps();

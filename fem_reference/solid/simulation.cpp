@@ -158,7 +158,9 @@ void Simulation::set_in_motion(double t) {
   if (scene_.initial.empty()) return;
   const Eigen::VectorXd mass = solid_.mass(MassMatrix::Lumped).diagonal();
   const Eigen::Matrix3Xd v =
-      frame_.transpose() * initial_velocity(scene_, X(), mass(Eigen::seq(0, Eigen::last, 3)));
+      frame_.transpose() * initial_velocity(scene_, frame_ * solid_.X(), mass(Eigen::seq(0, Eigen::last, 3)),
+                                            meshing::box_of(surface_.X),
+                                            [](auto sums) { sum_over_processes(sums); });
   integrator_->restart(Eigen::VectorXd::Zero(v.size()), v.reshaped());
 }
 

@@ -342,8 +342,10 @@ SurfaceMesh load_surface(const SurfaceSource& source);
 /// @param coarser  as for cut_across
 CutSurface cut_for(const Scene& scene, const SurfaceMesh& surface, double coarser = 1);
 
-/// Indices (ascending) of the nodes X (3 x n, m) of a body in the region; they span its bounding box.
-std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X);
+/// That points (3 x n) span.
+Box box_of(const Eigen::Matrix3Xd& X);
+/// Indices (ascending) of the nodes X (3 x n, m) in the region of a body, which fills that box.
+std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X, const Box& body);
 /// Indices (ascending) of the surface vertices in the region.
 std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface);
 /// Indices (ascending) of the triangles with all three vertices in the region.

@@ -40,12 +40,11 @@ Shape absolute(const Ball& ball, const Eigen::Vector3d& low, const Eigen::Vector
   return Ball{low + extent.cwiseProduct(ball.centre), ball.radius * extent.minCoeff()};
 }
 
-std::vector<bool> membership(const Region& region, const Eigen::Matrix3Xd& X) {
-  const Eigen::Vector3d low = X.rowwise().minCoeff();
-  const Eigen::Vector3d extent = X.rowwise().maxCoeff() - low;
+std::vector<bool> membership(const Region& region, const Eigen::Matrix3Xd& X, const Box& body) {
+  const Eigen::Vector3d extent = body.high - body.low;
   const auto shape =
       region.relative
-          ? std::visit([&](const auto& s) -> Shape { return absolute(s, low, extent); }, region.shape)
+          ? std::visit([&](const auto& s) -> Shape { return absolute(s, body.low, extent); }, region.shape)
           : region.shape;
   constexpr double kSlack = 1e-9;  // of the bounding box: a vertex placed on the region's boundary is inside
   std::vector<bool> is_member(X.cols());
@@ -144,8 +143,12 @@ CutSurface cut_for(const Scene& scene, const SurfaceMesh& surface, double coarse
   return {std::move(cut), is_bounded};
 }
 
-std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X) {
-  const std::vector<bool> is_member = membership(region, X);
+Box box_of(const Eigen::Matrix3Xd& X) {
+  return {X.rowwise().minCoeff(), X.rowwise().maxCoeff()};
+}
+
+std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X, const Box& body) {
+  const std::vector<bool> is_member = membership(region, X, body);
   std::vector<int> nodes;
   for (int i = 0; i < X.cols(); ++i)
     if (is_member[i]) nodes.push_back(i);
@@ -153,8 +156,9 @@ std::vector<int> nodes_in(const Region& region, const Eigen::Matrix3Xd& X) {
 }
 
 std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface) {
-  if (surface.cuts.F.size() == 0) return nodes_in(region, surface.X);
-  const std::vector<bool> is_member = membership(region, before(surface));
+  if (surface.cuts.F.size() == 0) return nodes_in(region, surface.X, box_of(surface.X));
+  const Eigen::Matrix3Xd X = before(surface);
+  const std::vector<bool> is_member = membership(region, X, box_of(X));
   std::vector<int> vertices;
   for (int v = 0; v < surface.X.cols(); ++v)
     if (are_members(surface.cuts.between.col(v), is_member)) vertices.push_back(v);
@@ -163,7 +167,8 @@ std::vector<int> vertices_in(const Region& region, const SurfaceMesh& surface) {
 
 std::vector<int> triangles_in(const Region& region, const SurfaceMesh& surface) {
   const bool is_cut = surface.cuts.F.size() > 0;
-  const std::vector<bool> is_member = membership(region, is_cut ? before(surface) : surface.X);
+  const Eigen::Matrix3Xd X = is_cut ? before(surface) : surface.X;
+  const std::vector<bool> is_member = membership(region, X, box_of(X));
   std::vector<int> triangles;
   for (int f = 0; f < surface.F.cols(); ++f)
     if (are_members(is_cut ? surface.cuts.F.col(surface.cuts.parent[f]) : surface.F.col(f), is_member))

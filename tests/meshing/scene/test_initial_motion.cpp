@@ -13,7 +13,7 @@ struct Line {
   Matrix3Xd X = (Matrix3Xd(3, 4) << 0, 1, 2, 4, 0, 0, 0, 0, 0, 0, 0, 0).finished();
   Eigen::VectorXd mass = Eigen::Vector4d(1, 1, 1, 3);
   Scene scene;
-  Matrix3Xd velocity() const { return initial_velocity(scene, X, mass); }
+  Matrix3Xd velocity() const { return initial_velocity(scene, X, mass, box_of(X)); }
 };
 
 TEST(InitialMotion, IsRestWhereTheSceneHasNone) {
