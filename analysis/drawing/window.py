@@ -16,7 +16,11 @@ from .pictures import light
 _FRAME = 1 / 30  # s, at least, from one picture to the next
 _SELDOM = 1 / 5  # s, about, between pictures of a panel without a body
 _HEIGHT = 600  # pixels of a panel, at first
-_SMALLER = 0.75  # times that of a window that shrinks: without a graphics card pixels decide how long a picture takes
+# Of each side of a window that shrinks, at least and at most: without a graphics card pixels decide how long a picture takes.
+_SMALLER = (0.6, 0.75)
+_SPENT = 0.6  # of the time from one picture to the next, on drawing
+_TIMED = 5  # pictures
+_LEGIBLE = 10  # pixels of a letter
 _CURVES = 0.78  # of the height of their panel, below text and slider
 _SMOOTHED = 0.9  # share of the former rate in the one that is shown
 
@@ -67,6 +71,7 @@ class Window:
         self.frames_per_second = 0.0
         self._keys = keys | {"q": self.close}
         self.hold: Hold | None = None
+        self._texts: list[pv.Text] = []
         self._depth: float | None = None  # of what is held
         self._tags: dict[str, int] = {}  # of observers
         self._drawn = ((0, 0), 0.0)  # size (pixels) and time (s) of the last picture of all panels
@@ -80,12 +85,17 @@ class Window:
             self.plotter.add_chart(chart)
 
     def add_text(self, height: float, text: str = "") -> pv.Text:
-        """Of a fixed size in the plotter's present panel, from that share of its height downwards."""
+        """Of a size that only fit() changes in the plotter's present panel, from that share of its height downwards."""
         written = self.plotter.add_text(
             text, position=(0.005, height), viewport=True, font_size=7, color="black"
         )
         written.prop.justification_vertical = "top"
+        self._texts.append(written)
         return written
+
+    def _is_soft(self) -> bool:
+        """Without a graphics card Mesa draws."""
+        return "llvmpipe" in self.plotter.render_window.ReportCapabilities()
 
     def open(self) -> None:
         if self._linked:
@@ -93,9 +103,7 @@ class Window:
         for renderer in self.plotter.renderers:
             renderer.SetUseOIT(False)  # passes over all pixels, for layers that obstacles do not have
         self.plotter.show(interactive_update=True, auto_close=False)
-        if "llvmpipe" in self.plotter.render_window.ReportCapabilities():
-            if self._shrinks:
-                self.plotter.window_size = [round(_SMALLER * n) for n in self.plotter.window_size]
+        if self._is_soft():
             self.plotter.render_window.SetMultiSamples(0)  # smooth edges take a processor three times as long
             self.plotter.render_window.SetFrameBlitModeToBlitToCurrent()  # colours: nothing reads a window's depths
         interactor = self.plotter.iren.interactor
@@ -110,6 +118,26 @@ class Window:
                 self._tags[event] = interactor.AddObserver(
                     event, self._move_mouse, 1.0
                 )  # before the camera's
+
+    def fit(self) -> None:
+        """A window that shrinks takes as many pixels as can be drawn for each picture; its bodies are there."""
+        if not (self._shrinks and self._is_soft()):
+            return
+        size, smaller = self.plotter.window_size, _SMALLER[1]
+        for _ in range(2):  # time is not all spent on pixels
+            self.plotter.window_size = [round(smaller * n) for n in size]
+            smaller = float(np.clip(smaller * np.sqrt(_SPENT * _FRAME / self._seconds()), *_SMALLER))
+        self.plotter.window_size = [round(smaller * n) for n in size]
+        for text in self._texts:
+            text.prop.font_size = max(_LEGIBLE, round(smaller * text.prop.font_size))
+
+    def _seconds(self) -> float:
+        """Of a picture of the bodies, once the first of all panels, which takes longer, is drawn."""
+        self._render(time.perf_counter())
+        start = time.perf_counter()
+        for _ in range(_TIMED):
+            self._render(start)
+        return (time.perf_counter() - start) / _TIMED
 
     def _press(self, interactor: Any, _: str) -> None:
         key = interactor.GetKeySym()

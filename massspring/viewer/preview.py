@@ -454,6 +454,8 @@ class Preview:
     def run(self) -> None:
         """Until the window is closed."""
         self.window.open()
+        self.draw(0)
+        self.window.fit()
         try:
             self.window.loop(self.draw)
         finally:

@@ -29,6 +29,7 @@ _HEAD = [
     "with drawing",
     "frames/s",
     "of real time",
+    "window",
 ]
 _PAPERS = ("torus_implodes", "handle_folds", "head_crushes", "ball_deflates")
 _THOUSAND = ("torus_hang", [
@@ -92,6 +93,8 @@ def row_of(case: Case, seconds: float) -> list[str]:
     preview = Preview(case.scene, case.overrides)
     preview.window.open()
     preview.draw(0)
+    preview.window.fit()
+    width, height = preview.window.plotter.window_size
     preview.window.plotter.render()  # the first picture takes longer
     watch = Watch(preview.engine, seconds)
     n_frames = 0
@@ -110,7 +113,7 @@ def row_of(case: Case, seconds: float) -> list[str]:
     preview.engine.end()
     return [
         case.scene.stem, preview.scene["network"]["calibration"], str(len(alone.latest.body.X)), case.scheme, f"{1e3 * step:.2g}",
-        f"{steps:.3g}", f"{drawn:.3g}", f"{n_frames / passed:.3g}", f"{factor:.2g}",
+        f"{steps:.3g}", f"{drawn:.3g}", f"{n_frames / passed:.3g}", f"{factor:.2g}", f"{width}x{height}",
     ]  # fmt: skip
 
 

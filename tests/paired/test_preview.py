@@ -1,5 +1,6 @@
 """A preview: its steps are those of a batch run, values change on the way, and its window ends cleanly."""
 
+import re
 import subprocess
 import sys
 import time
@@ -662,9 +663,10 @@ def test_rates_are_those_of_a_body_that_is_stepped_and_drawn():
         words = [sys.executable, "-c", RATES, str(BAR), "surface.n_vertices=60", "time.end=100"]
         done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    scene, model, _, scheme, step, *rates, factor = done.stdout.split()
+    scene, model, _, scheme, step, *rates, factor, window = done.stdout.split()
     assert (scene, model, scheme) == ("bar_falls", "node_averaged", "implicit_euler")
     assert all(float(rate) > 0 for rate in rates)
+    assert re.fullmatch(r"[0-9]+x[0-9]+", window)
     assert float(factor) == pytest.approx(float(step) / 1e3 * float(rates[1]), rel=0.1)
 
 

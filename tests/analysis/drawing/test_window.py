@@ -81,7 +81,21 @@ plotter.subplot(0, 1)
 words = window.add_text(0.9, "words")
 window.add_curves([pv.Chart2D()])
 window.open()
-assert tuple(plotter.window_size) == (450, 600), "three quarters of 600 x 800 without a graphics card"
+timed = []
+for of_frame, size in ((0.2, (450, 600)), (100, (360, 480)), (None, (390, 520))):
+    def seconds():  # as many pixels take, or much too long
+        timed.append(plotter.window_size[0])
+        return windows._FRAME * windows._SPENT * (of_frame or (plotter.window_size[0] / 390) ** 2)
+
+    window._seconds = seconds
+    plotter.window_size = (600, 800)
+    window.fit()
+    assert tuple(plotter.window_size) == size, f"{plotter.window_size} of 600 x 800 without a graphics card"
+assert timed == [450, 450, 450, 360, 450, 390]
+assert words.prop.font_size < 14, "as the window"
+del window._seconds
+assert 0 < window._seconds() < 1
+plotter.window_size = (450, 600)
 interactor = plotter.iren.interactor
 drawn = [0, 0, 0]
 

@@ -25,6 +25,17 @@ Obstacle floor_with(double friction) {
   return obstacle;
 }
 
+TEST(ContactsOf, TakesThicknessAndFrictionOfSelfContactFromTheSceneWhereItIsOn) {
+  const SurfaceMesh cube = make_shape("cube", 8, {1, 1, 1});
+  Scene scene;
+  scene.self_contact = {false, 0.01, 0.3};
+  EXPECT_FALSE(contacts_of(scene, cube).self_thickness);
+  scene.self_contact.is_on = true;
+  const Contacts contacts = contacts_of(scene, cube);
+  EXPECT_EQ(contacts.self_thickness, 0.01);
+  EXPECT_EQ(contacts.self_friction, 0.3);
+}
+
 // 2 kg that hit the floor at 1 m/s lose 0.3 m/s of their speed along it.
 TEST(PushOut, CountsWhatFrictionTakesOfABlow) {
   State before;

@@ -3,9 +3,12 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 #include <tuple>
+#include <utility>
 
 #include "massspring/model/model.h"
 #include "tests/massspring/small_network.h"
@@ -142,6 +145,29 @@ TEST(StiffnessBlocks, AreThoseOfThePatternOfTheMatrix) {
       for (int j : t) blocks.insert({i, j});
   model.springs = Springs{mesh.T.topRows<2>(), Eigen::VectorXd::Ones(mesh.T.cols())};  // edges once more
   EXPECT_EQ(n_stiffness_blocks(model), static_cast<Eigen::Index>(blocks.size()));
+}
+
+std::map<std::pair<int, int>, double> stiffness_by_edge(const MassSpringModel& model) {
+  std::map<std::pair<int, int>, double> found;
+  for (Eigen::Index s = 0; s < model.springs->E.cols(); ++s)
+    found[std::minmax(model.springs->E(0, s), model.springs->E(1, s))] += model.springs->stiffness(s);
+  return found;
+}
+
+TEST(AddSkin, SpringsAlongTheSurfaceKeepTheirStiffnessBesideTheSkins) {
+  MassSpringModel model = small_model(), alone = model;
+  auto expected = stiffness_by_edge(model);
+  alone.springs.reset();
+  add_skin({3, 0, 0}, alone);
+  for (const auto& [edge, stiffness] : stiffness_by_edge(alone)) {
+    EXPECT_GT(stiffness, 0);
+    expected[edge] += stiffness;
+  }
+  add_skin({3, 0, 0}, model);
+  const auto found = stiffness_by_edge(model);
+  ASSERT_EQ(found.size(), expected.size());
+  for (const auto& [edge, stiffness] : expected)
+    EXPECT_NEAR(found.at(edge), stiffness, kRounding * stiffness);
 }
 
 // Matrices of springs alone leave out whatever else there is.
