@@ -21,6 +21,7 @@ namespace {
 /// A mesher and its settings.
 struct Attempt {
   std::string name, worker, algorithm, angle_tolerance;
+  std::string cures;  ///< a word in the failure before it, without which it fails alike
 };
 
 /// A mesher was stopped.
@@ -32,7 +33,7 @@ struct OutOfTime : std::runtime_error {
 /// Delaunay fails, it takes a hundred times as long as tetgen. A cut surface, which may be cut less, goes without.
 const std::array<Attempt, 4> kAttempts = {
     {{"gmsh, Delaunay", "gmsh_worker", "1", "0.1"},
-     {"gmsh, Delaunay, facets as close as 0.001 degrees", "gmsh_worker", "1", "0.001"},
+     {"gmsh, Delaunay, facets as close as 0.001 degrees", "gmsh_worker", "1", "0.001", "overlap"},
      {"tetgen", "tetgen_worker", "0", "0"},
      {"gmsh, HXT", "gmsh_worker", "10", "0.001"}}};
 
@@ -72,14 +73,15 @@ Eigen::Matrix4Xi in_order_of_nodes(const Eigen::Matrix4Xi& T) {
   return T(Eigen::all, order);
 }
 
-TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const TetOptions& options) {
+/// @param limit  of the mesher's own computing (s)
+TetMesh run_attempt(const Attempt& attempt, const SurfaceMesh& surface, const TetOptions& options,
+                    double limit) {
   const TemporaryFolder folder;
   const std::string task = folder.path() / "task", nodes_file = folder.path() / "nodes";
   write_task(task,
              {surface, options.interior, options.size.size() > 0 ? options.size : vertex_spacing(surface),
               options.interior_size.value_or(0)});
   constexpr double kWaiting = 10;  // wall time for each second of computing: other programs need theirs
-  const double limit = options.time_limit.value_or(time_limit(surface.F.cols(), options.interior.cols()));
   const ChildResult child =
       run_child(options.workers / attempt.worker,
                 {attempt.algorithm, attempt.angle_tolerance, task, nodes_file}, kWaiting * limit, limit);
@@ -104,6 +106,12 @@ double time_limit(Eigen::Index n_triangles, Eigen::Index n_points) {
   return kStart + kTriangle * static_cast<double>(n_triangles) + kPoint * static_cast<double>(n_points);
 }
 
+double cut_time_limit(Eigen::Index n_triangles, Eigen::Index n_points) {
+  constexpr Eigen::Index kFewest = 5000;  // of fewer, cutting makes about as many
+  constexpr double kPart = 0.75;
+  return kPart * time_limit(std::max(n_triangles, kFewest), n_points);
+}
+
 TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, TetReport* report) {
   check_closed(surface, "surface to tetrahedralize");
   refuse_crossings(surface);  // meshers may fill overlapping solids one by one without a word
@@ -111,11 +119,15 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
   TetReport& said = report ? *report : own;
   said = {};
   const bool is_cut = surface.cuts.F.size() > 0;
+  const double limit =
+      options.time_limit.value_or(is_cut ? cut_time_limit(surface.cuts.F.cols(), options.interior.cols())
+                                         : time_limit(surface.F.cols(), options.interior.cols()));
   std::string stopped;  // algorithm of gmsh
   for (const Attempt& attempt : kAttempts) {
     if (attempt.algorithm == stopped || (is_cut && &attempt == &kAttempts.back())) continue;
+    if (!attempt.cures.empty() && said.failures.back().find(attempt.cures) == std::string::npos) continue;
     try {
-      TetMesh mesh = run_attempt(attempt, surface, options);
+      TetMesh mesh = run_attempt(attempt, surface, options, limit);
       said.mesher = attempt.name;
       return mesh;
     } catch (const std::runtime_error& error) {

@@ -15,7 +15,7 @@ struct TetOptions {
   /// Longest edge wanted inside (m). Absent: edges as `size` says, longer far from the surface.
   std::optional<double> interior_size;
   Eigen::Matrix3Xd interior;  ///< points to keep as nodes n_surface, n_surface + 1, ... (3 x k)
-  /// For each attempt, of the mesher's own computing (s); absent: time_limit().
+  /// For each attempt, of the mesher's own computing (s); absent: time_limit() or cut_time_limit().
   std::optional<double> time_limit{};
   /// Edge length wanted inside, at each surface vertex (m):
   /// interior_size() and the like. Empty: the surface's.
@@ -27,6 +27,8 @@ struct TetOptions {
 /// What a mesher may take for a surface of so many triangles and so many points to keep (s): more than any
 /// took on the bodies that it filled.
 double time_limit(Eigen::Index n_triangles, Eigen::Index n_points);
+/// The same for a cut surface, which may be cut less; n_triangles: before it was cut.
+double cut_time_limit(Eigen::Index n_triangles, Eigen::Index n_points);
 
 struct TetReport {
   std::string mesher;                 ///< attempt that succeeded

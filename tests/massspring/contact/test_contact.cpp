@@ -26,12 +26,12 @@ Obstacle floor_with(double friction) {
 }
 
 TEST(ContactsOf, TakesThicknessAndFrictionOfSelfContactFromTheSceneWhereItIsOn) {
-  const SurfaceMesh cube = make_shape("cube", 8, {1, 1, 1});
+  const SurfaceMesh ball = make_shape("ball", 42);
   Scene scene;
   scene.self_contact = {false, 0.01, 0.3};
-  EXPECT_FALSE(contacts_of(scene, cube).self_thickness);
+  EXPECT_FALSE(contacts_of(scene, ball).self_thickness);
   scene.self_contact.is_on = true;
-  const Contacts contacts = contacts_of(scene, cube);
+  const Contacts contacts = contacts_of(scene, ball);
   EXPECT_EQ(contacts.self_thickness, 0.01);
   EXPECT_EQ(contacts.self_friction, 0.3);
 }

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "meshing/base/child_process.h"
 #include "meshing/base/geometry.h"
@@ -319,9 +320,60 @@ TEST(Tetrahedralize, NamesEveryMesherWhenNoneEndsInTime) {
     EXPECT_NE(refusal.find(part), std::string::npos) << refusal;
 }
 
+/// A folder of meshers that fail.
+void write_workers(const std::filesystem::path& folder, const std::string& gmsh, const std::string& tetgen) {
+  for (const auto& [name, does] : {std::pair("gmsh_worker", gmsh), {"tetgen_worker", tetgen}}) {
+    std::ofstream(folder / name) << "#!/bin/sh\n" << does << '\n';
+    std::filesystem::permissions(folder / name, std::filesystem::perms::owner_all);
+  }
+}
+
+/// The meshers that fail on a ball, in their order.
+std::vector<std::string> failures_on(const SurfaceMesh& ball, const std::string& gmsh,
+                                     const std::string& tetgen) {
+  const TemporaryFolder workers;
+  write_workers(workers.path(), gmsh, tetgen);
+  TetOptions options;
+  options.workers = workers.path();
+  options.time_limit = 0.2;
+  TetReport report;
+  EXPECT_THROW(tetrahedralize(ball, options, &report), std::runtime_error);
+  return report.failures;
+}
+
+SurfaceMesh cut_ball() {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  return cut_surface(ball, longest_edges(ball) / 2, 642);
+}
+
 TEST(Tetrahedralize, LeavesTheSlowMesherToSurfacesThatAreNotCut) {
-  const SurfaceMesh ball = make_shape("ball", 642);
-  const std::string refusal = refusal_of(cut_surface(ball, longest_edges(ball) / 2, 2562));
-  EXPECT_NE(refusal.find("tetgen: stopped after"), std::string::npos) << refusal;
-  EXPECT_EQ(refusal.find("HXT"), std::string::npos) << refusal;
+  EXPECT_EQ(failures_on(cut_ball(), "exit 1", "exit 3"),
+            (std::vector<std::string>{"gmsh, Delaunay: status 1", "tetgen: status 3"}));
+  EXPECT_EQ(
+      failures_on(make_shape("ball", 162), "exit 1", "exit 3"),
+      (std::vector<std::string>{"gmsh, Delaunay: status 1", "tetgen: status 3", "gmsh, HXT: status 1"}));
+}
+
+TEST(Tetrahedralize, BringsFacetsCloserOnlyWhereSomeOverlap) {
+  const std::vector<std::string> failures =
+      failures_on(cut_ball(), "echo Error: overlapping facets; exit 1", "exit 3");
+  ASSERT_EQ(failures.size(), 3);
+  EXPECT_EQ(failures[1],
+            "gmsh, Delaunay, facets as close as 0.001 degrees: status 1; Error: overlapping facets");
+}
+
+TEST(Tetrahedralize, GivesAMesherLessTimeForASurfaceThatMayBeCutLess) {
+  EXPECT_DOUBLE_EQ(cut_time_limit(20000, 100), 0.75 * time_limit(20000, 100)) << "of what was there before";
+  EXPECT_EQ(cut_time_limit(12, 100), cut_time_limit(5000, 100)) << "a dozen may become thousands";
+  EXPECT_GT(cut_time_limit(5001, 100), cut_time_limit(5000, 100));
+  const TemporaryFolder workers;
+  const SurfaceMesh ball = cut_ball();
+  write_workers(workers.path(), "while :; do :; done", "exit 3");
+  TetOptions options;
+  options.workers = workers.path();
+  TetReport report;
+  EXPECT_THROW(tetrahedralize(ball, options, &report), std::runtime_error);
+  std::ostringstream told;
+  told << "gmsh, Delaunay: stopped after " << cut_time_limit(320, 0) << " s of computing";
+  EXPECT_EQ(report.failures[0], told.str());
 }
