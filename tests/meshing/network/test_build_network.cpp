@@ -188,6 +188,19 @@ TEST(BuildNetwork, FollowsTheScenesTable) {
   EXPECT_THROW(build_network(ball, options, true, false), std::runtime_error);
 }
 
+TEST(BuildNetwork, KeepsTheTablesDistancesBetweenNodesAndFromTheSurface) {
+  const SurfaceMesh ball = make_shape("ball", 162);
+  for (const auto& [phi, psi] : {std::pair(0.2, 0.05), {0.05, 0.2}}) {
+    NetworkOptions options;
+    options.phi = phi;
+    options.psi = psi;
+    NodeReport report;
+    place_nodes(ball, options, false, &report);
+    EXPECT_EQ(report.samples.phi, phi);
+    EXPECT_EQ(report.samples.psi, psi);
+  }
+}
+
 TEST(BuildNetwork, CompletedPcpHasAsManyNeighboursAsTheTableSays) {
   const SurfaceMesh ball = make_shape("ball", 162);  // nearly convex: every link from an inner node is inside
   const auto fewest = [&](int neighbours) {
