@@ -8,6 +8,7 @@
 #include "fem_reference/solid/richardson.h"
 #include "fem_reference/solid/simulation.h"
 #include "meshing/algebra/status.h"
+#include "meshing/base/child_process.h"
 #include "meshing/run/hash.h"
 #include "meshing/run/session.h"
 #include "meshing/scene/check.h"
@@ -170,14 +171,19 @@ ExitStatus run(const Arguments& arguments) {
   TetMesh mesh;  // of the first process
   int n_tetrahedra = 0;
   const SurfaceMesh surface = session.cut_surface([&](const SurfaceMesh& cut) {
+    constexpr int kRefused = 0, kLate = -1;  // where the first has none, no process has
+    int found = kRefused;
     std::string refused;
     try {
       mesh = is_first ? tetrahedralize(cut, tets, &attempts) : TetMesh();
+      found = static_cast<int>(mesh.T.cols());
     } catch (const std::runtime_error& error) {
       refused = error.what();
+      if (dynamic_cast<const meshing::OutOfTime*>(&error)) found = kLate;
     }
-    n_tetrahedra = from_first_process(static_cast<int>(mesh.T.cols()));
-    if (n_tetrahedra == 0) throw std::runtime_error(refused);  // where the first has none, no process has
+    n_tetrahedra = from_first_process(found);
+    if (n_tetrahedra == kLate) throw meshing::OutOfTime(refused);
+    if (n_tetrahedra == kRefused) throw std::runtime_error(refused);
   });
   const bool is_implicit =
       scene.time.mode == TimeMode::Dynamic && !find_scheme(scene.reference.integrator).is_explicit();

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <limits>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,11 @@ struct ChildResult {
   bool is_stopped;     ///< killed since its time was over
   std::string ending;  ///< "status 1", "signal 6 (Aborted)", "stopped after 300 s"
   std::string output;  ///< what it wrote to stdout and stderr, of a flood the first megabyte
+};
+
+/// What a program should have made is not there, since its time was over.
+struct OutOfTime : std::runtime_error {
+  using std::runtime_error::runtime_error;
 };
 
 /// Runs a program with arguments, waits for it at most `time_limit` seconds or until it has computed for

@@ -42,6 +42,7 @@ TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, b
     tets.interior.resize(3, 0);
     tets.size = interior_size(surface, options.spacing);
     tets.ends_when_stopped = false;
+    tets.is_tetgen_first = surface.cuts.F.size() > 0;  // the other one has failed, and takes longer
     TetMesh mesh = tetrahedralize(surface, tets, &said.tets);
     said.tets.failures.insert(said.tets.failures.begin(), failures.begin(), failures.end());
     return mesh;

@@ -8,6 +8,7 @@
 #include <iostream>
 #include <sstream>
 
+#include "meshing/base/child_process.h"
 #include "meshing/base/files.h"
 #include "meshing/run/hash.h"
 #include "meshing/scene/check.h"
@@ -221,8 +222,11 @@ SurfaceMesh Session::cut_surface(const std::function<void(const SurfaceMesh&)>& 
       return cut.surface;
     } catch (const std::runtime_error& error) {
       record["cuts_refused"].push_back(error.what());
+      const bool is_late = dynamic_cast<const OutOfTime*>(&error);
       progress.tell("the surface cut to " + std::to_string(cut.surface.X.cols()) +
-                    " vertices cannot be filled: it is cut less");
+                    (is_late ? " vertices cannot be filled in time: it is not cut"
+                             : " vertices cannot be filled: it is cut less"));
+      if (is_late) break;
     }
   }
   fill(surface);

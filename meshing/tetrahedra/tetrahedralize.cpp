@@ -24,11 +24,6 @@ struct Attempt {
   std::string cures;  ///< a word in the failure before it, without which it fails alike
 };
 
-/// A mesher was stopped.
-struct OutOfTime : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
 /// In the order in which they are tried. HXT comes last: on the long thin triangles of CAD parts, where
 /// Delaunay fails, it takes a hundred times as long as tetgen. A cut surface, which may be cut less, goes without.
 const std::array<Attempt, 4> kAttempts = {
@@ -106,12 +101,6 @@ double time_limit(Eigen::Index n_triangles, Eigen::Index n_points) {
   return kStart + kTriangle * static_cast<double>(n_triangles) + kPoint * static_cast<double>(n_points);
 }
 
-double cut_time_limit(Eigen::Index n_triangles, Eigen::Index n_points) {
-  constexpr Eigen::Index kFewest = 5000;  // of fewer, cutting makes about as many
-  constexpr double kPart = 0.75;
-  return kPart * time_limit(std::max(n_triangles, kFewest), n_points);
-}
-
 TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, TetReport* report) {
   check_closed(surface, "surface to tetrahedralize");
   refuse_crossings(surface);  // meshers may fill overlapping solids one by one without a word
@@ -119,12 +108,16 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
   TetReport& said = report ? *report : own;
   said = {};
   const bool is_cut = surface.cuts.F.size() > 0;
-  const double limit =
-      options.time_limit.value_or(is_cut ? cut_time_limit(surface.cuts.F.cols(), options.interior.cols())
-                                         : time_limit(surface.F.cols(), options.interior.cols()));
+  constexpr double kLongestCut = 20;  // s
+  const double most = time_limit(surface.F.cols(), options.interior.cols());
+  const double limit = options.time_limit.value_or(is_cut ? std::min(kLongestCut, most) : most);
+  std::vector<Attempt> attempts(kAttempts.begin(), kAttempts.end() - (is_cut ? 1 : 0));
+  if (options.is_tetgen_first)
+    std::stable_partition(attempts.begin(), attempts.end(),
+                          [](const Attempt& attempt) { return attempt.worker == "tetgen_worker"; });
   std::string stopped;  // algorithm of gmsh
-  for (const Attempt& attempt : kAttempts) {
-    if (attempt.algorithm == stopped || (is_cut && &attempt == &kAttempts.back())) continue;
+  for (const Attempt& attempt : attempts) {
+    if (attempt.algorithm == stopped) continue;
     if (!attempt.cures.empty() && said.failures.back().find(attempt.cures) == std::string::npos) continue;
     try {
       TetMesh mesh = run_attempt(attempt, surface, options, limit);
@@ -133,14 +126,15 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
     } catch (const std::runtime_error& error) {
       said.failures.push_back(attempt.name + ": " + error.what());
       if (!dynamic_cast<const OutOfTime*>(&error)) continue;
-      if (options.ends_when_stopped) break;
       stopped = attempt.algorithm;
+      if (options.ends_when_stopped) break;
     }
   }
-  std::string all;
+  std::string all = "no mesher fills the surface:";
   for (const std::string& failure : said.failures) all += "\n  " + failure;
-  throw std::runtime_error("no mesher fills the surface:" + all +
-                           "\n./testbed run with --remesh first makes an even surface of it");
+  all += "\n./testbed run with --remesh first makes an even surface of it";
+  if (!stopped.empty()) throw OutOfTime(all);
+  throw std::runtime_error(all);
 }
 
 }  // namespace testbed::meshing

@@ -15,20 +15,19 @@ struct TetOptions {
   /// Longest edge wanted inside (m). Absent: edges as `size` says, longer far from the surface.
   std::optional<double> interior_size;
   Eigen::Matrix3Xd interior;  ///< points to keep as nodes n_surface, n_surface + 1, ... (3 x k)
-  /// For each attempt, of the mesher's own computing (s); absent: time_limit() or cut_time_limit().
+  /// For each attempt, of the mesher's own computing (s); absent: time_limit(), of a cut surface 20 s at most.
   std::optional<double> time_limit{};
   /// Edge length wanted inside, at each surface vertex (m):
   /// interior_size() and the like. Empty: the surface's.
   Eigen::VectorXd size{};
   bool ends_when_stopped = false;                    ///< no mesher comes after one that was stopped
+  bool is_tetgen_first = false;                      ///< as where gmsh fails on a surface
   std::filesystem::path workers = program_folder();  ///< where the meshers' programs lie
 };
 
 /// What a mesher may take for a surface of so many triangles and so many points to keep (s): more than any
 /// took on the bodies that it filled.
 double time_limit(Eigen::Index n_triangles, Eigen::Index n_points);
-/// The same for a cut surface, which may be cut less; n_triangles: before it was cut.
-double cut_time_limit(Eigen::Index n_triangles, Eigen::Index n_points);
 
 struct TetReport {
   std::string mesher;                 ///< attempt that succeeded
@@ -40,7 +39,7 @@ struct TetReport {
 /// check_tetrahedra: a crash is a failed attempt, and so is a run beyond the time limit (or ten times that
 /// while others compute). A mesher that was stopped is not tried again with other settings.
 /// @throws std::runtime_error with the places where the surface
-/// crosses itself, or with every mesher's messages when none succeeds.
+/// crosses itself, or with every mesher's messages when none succeeds: OutOfTime where one was stopped.
 TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options = {},
                        TetReport* report = nullptr);
 

@@ -139,6 +139,24 @@ TEST(BuildNetwork, WhereAMesherHangsOnSampledNodesItsOwnTakeTheirPlace) {
   EXPECT_FALSE(report.is_mesher_instead);
 }
 
+TEST(BuildNetwork, OfACutSurfaceOnWhichGmshFailsTetgenComesFirst) {
+  const TemporaryFolder workers;
+  for (const char* name : {"gmsh_worker", "tetgen_worker"}) {  // with nodes inside neither ends well
+    std::ofstream(workers.path() / name)
+        << "#!/bin/sh\n[ -e " << workers.path() / name << ".called ] && exec " << program_folder() / name
+        << " \"$@\"\ntouch " << workers.path() / name << ".called; exit 1\n";
+    std::filesystem::permissions(workers.path() / name, std::filesystem::perms::owner_all);
+  }
+  TetOptions tets;
+  tets.workers = workers.path();
+  const SurfaceMesh ball = make_shape("ball", 162);
+  NodeReport report;
+  place_nodes(cut_surface(ball, longest_edges(ball) / 2, 642), {}, true, &report, tets);
+  EXPECT_TRUE(report.is_mesher_instead);
+  EXPECT_EQ(report.tets.mesher, "tetgen");
+  EXPECT_EQ(report.tets.failures, (std::vector<std::string>{"gmsh, Delaunay: status 1", "tetgen: status 1"}));
+}
+
 TEST(BuildNetwork, NodesThatWereAskedForAreNotGivenUp) {
   TetOptions tets;
   tets.workers = "/nowhere";

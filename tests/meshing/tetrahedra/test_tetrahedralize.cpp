@@ -362,18 +362,28 @@ TEST(Tetrahedralize, BringsFacetsCloserOnlyWhereSomeOverlap) {
             "gmsh, Delaunay, facets as close as 0.001 degrees: status 1; Error: overlapping facets");
 }
 
-TEST(Tetrahedralize, GivesAMesherLessTimeForASurfaceThatMayBeCutLess) {
-  EXPECT_DOUBLE_EQ(cut_time_limit(20000, 100), 0.75 * time_limit(20000, 100)) << "of what was there before";
-  EXPECT_EQ(cut_time_limit(12, 100), cut_time_limit(5000, 100)) << "a dozen may become thousands";
-  EXPECT_GT(cut_time_limit(5001, 100), cut_time_limit(5000, 100));
+TEST(Tetrahedralize, TriesTheOtherMesherFirstWhereItIsAskedTo) {
+  TetOptions options;
+  options.is_tetgen_first = true;
+  TetReport report;
+  const SurfaceMesh ball = make_shape("ball", 162);
+  EXPECT_EQ(complaint(tetrahedralize(ball, options, &report), ball), "");
+  EXPECT_EQ(report.mesher, "tetgen");
+  EXPECT_TRUE(report.failures.empty());
+}
+
+TEST(Tetrahedralize, TellsWhetherTimeWasOverWhereNoneFillsASurface) {
   const TemporaryFolder workers;
-  const SurfaceMesh ball = cut_ball();
-  write_workers(workers.path(), "while :; do :; done", "exit 3");
   TetOptions options;
   options.workers = workers.path();
-  TetReport report;
-  EXPECT_THROW(tetrahedralize(ball, options, &report), std::runtime_error);
-  std::ostringstream told;
-  told << "gmsh, Delaunay: stopped after " << cut_time_limit(320, 0) << " s of computing";
-  EXPECT_EQ(report.failures[0], told.str());
+  options.time_limit = 0.2;
+  write_workers(workers.path(), "while :; do :; done", "exit 3");
+  EXPECT_THROW(tetrahedralize(cut_ball(), options), OutOfTime);
+  write_workers(workers.path(), "exit 1", "exit 3");
+  try {
+    tetrahedralize(cut_ball(), options);
+    FAIL() << "filled without a mesher";
+  } catch (const std::runtime_error& error) {
+    EXPECT_FALSE(dynamic_cast<const OutOfTime*>(&error)) << error.what();
+  }
 }
