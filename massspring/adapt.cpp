@@ -115,6 +115,10 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   if (network.X.cols() > kMostEstimated)
     throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " +
                              std::to_string(kMostEstimated) + " whose error is estimated");
+  if (coarse && coarse->equilibrium()->is_exact())
+    throw std::runtime_error(
+        "tetrahedra so flat that a factor in double precision solves, which eight times as many have no room "
+        "for");
   const auto [finer, between] = split_in_eight(network);
   Scene loosely = in_one_step(scene);
   loosely.time.residual = kResidual;

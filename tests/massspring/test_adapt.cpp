@@ -6,6 +6,7 @@
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
+#include "tests/massspring/flat_tetrahedra.h"
 
 namespace testbed::massspring {
 namespace {
@@ -246,6 +247,24 @@ TEST(ErrorEstimate, OfWhatDoesNotMoveIsRefused) {
   scene.gravity.reset();
   const SpringNetwork network = network_of(scene);
   EXPECT_THROW(estimate_error(scene, network, Matrix3Xd::Zero(3, network.X.cols())), std::runtime_error);
+}
+
+TEST(ErrorEstimate, IsNotTriedWhereFlatTetrahedraNeedAFactor) {
+  Scene scene = bent_bar(400);
+  scene.material.law = MaterialLaw::SmallStrain;
+  scene.gravity = Eigen::Vector3d(0, -1e-8, 0);  // flat tetrahedra strain by far more than the bar
+  SpringNetwork network = network_of(scene);
+  add_flat_tetrahedra(network, 1e-10);
+  Simulation coarse(scene, network);
+  coarse.advance();
+  ASSERT_EQ(coarse.status(), Status::Ok);
+  ASSERT_TRUE(coarse.equilibrium()->is_exact());
+  try {
+    estimate_error(scene, network, coarse.snapshot().u, &coarse);
+    FAIL() << "tried";
+  } catch (const std::runtime_error& error) {
+    EXPECT_EQ(std::string(error.what()).rfind("tetrahedra so flat", 0), 0u) << error.what();
+  }
 }
 
 TEST(ErrorEstimate, OfTooManyNodesIsRefused) {

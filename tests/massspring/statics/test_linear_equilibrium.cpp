@@ -5,6 +5,7 @@
 
 #include "massspring/statics/quasi_static.h"
 #include "tests/massspring/dense.h"
+#include "tests/massspring/flat_tetrahedra.h"
 #include "tests/massspring/linear_box.h"
 #include "tests/massspring/small_network.h"
 
@@ -152,28 +153,13 @@ TEST(LinearEquilibrium, OfANearlyIncompressibleBodyIsFound) {
 }
 
 TEST(LinearEquilibrium, OfFlatTetrahedraIsThatOfADenseSolver) {
-  constexpr double kFlat = 1e-10;
-  constexpr int kEvery = 50;
   for (const char* calibration : {"edge_coupled", "node_averaged"}) {
     const TetMesh box = meshing::box_tets(12, 6, 6, 0.25 / 6, 0.2);
     SpringNetwork network;
     network.X = box.X;
     network.F = box.F;
     network.T = box.T;
-    const Eigen::Index n = network.X.cols(), m = network.T.cols(), n_parted = m / kEvery;
-    network.X.conservativeResize(Eigen::NoChange, n + n_parted);
-    network.T.conservativeResize(Eigen::NoChange, m + 3 * n_parted);
-    for (int k = 0; k < n_parted; ++k) {  // a node near a face: one of the four parts is flat
-      const Eigen::Vector4i t = network.T.col(kEvery * k);
-      const int p = static_cast<int>(n) + k;
-      const Eigen::Matrix<double, 3, 4> x = network.X(Eigen::all, t);
-      network.X.col(p) = (1 - kFlat) * x.leftCols(3).rowwise().mean() + kFlat * x.col(3);
-      for (int c = 0; c < 4; ++c) {
-        Eigen::Vector4i part = t;
-        part[c] = p;
-        network.T.col(c == 0 ? kEvery * k : m + 3 * k + c - 1) = part;
-      }
-    }
+    add_flat_tetrahedra(network, 1e-10);
     network.n_surface = static_cast<int>(network.X.cols());
     MassSpringModel model = calibrate(network, {1e6, 0.25, 1000, 0}, find_calibration(calibration));
     linearise(model);
