@@ -24,6 +24,8 @@ using Eigen::Matrix3Xd;
 using Eigen::VectorXd;
 
 constexpr Eigen::Index kMostEstimated = 50000;  // nodes: eight times as many take some six gigabytes
+// Nodes: of more, iterations without a factor may stand still for a minute.
+constexpr Eigen::Index kMostFlat = 5000;
 
 SpringNetwork network_on(const SurfaceMesh& surface, const Scene& scene) {
   return build_network(surface, scene.network, false, true);
@@ -115,10 +117,10 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   if (network.X.cols() > kMostEstimated)
     throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " +
                              std::to_string(kMostEstimated) + " whose error is estimated");
-  if (coarse && coarse->equilibrium()->is_exact())
-    throw std::runtime_error(
-        "tetrahedra so flat that a factor in double precision solves, which eight times as many have no room "
-        "for");
+  if (coarse && coarse->equilibrium()->is_exact() && network.X.cols() > kMostFlat)
+    throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " +
+                             std::to_string(kMostFlat) +
+                             " where tetrahedra are so flat that only a factor in double precision solves");
   const auto [finer, between] = split_in_eight(network);
   Scene loosely = in_one_step(scene);
   loosely.time.residual = kResidual;
