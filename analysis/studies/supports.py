@@ -1,8 +1,9 @@
 """Supports study: where on a body the springs' error sits whose supports move.
 
 Bodies of the accuracy study have a part held while the opposite one is moved. Displacements carry an error far, so strains
-tell where it arises: the stretch of each triangle's edges by the difference from refined quadratic elements, squared and weighted
-by area. Triangles at an edge of a support are those within two rings about its border; others are at a sharp edge, or elsewhere.
+tell where it arises: the stretch of each triangle's edges by the difference from quadratic elements, squared and weighted by area.
+The elements are refined, and finer where supports end. Triangles at an edge of a support are those within two rings about its
+border; others are at a sharp edge, or elsewhere.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     for case in list(seen.values())[: 1 if arguments.quick else None]:
         say(case.name, arguments.quiet)
         scene, _ = bench.scenes(case)
-        reference = bench.elements(scene, case.nu, refine=1)
+        reference, _ = bench.references(scene, case)
         springs = bench.run(
             "massspring", scene, case.nu, f"network.calibration={SPRINGS}", "network.estimate=false"
         )
