@@ -1,7 +1,7 @@
 """Supports study: where on a body the springs' error sits whose supports move.
 
 Bodies of the accuracy study have a part held while the opposite one is moved. Displacements carry an error far, so strains
-tell where it arises: the stretch of each triangle's edges by the difference from quadratic elements, squared and weighted by area.
+tell where it arises: the stretch of each triangle's edges by the difference from quadratic elements, squared and times area.
 The elements are refined, and finer where supports end. Triangles at an edge of a support are those within two rings about its
 border; others are at a sharp edge, or elsewhere.
 """
