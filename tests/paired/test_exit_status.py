@@ -104,6 +104,13 @@ def test_a_stored_result_without_frequencies_that_are_asked_for_is_made_again(ru
     assert len(record_of(tmp_path / program)["natural_frequencies"]) == 2
 
 
+def test_a_stored_result_without_diagnostics_that_are_asked_for_is_made_again(run, tmp_path):
+    run("massspring", words=["--no-diagnostics"])
+    assert "diagnostics" not in record_of(tmp_path / "massspring")
+    run("massspring")
+    assert record_of(tmp_path / "massspring")["diagnostics"]
+
+
 def test_of_finer_meshes_the_finest_is_off_by_least(run, tmp_path):
     run("fem_reference", words=["--converge", "2"])
     found = record_of(tmp_path / "fem_reference")["convergence"]
