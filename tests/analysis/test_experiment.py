@@ -15,7 +15,7 @@ from PIL import Image
 from solvers import calls, make_solvers
 from synthetic import write_run
 
-from analysis import comparison_figures
+from analysis import comparison_figures, results
 from analysis import experiment as experiments
 from analysis.__main__ import parse_arguments
 from analysis.__main__ import run as run_command
@@ -509,6 +509,17 @@ def test_fingerprint_follows_the_runs(experiment):
         assert fingerprint(experiment) in prints and len(prints) == n
         record = folder / "run.json"
         record.write_text(record.read_text().replace("ok", "diverged"))
+        prints.add(fingerprint(experiment))
+    assert len(prints) == 3
+
+
+def test_fingerprint_follows_the_code_of_every_room(experiment, tmp_path, monkeypatch):
+    room = tmp_path / "package" / "drawing"
+    room.mkdir(parents=True)
+    monkeypatch.setattr(results, "PACKAGE", room.parent)
+    prints = set()
+    for name, text in (("top.py", "1"), ("drawing/plots.py", "1"), ("drawing/plots.py", "2")):
+        (room.parent / name).write_text(text)
         prints.add(fingerprint(experiment))
     assert len(prints) == 3
 
