@@ -77,14 +77,14 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     for case in list(seen.values())[: 1 if arguments.quick else None]:
         say(case.name, arguments.quiet)
         scene, _ = bench.scenes(case)
-        reference, _ = bench.references(scene, case)
+        finest, _ = bench.references(scene, case)
         springs = bench.run(
             "massspring", scene, case.nu, f"network.calibration={SPRINGS}", "network.estimate=false"
         )
-        area, error = shares(springs, reference)
+        area, error = shares(springs, finest)
         at_supports.append(error[0])
         cells = [percent(value, 2) for both in zip(area, error, strict=True) for value in both]
-        rows.append([case.body.name, percent(error_of(springs, reference), 2), *cells])
+        rows.append([case.body.name, percent(error_of(springs, finest), 2), *cells])
     found: Table = (head, rows)
     finding = (
         f"Of the squared error of strain, {percent(float(np.median(at_supports)), 2)} sit at edges of supports, "
