@@ -1,5 +1,6 @@
 #include "fem_reference/solid/dynamics.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>

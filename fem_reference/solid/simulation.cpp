@@ -160,7 +160,7 @@ void Simulation::set_in_motion(double t) {
   const Eigen::Matrix3Xd v =
       frame_.transpose() * initial_velocity(scene_, frame_ * solid_.X(), mass(Eigen::seq(0, Eigen::last, 3)),
                                             meshing::box_of(surface_.X),
-                                            [](auto sums) { sum_over_processes(sums); });
+                                            [](const auto& sums) { sum_over_processes(sums); });
   integrator_->restart(Eigen::VectorXd::Zero(v.size()), v.reshaped());
 }
 

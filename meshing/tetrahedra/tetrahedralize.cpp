@@ -21,7 +21,7 @@ namespace {
 /// A mesher and its settings.
 struct Attempt {
   std::string name, worker, algorithm, angle_tolerance;
-  std::string cures;  ///< a word in the failure before it, without which it fails alike
+  std::string cures{};  ///< a word in the failure before it, without which it fails alike
 };
 
 /// In the order in which they are tried. HXT comes last: on the long thin triangles of CAD parts, where
