@@ -51,6 +51,15 @@ def test_a_hole_is_closed(tmp_path, ball):
     assert done.after["volume"] == pytest.approx(4 / 3 * np.pi, rel=0.1)
 
 
+def test_what_closes_a_hole_is_far_from_the_old_surface_all_of_which_is_near_the_new_one(tmp_path, ball):
+    X, F = ball
+    open_above = F[(F != X[:, 2].argmax()).all(axis=1)]
+    done = remesh(
+        write_obj(tmp_path / "open.obj", X, open_above), tmp_path / "new.obj", edge=0.3, tolerance=0.02
+    )
+    assert 2 * done.to_new < done.to_old
+
+
 def test_what_takes_too_long_is_stopped_and_leaves_nothing(tmp_path, ball):
     file = write_obj(tmp_path / "ball.obj", *ball)
     with pytest.raises(RunError, match=r"ball.obj: no surface in 0.01 s of remeshing"):
