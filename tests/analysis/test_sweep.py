@@ -114,6 +114,13 @@ def test_motions_keep_their_frames(scene, programs, tmp_path):
     assert ["output.frames_every" in call for call in calls(programs)] == [True, True, False, False]
 
 
+@pytest.mark.parametrize("mode, other, keeps", [("dynamic", "static", True), ("static", "dynamic", False)])
+def test_mode_of_time_that_a_sweep_sets_decides_on_frames(mode, other, keeps, scene, programs, tmp_path):
+    scene.write_text(scene.read_text() + f'\n[time]\nmode = "{other}"\n')
+    run(scene, tmp_path / "set", programs, {"time.mode": [mode]})
+    assert {"output.frames_every" in call for call in calls(programs)} == {not keeps}
+
+
 @pytest.mark.parametrize(
     "damage",
     [

@@ -81,3 +81,15 @@ def test_efficiency_is_beside_one_process_of_as_many_unknowns(monkeypatch):
     assert len(same) == len(processes.FAR_HEAD)
     assert same == ["the same", "small strain", "8", "3e+02", "0.5", "0", "0", "0", "50 %"]
     assert grows == ["grows", "small strain", "8", "1.2e+03", "2", "0", "0", "0", "50 %"]
+
+
+def test_one_process_of_a_smaller_body_would_take_in_proportion_to_unknowns(monkeypatch):
+    """One process takes 2.5 s of 200 unknowns, so 7.5 s of the 600 that four have; each of two takes 2 s of its 150."""
+    monkeypatch.setattr(processes, "_COUNTS", (1, 2))
+    one = record(1, [1])
+    one.record["n_dofs"] = 200
+    pairs = {
+        1: (one, Solved(one.record | {"cpu": 0.0, "seconds": {"start-up": 0.0}})),
+        2: (bar([3.0, 3.0]), LEAST),
+    }
+    assert processes.far_row("grows", "small strain", 4, pairs)[-1] == "94 %"
