@@ -115,9 +115,8 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
   if (options.is_tetgen_first)
     std::stable_partition(attempts.begin(), attempts.end(),
                           [](const Attempt& attempt) { return attempt.worker == "tetgen_worker"; });
-  std::string stopped;  // algorithm of gmsh
+  bool is_late = false;
   for (const Attempt& attempt : attempts) {
-    if (attempt.algorithm == stopped) continue;
     if (!attempt.cures.empty() && said.failures.back().find(attempt.cures) == std::string::npos) continue;
     try {
       TetMesh mesh = run_attempt(attempt, surface, options, limit);
@@ -126,14 +125,14 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
     } catch (const std::runtime_error& error) {
       said.failures.push_back(attempt.name + ": " + error.what());
       if (!dynamic_cast<const OutOfTime*>(&error)) continue;
-      stopped = attempt.algorithm;
+      is_late = true;
       if (options.ends_when_stopped) break;
     }
   }
   std::string all = "no mesher fills the surface:";
   for (const std::string& failure : said.failures) all += "\n  " + failure;
   all += "\n./testbed run with --remesh first makes an even surface of it";
-  if (!stopped.empty()) throw OutOfTime(all);
+  if (is_late) throw OutOfTime(all);
   throw std::runtime_error(all);
 }
 
