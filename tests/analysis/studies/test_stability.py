@@ -4,6 +4,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from analysis.__main__ import parse_arguments
+from analysis.outputs import forget
 from analysis.runs import RunError
 from analysis.studies import stability
 from analysis.studies.command import main
@@ -141,3 +142,13 @@ def test_first_cells_are_enough_to_try_it_out(tmp_path: Path):
 def test_program_that_breaks_down_is_no_map(tmp_path: Path):
     with pytest.raises(RunError, match="exit status 3 after 4 cells"):
         stability.measure(tmp_path, write_program(tmp_path / "program", end="exit 3"))
+
+
+def test_what_forget_takes_away_are_the_cells_too(tmp_path):
+    """--force: cells would be taken for measured ones."""
+    kept, cells, rows = (tmp_path / name for name in ("cells.toml", "cells-uniform.csv", "study/rows.json"))
+    rows.parent.mkdir()
+    for file in (kept, cells, rows):
+        file.touch()
+    forget(tmp_path)
+    assert [file.exists() for file in (kept, cells, rows)] == [True, False, False]
