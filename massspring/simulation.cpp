@@ -318,10 +318,10 @@ StepReport Simulation::take_step() {
   }
   const bool relaxes = scene_.skin && scene_.skin->relaxation > 0;
   if (scene_.collapse || relaxes) {
-    const double before = elastic_energy(model_, state_);
+    const double before = energy_of_rest_lengths(model_, state_);
     if (scene_.collapse) collapse(*scene_.collapse, model_, step_, state_);
     if (relaxes) relax_surface(scene_.skin->relaxation, model_, scene_.is_paper ? 1 : step_, state_);
-    state_.ledger.flows.rest += elastic_energy(model_, state_) - before;
+    state_.ledger.flows.rest += energy_of_rest_lengths(model_, state_) - before;
   }
   set_target_volume(state_.t + step_);
   const StepReport step = stepper_->step(state_, step_);

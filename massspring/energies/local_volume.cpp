@@ -45,8 +45,9 @@ void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatri
     const auto gradient = volume_and_gradient(local.T.col(t), x).gradient;
     for (int k = 0; k < 4; ++k)
       for (int l = 0; l < 4; ++l)
-        K.block[K.find(local.T(k, t), local.T(l, t))] +=
-            local.kappa / local.rest_volume[t] * gradient.col(k) * gradient.col(l).transpose();
+        if (const int i = local.T(k, t), j = local.T(l, t); i <= j)
+          K.block[K.find(i, j)] +=
+              local.kappa / local.rest_volume[t] * gradient.col(k) * gradient.col(l).transpose();
   }
 }
 

@@ -18,7 +18,8 @@ double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x);
 /// f -= gradient of the energy (N).
 void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
 
-/// K += sum_T kappa/V_T0 (dV_T/dx)(dV_T/dx)^T (N/m): the Hessian at rest, positive semidefinite everywhere.
+/// K += sum_T kappa/V_T0 (dV_T/dx)(dV_T/dx)^T (N/m), on and above the diagonal: the Hessian at rest, positive
+/// semidefinite everywhere.
 void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K);
 
 /// Pairs of nodes that share a tetrahedron, 2 x m.

@@ -105,8 +105,7 @@ void add_blocks(const Springs& springs, const SpringBlocks& B, BlockMatrix& K) {
     const Eigen::Matrix3d block = matrix_of(B, s);
     K.block[K.diagonal[a]] += block;
     K.block[K.diagonal[b]] += block;
-    K.block[K.find(a, b)] -= block;
-    K.block[K.find(b, a)] -= block;
+    K.block[K.find(std::min(a, b), std::max(a, b))] -= block;
   }
 }
 

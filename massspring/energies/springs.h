@@ -38,10 +38,10 @@ SpringBlocks hessian(const Springs& springs, const Eigen::VectorXd& rest_length,
 /// -df/dv of the damping forces (N s/m) times a scale: B = k_d n n^T.
 SpringBlocks damping_matrix(const Springs& springs, const Eigen::Matrix3Xd& x, double scale = 1);
 
-/// K += B.
+/// K += B, on and above the diagonal.
 void add_blocks(const Springs& springs, const SpringBlocks& B, BlockMatrix& K);
 
-/// K += Hessian of the energy (N/m); K's pattern must hold pairs_of(springs).
+/// K += Hessian of the energy (N/m), on and above the diagonal; K's pattern must hold pairs_of(springs).
 void add_hessian(const Springs& springs, const Eigen::VectorXd& rest_length, const Eigen::Matrix3Xd& x,
                  BlockMatrix& K, Curvature curvature = Curvature::Projected);
 

@@ -447,7 +447,6 @@ void add_hessian(const TetSprings& springs, const Matrix3Xd& u, BlockMatrix& K, 
     add_patch_hessians(begin, end, batches, arrays_of(springs, scale), columns, curvature, K.kept.data(),
                        K.block.data());
   });
-  mirror(K);
 }
 
 Eigen::Matrix2Xi pairs_of(const TetSprings& springs) {

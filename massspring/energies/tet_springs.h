@@ -101,8 +101,8 @@ SinglePatches single_precision(const TetSprings& springs);
 void add_product(const TetSprings& springs, const SinglePatches& single, const PaddedField& p,
                  PaddedField& y);
 
-/// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019]; K is symmetric,
-/// its pattern holds pairs_of(springs).
+/// K += Hessian of the energy (N/m), projected patch by patch [Smith, de Goes & Kim 2019], on and above the
+/// diagonal; K's pattern holds pairs_of(springs).
 void add_hessian(const TetSprings& springs, const Eigen::Matrix3Xd& u, BlockMatrix& K,
                  Curvature curvature = Curvature::Projected, const Eigen::VectorXd& scale = {});
 

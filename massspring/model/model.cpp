@@ -233,6 +233,12 @@ double elastic_energy(const MassSpringModel& model, const State& state) {
   return sum;
 }
 
+double energy_of_rest_lengths(const MassSpringModel& model, const State& state) {
+  if (model.linear) return elastic_energy(model, state);
+  return (model.springs ? energy_at(model, state, *model.springs) : 0) +
+         (model.tet_springs ? energy_at(model, state, *model.tet_springs) : 0);
+}
+
 Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state) {
   Eigen::Matrix3Xd f = Eigen::Matrix3Xd::Zero(3, state.x.cols());
   add_elastic_forces(model, state, f);
@@ -292,11 +298,13 @@ void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix
     const State rest = initial_state(model);
     for_each_energy(model,
                     [&](const auto& energy) { add_hessian_at(model, rest, energy, K, Curvature::Exact); });
+    mirror(K);
     K.kept = std::vector<int>();  // it is assembled once
     K.kept_of = 0;
     return;
   }
   for_each_energy(model, [&](const auto& energy) { add_hessian_at(model, state, energy, K, curvature); });
+  mirror(K);
 }
 
 BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
@@ -310,6 +318,7 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
       couple_springs(model.network.X, model.network.T, lame_of(model.material), kEdgeCoupled);
   BlockMatrix K = make_block_matrix(static_cast<int>(state.x.cols()), pairs_of(simple));
   add_hessian(simple, displacement(model, state), K);
+  mirror(K);
   K.kept = std::vector<int>();  // it is assembled once
   K.kept_of = 0;
   return K;

@@ -148,6 +148,9 @@ const SurfaceEnergies& surface_at(const Forces& forces, const State& state, doub
 /// Elastic energy (J).
 double elastic_energy(const MassSpringModel& model, const State& state);
 
+/// The part of it (J) that rest lengths and scales of patches change.
+double energy_of_rest_lengths(const MassSpringModel& model, const State& state);
+
 /// Elastic forces (N), 3 x n.
 Eigen::Matrix3Xd elastic_forces(const MassSpringModel& model, const State& state);
 
@@ -166,7 +169,7 @@ SurfaceHessian surface_hessian(const Forces& forces, const State& state, Curvatu
 /// Zero matrix with the pattern of the model's stiffness.
 BlockMatrix stiffness_pattern(const MassSpringModel& model);
 
-/// K += Hessian of the elastic energy (N/m).
+/// K += Hessian of the elastic energy (N/m); K is symmetric.
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K,
                    Curvature curvature = Curvature::Projected);
 

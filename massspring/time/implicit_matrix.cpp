@@ -42,7 +42,10 @@ void ImplicitMatrix::assemble(const State& at, Curvature curvature, BlockMatrix&
 /// Makes of a stiffness the matrix, but for the surface and constraints.
 void ImplicitMatrix::complete(BlockMatrix& A) const {
   for (Matrix3d& block : A.block) block *= factors_.stiffness;
-  if (damping_) add_blocks(*model_.springs, *damping_, A);
+  if (damping_) {
+    add_blocks(*model_.springs, *damping_, A);
+    mirror(A);
+  }
   for (int i = 0; i < A.rows(); ++i) A.block[A.diagonal[i]].diagonal().array() += mass_(i);
   if (model_.consistent_mass) add_blocks(*model_.consistent_mass, -factors_.mass, A);
 }
@@ -154,6 +157,7 @@ const BlockMatrix& ImplicitMatrix::matrix() {
     for (int i = 0; i < A_->rows(); ++i) A_->block[A_->diagonal[i]].diagonal().setConstant(mass_(i));
     add_blocks(*model_.springs, *springs_, *A_);
     if (damping_) add_blocks(*model_.springs, *damping_, *A_);
+    mirror(*A_);
   }
   surface_.add_within(*A_);
   filter(motion_.constraints, *A_);

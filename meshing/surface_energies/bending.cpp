@@ -14,52 +14,74 @@ using Gradient = Eigen::Matrix<double, 3, 4>;
 
 constexpr double kCrumpled = 0.1;  // of a triangle's area at rest
 
-struct Angle {
-  double theta;
-  Gradient gradient;  ///< by x_0 ... x_3 (1/m)
+/// Two triangles (x_0, x_1, x_2) and (x_1, x_0, x_3), of which neither is flat.
+struct Hinge {
+  Vector3d e, arm[2], n[2];  ///< x_1 - x_0; x_2 - x_0, x_3 - x_0; outward normals, twice the areas long
+  double length, q[2];       ///< |e|, |n|^2
 };
 
-/// Dihedral angle and its gradient [Bridson et al. 2003].
-std::optional<Angle> angle_at(const Eigen::Vector4i& hinge, const Matrix3Xd& x) {
-  const Vector3d x0 = x.col(hinge[0]), x1 = x.col(hinge[1]), x2 = x.col(hinge[2]), x3 = x.col(hinge[3]);
-  const Vector3d e = x1 - x0, n1 = e.cross(x2 - x0), n2 = (x3 - x0).cross(e);
-  const double length = e.norm(), q1 = n1.squaredNorm(), q2 = n2.squaredNorm();
-  if (!(length > 0 && q1 > 0 && q2 > 0)) return {};
-  Angle angle;
-  angle.theta = std::atan2(n1.cross(n2).dot(e) / length, n1.dot(n2));
-  const Vector3d g2 = -length / q1 * n1, g3 = -length / q2 * n2;
-  const double t2 = (x2 - x0).dot(e) / (length * length), t3 = (x3 - x0).dot(e) / (length * length);
-  angle.gradient << -(1 - t2) * g2 - (1 - t3) * g3, -t2 * g2 - t3 * g3, g2, g3;
-  return angle;
+std::optional<Hinge> hinge_at(const Eigen::Vector4i& hinge, const Matrix3Xd& x) {
+  const Vector3d x0 = x.col(hinge[0]);
+  Hinge at;
+  at.e = x.col(hinge[1]) - x0;
+  for (int side = 0; side < 2; ++side) at.arm[side] = x.col(hinge[2 + side]) - x0;
+  at.n[0] = at.e.cross(at.arm[0]);
+  at.n[1] = at.arm[1].cross(at.e);
+  at.length = at.e.norm();
+  for (int side = 0; side < 2; ++side) at.q[side] = at.n[side].squaredNorm();
+  if (!(at.length > 0 && at.q[0] > 0 && at.q[1] > 0)) return {};
+  return at;
 }
 
-/// Multiplies an angle and its gradient by t (2 - t) where the triangle (x_0, x_1, x_2 of which `third` is
-/// the last) has shrunk to t < 1 times `least`: unbounded, the gradient would go with one over its height.
-void fade(const Eigen::Vector4i& hinge, int third, double least, const Matrix3Xd& x, double& angle,
-          Gradient& gradient) {
-  const Vector3d x0 = x.col(hinge[0]), x1 = x.col(hinge[1]), x2 = x.col(hinge[third]);
-  const Vector3d n = (x1 - x0).cross(x2 - x0);
-  const double area = n.norm() / 2, t = area / least;
-  if (t >= 1) return;
-  gradient *= t * (2 - t);
-  const Vector3d slope = angle * 2 * (1 - t) / least / (4 * area) * n;
-  gradient.col(0) += (x1 - x2).cross(slope);
-  gradient.col(1) += (x2 - x0).cross(slope);
-  gradient.col(third) += (x0 - x1).cross(slope);
+/// Dihedral [Bridson et al. 2003].
+double angle_of(const Hinge& at) {
+  return std::atan2(at.n[0].cross(at.n[1]).dot(at.e) / at.length, at.n[0].dot(at.n[1]));
+}
+
+/// Of the dihedral, by x_0 ... x_3 (1/m).
+Gradient gradient_of(const Hinge& at) {
+  const Vector3d g2 = -at.length / at.q[0] * at.n[0], g3 = -at.length / at.q[1] * at.n[1];
+  const double squared = at.length * at.length, t2 = at.arm[0].dot(at.e) / squared,
+               t3 = at.arm[1].dot(at.e) / squared;
+  Gradient gradient;
+  gradient << -(1 - t2) * g2 - (1 - t3) * g3, -t2 * g2 - t3 * g3, g2, g3;
+  return gradient;
+}
+
+/// Multiplies an angle and its gradient, if that is asked for, by t (2 - t) where the triangle of a side has
+/// shrunk to t < 1 times `least`: unbounded, the gradient would go with one over its height.
+void fade(const Hinge& at, int side, double least, double& angle, Gradient* gradient) {
+  if (at.q[side] >= 4 * least * least) return;
+  const double area = std::sqrt(at.q[side]) / 2, t = area / least;
+  if (gradient) {
+    *gradient *= t * (2 - t);
+    const Vector3d slope = angle * 2 * (1 - t) / least / (4 * area) * (side == 0 ? 1 : -1) * at.n[side];
+    gradient->col(0) += (at.e - at.arm[side]).cross(slope);
+    gradient->col(1) += at.arm[side].cross(slope);
+    gradient->col(2 + side) -= at.e.cross(slope);
+  }
   angle *= t * (2 - t);
+}
+
+/// theta - theta_0 of a hinge, in (-pi, pi], faded, and its gradient if that is asked for.
+double bent_by(const Bending& bending, int b, const Hinge& at, Gradient* gradient = nullptr) {
+  double angle = angle_of(at) - bending.rest_angle[b];
+  if (angle > M_PI) angle -= 2 * M_PI;
+  if (angle <= -M_PI) angle += 2 * M_PI;
+  if (gradient) *gradient = gradient_of(at);
+  for (int side = 0; side < 2; ++side) fade(at, side, kCrumpled * bending.area(side, b), angle, gradient);
+  return angle;
 }
 
 /// Calls visit(hinge number, stiffness, theta - theta_0 faded, its gradient).
 template <class Visit>
 void for_each_hinge(const Bending& bending, const Matrix3Xd& x, const Visit& visit) {
   for (int b = 0; b < bending.hinges.cols(); ++b) {
-    const Eigen::Vector4i hinge = bending.hinges.col(b);
-    auto bent = angle_at(hinge, x);
-    if (!bent) continue;
-    double angle = std::remainder(bent->theta - bending.rest_angle[b], 2 * M_PI);
-    for (int side = 0; side < 2; ++side)
-      fade(hinge, 2 + side, kCrumpled * bending.area(side, b), x, angle, bent->gradient);
-    visit(b, bending.stiffness[b], angle, bent->gradient);
+    const auto at = hinge_at(bending.hinges.col(b), x);
+    if (!at) continue;
+    Gradient gradient;
+    const double angle = bent_by(bending, b, *at, &gradient);
+    visit(b, bending.stiffness[b], angle, gradient);
   }
 }
 
@@ -83,10 +105,10 @@ Bending make_bending(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b) 
     const Vector3d e = X.col(j) - X.col(i);
     for (int side = 0; side < 2; ++side)
       bending.area(side, b) = e.cross(X.col(hinge[2 + side]) - X.col(i)).norm() / 2;
-    const auto angle = angle_at(hinge, X);
+    const auto at = hinge_at(hinge, X);
     bending.hinges.col(b) = hinge;
-    bending.rest_angle[b] = angle ? angle->theta : 0;
-    bending.stiffness[b] = angle ? k_b * e.squaredNorm() / bending.area.col(b).sum() : 0;
+    bending.rest_angle[b] = at ? angle_of(*at) : 0;
+    bending.stiffness[b] = at ? k_b * e.squaredNorm() / bending.area.col(b).sum() : 0;
     ++b;
   }
   return bending;
@@ -94,8 +116,11 @@ Bending make_bending(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b) 
 
 double energy(const Bending& bending, const Matrix3Xd& x) {
   double sum = 0;
-  for_each_hinge(bending, x,
-                 [&](int, double k, double angle, const Gradient&) { sum += k / 2 * angle * angle; });
+  for (int b = 0; b < bending.hinges.cols(); ++b)
+    if (const auto at = hinge_at(bending.hinges.col(b), x)) {
+      const double angle = bent_by(bending, b, *at);
+      sum += bending.stiffness[b] / 2 * angle * angle;
+    }
   return sum;
 }
 
@@ -109,8 +134,8 @@ void add_hessian(const Bending& bending, const Matrix3Xd& x, BlockMatrix& K) {
   for_each_hinge(bending, x, [&](int b, double k, double, const Gradient& gradient) {
     for (int c = 0; c < 4; ++c)
       for (int d = 0; d < 4; ++d)
-        K.block[K.find(bending.hinges(c, b), bending.hinges(d, b))] +=
-            k * gradient.col(c) * gradient.col(d).transpose();
+        if (const int i = bending.hinges(c, b), j = bending.hinges(d, b); i <= j)
+          K.block[K.find(i, j)] += k * gradient.col(c) * gradient.col(d).transpose();
   });
 }
 

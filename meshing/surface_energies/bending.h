@@ -25,8 +25,8 @@ double energy(const Bending& bending, const Eigen::Matrix3Xd& x);
 /// f -= gradient of the energy (N).
 void add_forces(const Bending& bending, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
 
-/// K += stiffness g g^T (N/m), g the gradient of what is squared in the energy: the Hessian at rest, positive
-/// semidefinite everywhere. K's pattern must hold pairs_of(bending).
+/// K += stiffness g g^T (N/m), on and above the diagonal, g the gradient of what is squared in the energy: the
+/// Hessian at rest, positive semidefinite everywhere. K's pattern must hold pairs_of(bending).
 void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, BlockMatrix& K);
 
 /// The same to what need not have its pattern.

@@ -1,5 +1,7 @@
 #include "meshing/surface_energies/seams.h"
 
+#include <algorithm>
+
 namespace testbed::meshing {
 
 Seams seams_of(const SurfaceProblem& problem) {
@@ -33,7 +35,7 @@ void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, BlockMatrix& K) {
   for (Eigen::Index s = 0; s < seams.E.cols(); ++s) {
     const int a = seams.E(0, s), b = seams.E(1, s);
     for (const int k : {K.diagonal[a], K.diagonal[b]}) K.block[k].diagonal().array() += seams.stiffness(s);
-    for (const int k : {K.find(a, b), K.find(b, a)}) K.block[k].diagonal().array() -= seams.stiffness(s);
+    K.block[K.find(std::min(a, b), std::max(a, b))].diagonal().array() -= seams.stiffness(s);
   }
 }
 

@@ -19,7 +19,7 @@ double energy(const Seams& seams, const Eigen::Matrix3Xd& x);
 /// f -= gradient of the energy (N).
 void add_forces(const Seams& seams, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
 
-/// K += Hessian of the energy (N/m), the same at all positions.
+/// K += Hessian of the energy (N/m), on and above the diagonal, the same at all positions.
 void add_hessian(const Seams& seams, const Eigen::Matrix3Xd& x, BlockMatrix& K);
 
 /// The same to what need not have its pattern.

@@ -16,6 +16,7 @@ Eigen::MatrixXd stiffness_of(const TetMesh& mesh, const Material& material, cons
   const TetSprings springs = couple_springs(mesh.X, mesh.T, lame_of(material), blend);
   BlockMatrix K = make_block_matrix(static_cast<int>(mesh.X.cols()), pairs_of(springs));
   add_hessian(springs, 0 * mesh.X, K);
+  mirror(K);
   return dense(K);
 }
 

@@ -42,6 +42,7 @@ TEST_F(LocalVolumeForce, IsMinusEnergyGradient) {
 TEST_F(LocalVolumeForce, HessianIsMinusForceGradientAtRest) {
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(local));
   add_hessian(local, mesh.X, K);
+  mirror(K);
   const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 6);
   Matrix3Xd Kp;
   multiply(K, p, Kp);

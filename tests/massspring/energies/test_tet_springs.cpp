@@ -89,6 +89,7 @@ TEST_P(EveryBlend, HessianIsForceDifferenceNearRest) {
   const Matrix3Xd x = 1.05 * mesh.X, p = random_field(x.cols(), 1, 5);
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs));
   add_hessian(springs, x - mesh.X, K);
+  mirror(K);
   Matrix3Xd product;
   multiply(K, p, product);
   const Matrix3Xd difference = (force_at(x - h * p) - force_at(x + h * p)) / (2 * h);
@@ -102,7 +103,9 @@ TEST_P(EveryBlend, ExactHessianIsForceDifferenceWhereItIsIndefinite) {
   for (const Eigen::VectorXd& scale : {no_scale, scales}) {
     BlockMatrix exact = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs)), projected = exact;
     add_hessian(springs, x - mesh.X, exact, Curvature::Exact, scale);
+    mirror(exact);
     add_hessian(springs, x - mesh.X, projected, Curvature::Projected, scale);
+    mirror(projected);
     Matrix3Xd product, projected_product;
     multiply(exact, p, product);
     multiply(projected, p, projected_product);
@@ -116,8 +119,10 @@ TEST_P(EveryBlend, HessianIsAddedToWhatIsThere) {
   const Matrix3Xd x = mesh.X + random_field(mesh.X.cols(), 0.1, 2);
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(springs));
   add_hessian(springs, x - mesh.X, K);
+  mirror(K);
   const Eigen::MatrixXd once = dense(K);
   add_hessian(springs, x - mesh.X, K);
+  mirror(K);
   EXPECT_LT((dense(K) - 2 * once).norm(), kRounding * once.norm());
   EXPECT_LT((once - once.transpose()).norm(), kRounding * once.norm());
 }
@@ -129,8 +134,10 @@ TEST_P(EveryBlend, HessiansOfTwoSetsOfSpringsAddUpInOneMatrix) {
       couple_springs(mesh.X, mesh.T.rowwise().reverse(), kSoft, GetParam().blend, GetParam().constrained);
   BlockMatrix K = make_block_matrix(static_cast<int>(u.cols()), pairs_of(springs));
   add_hessian(springs, u, K);
+  mirror(K);
   const Eigen::MatrixXd once = dense(K);
   add_hessian(reversed, u, K);
+  mirror(K);
   EXPECT_LT((dense(K) - 2 * once).norm(), kRounding * once.norm());
 }
 
@@ -243,6 +250,7 @@ Matrix9d second_derivative(const Matrix3d& F, const Lame& lame, Curvature curvat
   const TetSprings patch = couple_springs(X, Eigen::Vector4i(3, 0, 1, 2), lame, kEdgeCoupled);
   BlockMatrix K = make_block_matrix(4, pairs_of(patch));
   add_hessian(patch, x - X, K, curvature);
+  mirror(K);
   return dense(K).topLeftCorner<9, 9>() / patch.volume[0];
 }
 
@@ -307,6 +315,7 @@ TEST(StiffnessOfTetrahedra, IsTheHessianOfSingleOnesAtRest) {
   const TetSprings single = couple_springs(mesh.X, mesh.T, kSoft, kEdgeCoupled);
   BlockMatrix expected = make_block_matrix(n, pairs_of(single));
   add_hessian(single, Matrix3Xd::Zero(3, n), expected);
+  mirror(expected);
   const BlockMatrix K = stiffness_of_tetrahedra(mesh.X, mesh.T, kSoft);
   EXPECT_EQ(K.row_start, expected.row_start);
   EXPECT_EQ(K.column, expected.column);

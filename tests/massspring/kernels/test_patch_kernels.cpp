@@ -116,6 +116,7 @@ TEST(PatchKernels, HessiansAreThoseOfThePatchesOneByOneAlsoWhereTheyAreInverted)
   for (const Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
     BlockMatrix K = make_block_matrix(static_cast<int>(of.x.cols()), pairs_of(springs)), expected = K;
     add_hessian(springs, of.u, K, curvature, of.scale);
+    mirror(K);
     for (int p = 0; p < springs.n_patches(); ++p) {
       const double s = of.scale[p];
       Matrix3d F = Matrix3d::Zero();
@@ -142,6 +143,7 @@ TEST(PatchKernels, LinearForcesAndProductsAreThoseOfTheHessianAtRest) {
   const Eigen::Index n = of.u.cols();
   BlockMatrix K = make_block_matrix(static_cast<int>(n), pairs_of(of.springs));
   add_hessian(of.springs, Matrix3Xd::Zero(3, n), K, Curvature::Exact);
+  mirror(K);
   Matrix3Xd Ku, f = Matrix3Xd::Zero(3, n);
   multiply(K, of.u, Ku);
   add_linear_forces(of.springs, of.u, f);

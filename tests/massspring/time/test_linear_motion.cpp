@@ -52,6 +52,7 @@ struct Swinging {
     if (!model.springs) return C;
     BlockMatrix D = stiffness_pattern(model);
     add_blocks(*model.springs, damping_matrix(*model.springs, model.network.X), D);
+    mirror(D);
     return C + dense(D);
   }
   MassSpringModel model;

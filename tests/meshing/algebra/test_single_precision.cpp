@@ -99,6 +99,7 @@ TEST(SinglePrecision, SpringsInRowsAndSingleBlocksApplyAsTheMatrix) {
   const SpringBlocks B = hessian(*model.springs, initial_state(model).rest_length, x);
   BlockMatrix K = make_block_matrix(5, model.springs->E);
   add_blocks(*model.springs, B, K);
+  mirror(K);
   const Matrix3Xd expected = start + (dense(K) * p.reshaped()).reshaped(3, 5);
   PaddedField single_p, in_rows, by_blocks;
   pad(p, 1, single_p);

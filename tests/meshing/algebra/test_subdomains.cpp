@@ -280,6 +280,7 @@ TEST_P(CoupledSubdomains, SumsHaveTheSameBitsOnAnyNumberOfThreads) {
     add_linear_forces(patches, x, sums.linear_f);
     BlockMatrix K = stiffness_pattern(model);
     add_hessian(patches, x, K);
+    mirror(K);
     multiply(K, q, sums.Kq);
     PaddedField p;
     pad(q, 1, p);

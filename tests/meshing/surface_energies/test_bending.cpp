@@ -53,6 +53,7 @@ TEST_F(BentSurface, ForceIsMinusEnergyGradientWhereTrianglesCrumple) {
 TEST_F(BentSurface, HessianInBlocksIsThatOfThePattern) {
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(bending));
   add_hessian(bending, x, K);
+  mirror(K);
   SurfaceHessian H;
   add_hessian(bending, x, H);
   const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 4);
@@ -65,6 +66,7 @@ TEST_F(BentSurface, HessianInBlocksIsThatOfThePattern) {
 TEST_F(BentSurface, HessianIsMinusForceGradientAtRest) {
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(bending));
   add_hessian(bending, ball.X, K);
+  mirror(K);
   const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 4);
   Matrix3Xd Kp;
   multiply(K, p, Kp);

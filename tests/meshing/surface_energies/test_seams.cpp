@@ -30,6 +30,7 @@ TEST_F(SewnPoints, ForceIsMinusEnergyGradientAndPullsTheEndsTogether) {
 TEST_F(SewnPoints, HessianIsMinusForceGradient) {
   BlockMatrix K = make_block_matrix(6, pairs_of(seams));
   add_hessian(seams, x, K);
+  mirror(K);
   Matrix3Xd Kp;
   multiply(K, p, Kp);
   EXPECT_TRUE(Kp.isApprox(forces(x) - forces(x + p), 1e-12));
