@@ -122,7 +122,7 @@ STUDIES = {
     "survey": Study(
         "whether closed surfaces in a folder end in both programs, as they are and remeshed: hours",
         survey.study,
-        frozenset({"quick", "held_out", "bodies"}),
+        frozenset({"quick", "held_out", "bodies", "count"}),
     ),
     "verdicts": Study(
         "whether verdicts on the same bodies hold against a finer reference: two hours", verdicts.study
@@ -178,6 +178,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--bodies", type=Path, metavar="DIR", help="survey: a folder of closed surfaces")
     parser.add_argument(
+        "--count", type=int, metavar="N", help="survey: so many of them, drawn by the hashes of their files"
+    )
+    parser.add_argument(
         "--against", metavar="COMMIT", help="kernels: build this commit apart, and measure it in the same run"
     )
 
@@ -200,6 +203,7 @@ def check_options(arguments: argparse.Namespace) -> None:
         "against",
         "held_out",
         "bodies",
+        "count",
         "seeds",
         "candidates",
     ):

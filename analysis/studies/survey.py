@@ -4,7 +4,8 @@ A folder holds closed surfaces. SOURCES names those of the published table by re
 each repository the first ten by path that `meshing check` accepts, of 200 to 20,000 vertices. Each runs under sag.toml and
 under a free load, as it is and remeshed, with 60 CPU seconds for a run. Everything is linear, so that a load's size means
 nothing. A run is refused where it ends with an error in words within ten seconds, and failed where it ends otherwise. Half of
-the bodies, picked by a hash of their files, are there to learn from; --held-out runs the others, too. What is finished is kept.
+the bodies, picked by a hash of their files, are there to learn from; --held-out runs the others, too. --count N takes the
+first N by that hash, a sample drawn at random. What is finished is kept.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import argparse
 import csv
 import subprocess
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -62,18 +63,17 @@ class Case:
         return int(self.digest[:2], 16) % 2 == 1
 
 
-def cases(folder: Path, has_held_out: bool, is_quick: bool) -> list[Case]:
-    """Of the bodies in a folder, by hash. Raises RunError where there is none."""
+def cases(folder: Path, has_held_out: bool, is_quick: bool, count: int | None = None) -> list[Case]:
+    """Of the bodies in a folder, by hash, the first `count`. Raises RunError where there is none."""
     files = [file for file in folder.rglob("*") if file.suffix.lower() in _SUFFIXES]
     if not files:
-        raise RunError(f"{folder}: no surface, expected files that end in {', '.join(_SUFFIXES)}")
+        raise RunError(
+            f"{folder}: no surface, expected files that end in {', '.join(_SUFFIXES)}, as those that {SOURCES} lists"
+        )
     of_digest = {sha256(file.read_bytes()).hexdigest(): file for file in files}
-    found = [
-        Case(of_digest[digest], digest, is_remeshed)
-        for is_remeshed in ((False,) if is_quick else (False, True))
-        for digest in sorted(of_digest)
-    ]
-    return [case for case in found if has_held_out or not case.is_held_out]
+    found = [Case(of_digest[digest], digest, is_remeshed=False) for digest in sorted(of_digest)]
+    chosen = [case for case in found if has_held_out or not case.is_held_out][:count]
+    return chosen if is_quick else chosen + [replace(case, is_remeshed=True) for case in chosen]
 
 
 class Bench:
@@ -166,6 +166,7 @@ def table(rows: list[Row], keys: list[str]) -> Table:
         "runs",
         *_ENDS,
         "share ok",
+        "of all such",
         "median s",
         "90 % s",
         "worst s",
@@ -183,10 +184,19 @@ def table(rows: list[Row], keys: list[str]) -> Table:
         seconds = [float(row["seconds"]) for row in good]
         estimates = [float(row["estimate"]) for row in good if row["estimate"]]
         line = [*group, str(len(of)), *(str(ends.count(end)) for end in _ENDS), percent(len(good) / len(of))]
+        line.append(" to ".join(percent(part, 2) for part in interval(len(good), len(of))))
         line += [f"{np.quantile(seconds, part):.2g}" if seconds else "-" for part in (0.5, 0.9, 1)]
         line.append(percent(max(estimates), 2) if estimates else "-")
         lines.append([*line, str(sum(row in slower for row in of))])
     return head, lines
+
+
+def interval(n_good: int, n: int) -> tuple[float, float]:
+    """In which a share lies by 95 %, of which n drawn at random have shown n_good [Wilson 1927]."""
+    z = 1.959964
+    middle = (n_good + z * z / 2) / (n + z * z)
+    half = z / (n + z * z) * np.sqrt(n_good * (n - n_good) / n + z * z / 4)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
 def far_slower(rows: list[Row]) -> list[Row]:
@@ -240,7 +250,7 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
     if not arguments.bodies:
         raise RunError("study survey: expected --bodies DIR, a folder of closed surfaces")
     bench = Bench(folder)
-    wanted = cases(arguments.bodies.resolve(), arguments.held_out, arguments.quick)
+    wanted = cases(arguments.bodies.resolve(), arguments.held_out, arguments.quick, arguments.count)
     loads = _LOADS[:1] if arguments.quick else _LOADS
     sources = read_sources()
     rows: list[Row] = []
@@ -266,5 +276,6 @@ def sections_of(rows: list[Row], sources: dict[str, Row]) -> list[Section]:
 
 _HOW = (
     "A run is refused where it ends with an error in words within ten seconds. Seconds are of computing, children's included. "
-    "One is far slower where it takes ten times what the other program does, and more than 6 s."
+    "One is far slower where it takes ten times what the other program does, and more than 6 s. "
+    "Bodies are drawn at random, so that the share of all such bodies lies in the interval beside it by 95 % [Wilson 1927]."
 )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from analysis.run_store import Outcome
 from analysis.runs import RunError
@@ -16,6 +17,7 @@ from analysis.studies.survey import (
     end_of,
     far_slower,
     finding,
+    interval,
     read_sources,
     row_of,
     table,
@@ -51,6 +53,9 @@ def test_half_of_the_bodies_is_held_out_by_hash(tmp_path):
     assert 10 < len(few) < 30
     remeshed = cases(tmp_path / "bodies", has_held_out=True, is_quick=False)
     assert [case.is_remeshed for case in remeshed] == [False] * 40 + [True] * 40
+    drawn = cases(tmp_path / "bodies", has_held_out=False, is_quick=False, count=3)
+    assert [case.digest for case in drawn] == 2 * [case.digest for case in few[:3]]
+    assert [case.is_remeshed for case in drawn] == [False] * 3 + [True] * 3
 
 
 def test_a_folder_without_a_surface_is_refused(tmp_path):
@@ -108,10 +113,16 @@ def test_runs_are_counted_by_their_ends():
     head, lines = table(ROWS, ["program"])
     assert head[1:6] == ["runs", "ok", "refused", "failed", "out of time"]
     assert lines == [
-        ["fem_reference", "4", "2", "1", "0", "1", "50 %", "13", "19", "21", "-", "2"],
-        ["massspring", "4", "3", "0", "1", "0", "75 %", "2", "3.6", "4", "20 %", "0"],
+        ["fem_reference", "4", "2", "1", "0", "1", "50 %", "15 % to 85 %", "13", "19", "21", "-", "2"],
+        ["massspring", "4", "3", "0", "1", "0", "75 %", "30 % to 95 %", "2", "3.6", "4", "20 %", "0"],
     ]
     assert finding(ROWS) == "Of 4 bodies as they are, 62 % of 8 runs end ok."
+
+
+@pytest.mark.parametrize("n_good, n", [(0, 5), (1, 1), (7, 9), (48, 60), (60, 60)])
+def test_the_interval_of_a_share_is_wilsons(n_good, n):
+    expected = binomtest(n_good, n).proportion_ci(0.95, method="wilson")
+    np.testing.assert_allclose(interval(n_good, n), expected, atol=1e-6)
 
 
 def test_far_slower_is_what_takes_ten_times_as_long_and_not_a_few_seconds():
