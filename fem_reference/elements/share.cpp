@@ -286,6 +286,16 @@ std::unordered_map<int, int> Share::local() const {
   return result;
 }
 
+std::vector<int> Share::owned(const std::vector<int>& nodes) const {
+  if (is_whole) return nodes;
+  const std::unordered_map<int, int> here = local();
+  std::vector<int> result;
+  for (const int node : nodes)
+    if (const auto found = here.find(node); found != here.end() && !is_ghost[found->second])
+      result.push_back(found->second);
+  return result;
+}
+
 Eigen::MatrixXd Share::rigid_motions(const Matrix3Xd& X) const {
   if (is_whole) return meshing::rigid_motions(X);
   Eigen::Vector4d sum = Eigen::Vector4d::Zero();  // of owned nodes, and their number

@@ -75,6 +75,8 @@ struct Share {
 
   /// Number here of each node of the whole mesh that is here.
   std::unordered_map<int, int> local() const;
+  /// Of nodes of the whole mesh, those that this process owns, by their numbers here.
+  std::vector<int> owned(const std::vector<int>& nodes) const;
   /// As meshing::rigid_motions, about the mean of all; X 3 x n over the first nodes (m).
   Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X) const;
   /// Over all nodes, once each.

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "fem_reference/elements/refine.h"
+#include "fem_reference/solid/divided.h"
 #include "fem_reference/solid/schemes.h"
 #include "meshing/scene/collapse.h"
 #include "meshing/scene/surface_problem.h"
@@ -150,6 +151,21 @@ meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, c
   return energies;
 }
 
+/// The handles of a problem, of several processes those on this one's nodes.
+meshing::SurfaceEnergies handles_of(SurfaceProblem problem, const ElasticSolid& solid,
+                                    const Eigen::Matrix3d& frame) {
+  const Share& share = solid.share();
+  for (auto& [vertices, handle] : problem.held) {
+    std::vector<int> owned = share.owned(vertices);
+    handle.stiffness *= static_cast<double>(owned.size()) / static_cast<double>(vertices.size());
+    vertices = std::move(owned);
+  }
+  meshing::SurfaceEnergies energies = meshing::handles_of(problem, solid.X(), frame);
+  if (share.is_whole) return energies;
+  for (auto& energy : energies) energy = std::make_shared<DividedSum>(energy, energy);
+  return energies;
+}
+
 /// What the surface of a body, cut as given, does to itself.
 meshing::SurfaceEnergies self_contact_of(const Scene& scene, const ElasticSolid& solid,
                                          const SurfaceMesh& surface) {
@@ -229,8 +245,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
         std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem), "seam"));
   for (auto& energy : obstacles_of(scene, solid, constrained, frame))
     loads.surface.push_back(std::move(energy));
-  for (auto& energy : meshing::handles_of(problem, solid.X(), frame))
-    loads.surface.push_back(std::move(energy));
+  for (auto& energy : handles_of(problem, solid, frame)) loads.surface.push_back(std::move(energy));
   for (auto& energy : self_contact_of(scene, solid, surface)) loads.surface.push_back(std::move(energy));
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads,

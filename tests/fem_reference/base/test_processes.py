@@ -64,6 +64,12 @@ def assert_alike(one, several):
         assert several.record[name] == one.record[name]
 
 
+HANDLES = (  # of a region that not all processes have a part of, and of a vertex, from half the load on
+    "handles=[{region={box={low=[0.6,0.5,0],high=[1,1,1]},relative=true},stiffness=2e4,motion=[[0,0,0,0],[0.004,0,0.002,0.001]]},"
+    "{vertex=7,stiffness=1e3,start=0.002,motion=[[0,0,0.01,0]]}]",
+)
+
+
 @pytest.mark.parametrize(
     "scene, degree, n, also",
     [
@@ -75,6 +81,8 @@ def assert_alike(one, several):
         ("bar_bend.toml", 2, 3, ("time.load_steps=2", "time.residual=1e-12")),
         (PULLED, 1, 2, ()),
         (PULLED, 2, 2, ()),
+        ("bar_sag.toml", 2, 3, (*HANDLES, "time.residual=1e-12")),
+        (PULLED, 1, 4, HANDLES),
     ],
 )
 def test_several_processes_solve_what_one_does(scene, degree, n, also, tmp_path):
@@ -126,6 +134,8 @@ def test_several_processes_take_explicit_steps_as_one_does(degree, n, also, tmp_
         (1, 3, ("material.law=neo_hookean", FOLLOWER)),
         (2, 4, FLUNG),
         (1, 4, ("supports.0.end=0.002",)),  # which not all processes have a part of
+        (1, 4, HANDLES),
+        (2, 3, (*DRIVEN, *HANDLES)),
     ],
 )
 def test_several_processes_take_implicit_steps_as_one_does(degree, n, also, tmp_path):
@@ -238,4 +248,4 @@ def test_what_is_not_divided_is_refused_once(scene, overrides, told, tmp_path):
     done = solve(scene, tmp_path / "out", overrides, 2)
     assert done.returncode != 0
     errors = [line for line in done.stderr.splitlines() if line.startswith("error:")]
-    assert len(errors) == 1 and told in errors[0] and "expected statics or motion of a body" in errors[0]
+    assert len(errors) == 1 and f"{told} under mpirun, expected one process" in errors[0]
