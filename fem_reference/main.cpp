@@ -24,10 +24,10 @@ struct Arguments : SessionOptions {
 /// What several processes do not solve together; empty: nothing.
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
-  const bool keeps_volume = scene.volume && (scene.volume->is_exact || scene.volume->coefficient > 0);
+  const bool skin_shrinks = scene.skin && scene.collapse && scene.collapse->surface;
   for (const auto& [key, is_there] : {std::pair("obstacles", !scene.obstacles.empty()),
-                                      {"skin", scene.skin.has_value()},
-                                      {"volume", keeps_volume},
+                                      {"skin.relaxation", scene.skin && scene.skin->relaxation > 0},
+                                      {"skin with collapse.surface", skin_shrinks},
                                       {"seams", !scene.seams.empty()},
                                       {"self_contact", scene.self_contact.is_on},
                                       {"reference.inertia_relief", scene.reference.inertia_relief},

@@ -5,6 +5,7 @@
 
 #include "fem_reference/elements/share.h"
 #include "meshing/surface_energies/surface_energy.h"
+#include "meshing/surface_energies/volume_penalty.h"
 
 namespace testbed::fem {
 
@@ -52,6 +53,38 @@ class DividedSum : public meshing::SurfaceEnergy {
 
  private:
   std::shared_ptr<SurfaceEnergy> acting_, counted_;
+};
+
+/// A VolumePenalty or HeldVolume whose faces are those of a share. All processes know the volume of the whole.
+template <class Volume>
+class DividedVolume : public Volume {
+ public:
+  DividedVolume(const Share& share, double P, meshing::Faces faces, const meshing::TargetVolume& target)
+      : Volume(P, std::move(faces), target), share_(share) {}
+
+  /// That of the whole, which the first process counts.
+  double energy(const Eigen::Matrix3Xd& x) const override {
+    const double whole = Volume::energy(x);
+    return processes().rank == 0 ? whole : 0;
+  }
+  double stored(const Eigen::Matrix3Xd& x) const override { return sum_over_processes(Volume::stored(x)); }
+
+ protected:
+  double volume_at(const Eigen::Matrix3Xd& x) const override {
+    Eigen::Matrix3Xd gradient;
+    return volume_at(x, gradient);
+  }
+  /// The volume is of third degree in x: a third of the product with its gradient [Euler].
+  double volume_at(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient) const override {
+    Volume::volume_at(x, gradient);
+    double sum = 0;
+    for (Eigen::Index i = 0; i < gradient.cols(); ++i)
+      if (!share_.is_ghost[i]) sum += gradient.col(i).dot(x.col(i));
+    return sum_over_processes(sum) / 3;
+  }
+
+ private:
+  const Share& share_;
 };
 
 }  // namespace testbed::fem

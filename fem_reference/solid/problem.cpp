@@ -138,16 +138,35 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
   return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
 }
 
+meshing::SurfaceEnergies skin_of(const Scene& scene, const ElasticSolid& solid,
+                                 const Eigen::Matrix3d& frame) {
+  const Share& share = solid.share();
+  meshing::SurfaceEnergies skin = meshing::skin_of(scene, solid.X(), solid.faces(), frame);
+  if (share.is_whole) return skin;
+  const auto counted = meshing::skin_of(scene, solid.X(), solid.faces(), frame,
+                                        [&](const Eigen::VectorXi& nodes) { return share.counts(nodes); });
+  for (size_t k = 0; k < skin.size(); ++k) skin[k] = std::make_shared<DividedSum>(skin[k], counted[k]);
+  return skin;
+}
+
+/// A VolumePenalty or HeldVolume.
+template <class Volume>
+std::shared_ptr<meshing::SurfaceEnergy> volume_energy(double P, const Scene& scene,
+                                                      const ElasticSolid& solid) {
+  const Share& share = solid.share();
+  const meshing::Faces faces = meshing::faces_of(solid.faces());
+  if (share.is_whole)
+    return std::make_shared<Volume>(P, faces, target_volume_of(scene, volume_of(faces, solid.X())));
+  return std::make_shared<DividedVolume<Volume>>(share, P, faces, target_volume_of(scene, share.volume));
+}
+
 /// The scene's skin, and what keeps its volume, on the surface of a body.
 meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, const Eigen::Matrix3d& frame) {
-  meshing::SurfaceEnergies energies = meshing::skin_of(scene, solid.X(), solid.faces(), frame);
-  if (!scene.volume) return energies;
-  const meshing::Faces faces = meshing::faces_of(solid.faces());
-  const meshing::TargetVolume target = target_volume_of(scene, volume_of(faces, solid.X()));
-  if (scene.volume->is_exact)
-    energies.push_back(std::make_shared<meshing::HeldVolume>(scene.material.E, faces, target));
-  else if (scene.volume->coefficient > 0)
-    energies.push_back(std::make_shared<meshing::VolumePenalty>(scene.volume->coefficient, faces, target));
+  meshing::SurfaceEnergies energies = skin_of(scene, solid, frame);
+  if (scene.volume && scene.volume->is_exact)
+    energies.push_back(volume_energy<meshing::HeldVolume>(scene.material.E, scene, solid));
+  else if (scene.volume && scene.volume->coefficient > 0)
+    energies.push_back(volume_energy<meshing::VolumePenalty>(scene.volume->coefficient, scene, solid));
   return energies;
 }
 
@@ -232,7 +251,8 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
     boundaries.push_back(from_first_process(boundary_with_middles(fine, finer)));
     fine = std::move(finer);
   }
-  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree), scene.reference.degree);
+  const bool has_hinges = scene.skin && scene.skin->bending > 0;
+  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree, has_hinges), scene.reference.degree);
   const Share& share = solid.share();
   if (scene.reference.degree == 2) boundaries.push_back(share.is_whole ? solid.faces() : share.faces);
   const SurfaceProblem problem = discretise(scene, surface);
