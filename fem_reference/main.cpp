@@ -24,18 +24,15 @@ struct Arguments : SessionOptions {
 /// What several processes do not solve together; empty: nothing.
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
-  const std::string allowed =
-      " under mpirun, expected statics or motion of a body that only loads and supports act on";
-  const bool keeps_volume = scene.volume && (scene.volume->is_exact || scene.volume->coefficient > 0);
+  const bool skin_shrinks = scene.skin && scene.collapse && scene.collapse->surface;
   for (const auto& [key, is_there] : {std::pair("obstacles", !scene.obstacles.empty()),
-                                      {"skin", scene.skin.has_value()},
-                                      {"volume", keeps_volume},
+                                      {"skin.relaxation", scene.skin && scene.skin->relaxation > 0},
+                                      {"skin with collapse.surface", skin_shrinks},
                                       {"seams", !scene.seams.empty()},
-                                      {"handles", !scene.handles.empty()},
-                                      {"self_contact", scene.self_contact.is_on}})
-    if (is_there) return key + allowed;
-  if (scene.reference.inertia_relief) return "reference.inertia_relief" + allowed + " without it";
-  if (arguments.budget) return "--budget" + allowed + " without it";
+                                      {"self_contact", scene.self_contact.is_on},
+                                      {"reference.inertia_relief", scene.reference.inertia_relief},
+                                      {"--budget", arguments.budget.has_value()}})
+    if (is_there) return std::string(key) + " under mpirun, expected one process, or none of it";
   return "";
 }
 

@@ -89,18 +89,26 @@ struct Hand {
 /// The hands of a mesh, one at a time.
 class Dealer {
  public:
-  Dealer(const TetMesh& mesh, const Nodes& nodes, int n)
+  Dealer(const TetMesh& mesh, const Nodes& nodes, int n, bool has_hinges)
       : mesh_(mesh), nodes_(nodes), owner_(nodes.X.cols()) {
     std::vector<int> order(owner_.size());
     std::iota(order.begin(), order.end(), 0);
     bisect(nodes.X, order.data(), order.data() + order.size(), 0, n, owner_);
+    for (Eigen::Index f = 0; has_hinges && f < nodes.faces.cols(); ++f)
+      for (const int i : nodes.faces.col(f))
+        for (const int j : nodes.faces.col(f))
+          if (owner_[j] != owner_[i]) beside_[i].insert(owner_[j]);
     counted_.resize(n);
     others_.resize(n);
     for (int t = 0; t < nodes.cells.cols(); ++t) {
       const int first = owner_[nodes.cells(0, t)];
       counted_[first].push_back(t);
       std::set<int> owners;
-      for (const int i : nodes.cells.col(t)) owners.insert(owner_[i]);
+      for (const int i : nodes.cells.col(t)) {
+        owners.insert(owner_[i]);
+        if (const auto beside = beside_.find(i); beside != beside_.end())
+          owners.insert(beside->second.begin(), beside->second.end());
+      }
       for (const int owner : owners)
         if (owner != first) others_[owner].push_back(t);
     }
@@ -122,7 +130,7 @@ class Dealer {
     std::vector<int> faces;
     for (int f = 0; f < nodes_.faces.cols(); ++f) {
       const auto at = nodes_.faces.col(f);
-      if (std::any_of(at.begin(), at.end(), [&](int i) { return owner_[i] == process; })) faces.push_back(f);
+      if (std::any_of(at.begin(), at.end(), [&](int i) { return is_in(i, process); })) faces.push_back(f);
     }
     hand.faces.resize(4, static_cast<Eigen::Index>(faces.size()));
     for (std::size_t k = 0; k < faces.size(); ++k)
@@ -135,9 +143,16 @@ class Dealer {
   }
 
  private:
+  /// Whether the share of a process has all that is at a node.
+  bool is_in(int node, int process) const {
+    const auto beside = beside_.find(node);
+    return owner_[node] == process || (beside != beside_.end() && beside->second.count(process) > 0);
+  }
+
   const TetMesh& mesh_;
   const Nodes& nodes_;
   std::vector<int> owner_;
+  std::unordered_map<int, std::set<int>> beside_;   // processes that own a node of a triangle at this one
   std::vector<std::vector<int>> counted_, others_;  // tetrahedra of each process
 };
 
@@ -286,6 +301,16 @@ std::unordered_map<int, int> Share::local() const {
   return result;
 }
 
+std::vector<int> Share::owned(const std::vector<int>& nodes) const {
+  if (is_whole) return nodes;
+  const std::unordered_map<int, int> here = local();
+  std::vector<int> result;
+  for (const int node : nodes)
+    if (const auto found = here.find(node); found != here.end() && !is_ghost[found->second])
+      result.push_back(found->second);
+  return result;
+}
+
 Eigen::MatrixXd Share::rigid_motions(const Matrix3Xd& X) const {
   if (is_whole) return meshing::rigid_motions(X);
   Eigen::Vector4d sum = Eigen::Vector4d::Zero();  // of owned nodes, and their number
@@ -295,6 +320,11 @@ Eigen::MatrixXd Share::rigid_motions(const Matrix3Xd& X) const {
   const Eigen::Vector3d centre = sum.hnormalized();
   return meshing::rigid_motions(X, centre,
                                 largest_over_processes((X.colwise() - centre).colwise().norm().maxCoeff()));
+}
+
+bool Share::counts(const Eigen::VectorXi& nodes) const {
+  return !is_ghost[*std::min_element(nodes.begin(), nodes.end(),
+                                     [&](int i, int j) { return number[i] < number[j]; })];
 }
 
 double Share::dot(const Matrix3Xd& u, const Matrix3Xd& w) const {
@@ -369,7 +399,7 @@ MatrixXi Share::written_cells(const MatrixXi& cells, int n) const {
   return cells.leftCols(n_own).unaryExpr([&](int i) { return place.at(number[i]); });
 }
 
-Share deal_out(TetMesh whole, int degree) {
+Share deal_out(TetMesh whole, int degree, bool has_hinges) {
   const auto [n, rank, n_threads, n_here] = processes();
   if (n == 1) return Share(std::move(whole));
   Hand hand;
@@ -381,7 +411,7 @@ Share deal_out(TetMesh whole, int degree) {
   }
   Nodes nodes(whole, degree);
   {
-    const Dealer dealer(whole, nodes, n);
+    const Dealer dealer(whole, nodes, n, has_hinges);
     for (int p = n - 1; p >= 0; --p) {
       hand = dealer.hand(p);
       if (p > 0) hand.for_each([&](auto& part) { send(part, p); });

@@ -75,11 +75,15 @@ struct Share {
 
   /// Number here of each node of the whole mesh that is here.
   std::unordered_map<int, int> local() const;
+  /// Of nodes of the whole mesh, those that this process owns, by their numbers here.
+  std::vector<int> owned(const std::vector<int>& nodes) const;
   /// As meshing::rigid_motions, about the mean of all; X 3 x n over the first nodes (m).
   Eigen::MatrixXd rigid_motions(const Eigen::Matrix3Xd& X) const;
   /// Over all nodes, once each.
   double dot(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& w) const;
   double norm(const Eigen::Matrix3Xd& u) const;
+  /// Of what joins these nodes, whether no other process counts it.
+  bool counts(const Eigen::VectorXi& nodes) const;
   /// Zero where others own.
   void clear_ghosts(Eigen::Matrix3Xd& u) const;
   /// On the first of several processes a field over the whole mesh's first n nodes.
@@ -98,6 +102,7 @@ struct Share {
 };
 
 /// Shares of a mesh that the first process has, by recursive bisection of its nodes.
-Share deal_out(TetMesh whole, int degree);
+/// @param has_hinges  boundary triangles beside those at owned nodes, and the tetrahedra at these, are in a share, too
+Share deal_out(TetMesh whole, int degree, bool has_hinges);
 
 }  // namespace testbed::fem

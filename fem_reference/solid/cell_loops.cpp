@@ -179,17 +179,19 @@ SurfaceHessian ElasticSolid::Implementation::fill(const TetBatches& on, const Ma
   SurfaceHessian H, outside;
   for (const auto& energy : surface_at(load_factor)) energy->add_hessian(nodes.X + at, H, curvature);
   if (&on != &tets) H = at_nodes(H, from_corners);
+  const int n_own = on.first_row().back();
   H.for_each_block([&](int i, int j, const Eigen::Matrix3d& block) {
     const int row = on.rank()[i], column = on.rank()[j], place = on.pattern().find_any(row, column);
     if (place >= 0)
       Eigen::Map<Eigen::Matrix<Real, 3, 3>>(blocks + 9 * static_cast<std::ptrdiff_t>(place)) +=
           block.cast<Real>();
-    else
+    else if (std::min(row, column) < n_own)
       outside.blocks.push_back({row, column, block});
   });
   for (const Matrix3Xd& g : H.roots) {
     Matrix3Xd& by_rank = outside.roots.emplace_back(Matrix3Xd::Zero(3, on.pattern().rows()));
-    for (Eigen::Index i = 0; i < g.cols(); ++i) by_rank.col(on.rank()[i]) = g.col(i);
+    for (Eigen::Index i = 0; i < g.cols(); ++i)
+      if (on.rank()[i] < n_own) by_rank.col(on.rank()[i]) = g.col(i);
   }
   symmetrise(on.pattern(), blocks);
   return outside;
@@ -201,6 +203,12 @@ template SurfaceHessian ElasticSolid::Implementation::fill(const TetBatches& on,
 
 namespace {
 
+TwoLevelSolver::Outside padded(SurfaceHessian outside) {
+  TwoLevelSolver::Outside result{std::move(outside.blocks), {}};
+  for (const Matrix3Xd& g : outside.roots) pad(g, 1, result.roots.emplace_back());
+  return result;
+}
+
 /// Of constrained unknowns nothing is left.
 void hold_blocks(const std::vector<char>& is_constrained_row, std::vector<meshing::SymmetricBlock>& outside) {
   for (meshing::SymmetricBlock& b : outside)
@@ -210,23 +218,25 @@ void hold_blocks(const std::vector<char>& is_constrained_row, std::vector<meshin
     }
 }
 
+void hold_outside(const std::vector<char>& is_constrained_row, TwoLevelSolver::Outside& outside) {
+  hold_blocks(is_constrained_row, outside.blocks);
+  for (meshing::PaddedField& g : outside.roots)
+    for (size_t k = 0; k < is_constrained_row.size(); ++k)
+      if (is_constrained_row[k]) g(static_cast<Eigen::Index>(k % 3), static_cast<Eigen::Index>(k / 3)) = 0;
+}
+
 }  // namespace
 
 void ElasticSolid::Implementation::hold(TwoLevelSolver::Stiffness& A) const {
   meshing::hold(tets.pattern(), constrained_rows, A.blocks.data());
-  hold_blocks(constrained_rows, A.outside.blocks);
-  for (meshing::PaddedField& g : A.outside.roots)
-    for (size_t k = 0; k < constrained_rows.size(); ++k)
-      if (constrained_rows[k]) g(static_cast<Eigen::Index>(k % 3), static_cast<Eigen::Index>(k / 3)) = 0;
+  hold_outside(constrained_rows, A.outside);
 }
 
 TwoLevelSolver::Stiffness ElasticSolid::Implementation::stiffness_at(const Matrix3Xd& at, double load_factor,
                                                                      Curvature curvature) const {
   TwoLevelSolver::Stiffness A;
   A.blocks.assign(9 * tets.pattern().column.size() + 3, 0);
-  const SurfaceHessian outside = fill(tets, at, load_factor, curvature, A.blocks.data());
-  A.outside.blocks = outside.blocks;
-  for (const Matrix3Xd& g : outside.roots) pad(g, 1, A.outside.roots.emplace_back());
+  A.outside = padded(fill(tets, at, load_factor, curvature, A.blocks.data()));
   const auto fill_constrained = [=](const TetBatches& on, const std::vector<char>& is_constrained_row) {
     return [=, &on, &is_constrained_row](meshing::BlockMatrix& B) {
       double* blocks = B.block.data()->data();
@@ -307,21 +317,26 @@ StepSolver ElasticSolid::step_solver(const Eigen::SparseMatrix<double>& M, doubl
                                                         const Eigen::SparseMatrix<double>& masses,
                                                         const std::vector<char>& rows, auto* blocks) {
     using Real = std::remove_pointer_t<decltype(blocks)>;
-    s.fill(on, displacement, 1, Curvature::Exact, blocks);
+    SurfaceHessian outside = s.fill(on, displacement, 1, Curvature::Exact, blocks);
+    outside.scale(stiffness);
     Eigen::Map<Eigen::VectorX<Real>>(blocks, static_cast<Eigen::Index>(9 * on.pattern().column.size())) *=
         static_cast<Real>(stiffness);
     add_masses(masses, mass, on, blocks);
     meshing::hold(on.pattern(), rows, blocks);
+    return outside;
   };
   const auto fill_double = [fill](const TetBatches& on, const Eigen::SparseMatrix<double>& masses,
                                   const std::vector<char>& rows) {
     return [=, &on, &masses, &rows](meshing::BlockMatrix& B) {
-      fill(on, masses, rows, B.block.data()->data());
-      return std::vector<meshing::SymmetricBlock>();
+      SurfaceHessian outside = fill(on, masses, rows, B.block.data()->data());
+      hold_blocks(rows, outside.blocks);
+      return outside.blocks;
     };
   };
   system->A.blocks.assign(9 * s.tets.pattern().column.size() + 3, 0);
-  fill(s.tets, system->fine, system->rows, system->A.blocks.data());
+  system->A.outside = padded(fill(s.tets, system->fine, system->rows, system->A.blocks.data()));
+  if (mass == 0) system->A.outside.roots.clear();  // as natural modes leave them out
+  hold_outside(system->rows, system->A.outside);
   system->A.fill_fine = fill_double(s.tets, system->fine, system->rows);
   if (corners) system->A.fill_corners = fill_double(*corners, system->corners, system->corner_rows);
   system->solver.hold(is_constrained);

@@ -9,49 +9,16 @@
 #include <utility>
 
 #include "fem_reference/elements/laws.h"
+#include "fem_reference/solid/divided.h"
 #include "fem_reference/solid/implementation.h"
 #include "meshing/algebra/rigid_motion.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/follower_pressure.h"
 
 namespace testbed::fem {
-namespace {
 
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
-
-/// Follower pressures on a share's part of a body's surface.
-class DividedPressure : public meshing::SurfaceEnergy {
- public:
-  DividedPressure(meshing::SurfaceEnergies part, const Share& share)
-      : part_(std::move(part)), share_(share) {}
-
-  const char* name() const override { return "pressure"; }
-  void set_load_factor(double factor) override {
-    for (const auto& pressure : part_) pressure->set_load_factor(factor);
-  }
-  /// What this process counts. The volume is of third degree in x: a third of the work of its forces [Euler].
-  double energy(const Matrix3Xd& x) const override {
-    Matrix3Xd forces = Matrix3Xd::Zero(3, x.cols());
-    add_forces(x, forces);
-    share_.clear_ghosts(forces);
-    return -forces.cwiseProduct(x).sum() / 3;
-  }
-  double stored(const Matrix3Xd& x) const override { return sum_over_processes(energy(x)); }
-  void add_forces(const Matrix3Xd& x, Matrix3Xd& f) const override {
-    for (const auto& pressure : part_) pressure->add_forces(x, f);
-  }
-  void add_hessian(const Matrix3Xd& x, meshing::SurfaceHessian& H,
-                   meshing::Curvature curvature) const override {
-    for (const auto& pressure : part_) pressure->add_hessian(x, H, curvature);
-  }
-
- private:
-  meshing::SurfaceEnergies part_;
-  const Share& share_;
-};
-
-}  // namespace
 
 ElasticSolid::ElasticSolid(Share share, int degree)
     : self_(std::make_unique<Implementation>(std::move(share), degree)) {}
@@ -177,8 +144,6 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.constant.reset();
   s.stiffness_norm = 0;
   s.shrunk_at = -1;
-  if (!s.share.is_whole && !loads.surface.empty())
-    throw std::invalid_argument("several processes solve what nothing but loads and supports act on");
   s.is_constrained.assign(s.nodes.X.size(), false);
   for (const ConstrainedComponent& h : constrained) s.is_constrained[3 * h.node + h.component] = true;
   s.constrained_rows = rows_of(s.tets, s.is_constrained);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "fem_reference/elements/refine.h"
+#include "fem_reference/solid/divided.h"
 #include "fem_reference/solid/schemes.h"
 #include "meshing/scene/collapse.h"
 #include "meshing/scene/surface_problem.h"
@@ -137,16 +138,50 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
   return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
 }
 
+meshing::SurfaceEnergies skin_of(const Scene& scene, const ElasticSolid& solid,
+                                 const Eigen::Matrix3d& frame) {
+  const Share& share = solid.share();
+  meshing::SurfaceEnergies skin = meshing::skin_of(scene, solid.X(), solid.faces(), frame);
+  if (share.is_whole) return skin;
+  const auto counted = meshing::skin_of(scene, solid.X(), solid.faces(), frame,
+                                        [&](const Eigen::VectorXi& nodes) { return share.counts(nodes); });
+  for (size_t k = 0; k < skin.size(); ++k) skin[k] = std::make_shared<DividedSum>(skin[k], counted[k]);
+  return skin;
+}
+
+/// A VolumePenalty or HeldVolume.
+template <class Volume>
+std::shared_ptr<meshing::SurfaceEnergy> volume_energy(double P, const Scene& scene,
+                                                      const ElasticSolid& solid) {
+  const Share& share = solid.share();
+  const meshing::Faces faces = meshing::faces_of(solid.faces());
+  if (share.is_whole)
+    return std::make_shared<Volume>(P, faces, target_volume_of(scene, volume_of(faces, solid.X())));
+  return std::make_shared<DividedVolume<Volume>>(share, P, faces, target_volume_of(scene, share.volume));
+}
+
 /// The scene's skin, and what keeps its volume, on the surface of a body.
 meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, const Eigen::Matrix3d& frame) {
-  meshing::SurfaceEnergies energies = meshing::skin_of(scene, solid.X(), solid.faces(), frame);
-  if (!scene.volume) return energies;
-  const meshing::Faces faces = meshing::faces_of(solid.faces());
-  const meshing::TargetVolume target = target_volume_of(scene, volume_of(faces, solid.X()));
-  if (scene.volume->is_exact)
-    energies.push_back(std::make_shared<meshing::HeldVolume>(scene.material.E, faces, target));
-  else if (scene.volume->coefficient > 0)
-    energies.push_back(std::make_shared<meshing::VolumePenalty>(scene.volume->coefficient, faces, target));
+  meshing::SurfaceEnergies energies = skin_of(scene, solid, frame);
+  if (scene.volume && scene.volume->is_exact)
+    energies.push_back(volume_energy<meshing::HeldVolume>(scene.material.E, scene, solid));
+  else if (scene.volume && scene.volume->coefficient > 0)
+    energies.push_back(volume_energy<meshing::VolumePenalty>(scene.volume->coefficient, scene, solid));
+  return energies;
+}
+
+/// The handles of a problem, of several processes those on this one's nodes.
+meshing::SurfaceEnergies handles_of(SurfaceProblem problem, const ElasticSolid& solid,
+                                    const Eigen::Matrix3d& frame) {
+  const Share& share = solid.share();
+  for (auto& [vertices, handle] : problem.held) {
+    std::vector<int> owned = share.owned(vertices);
+    handle.stiffness *= static_cast<double>(owned.size()) / static_cast<double>(vertices.size());
+    vertices = std::move(owned);
+  }
+  meshing::SurfaceEnergies energies = meshing::handles_of(problem, solid.X(), frame);
+  if (share.is_whole) return energies;
+  for (auto& energy : energies) energy = std::make_shared<DividedSum>(energy, energy);
   return energies;
 }
 
@@ -216,7 +251,8 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
     boundaries.push_back(from_first_process(boundary_with_middles(fine, finer)));
     fine = std::move(finer);
   }
-  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree), scene.reference.degree);
+  const bool has_hinges = scene.skin && scene.skin->bending > 0;
+  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree, has_hinges), scene.reference.degree);
   const Share& share = solid.share();
   if (scene.reference.degree == 2) boundaries.push_back(share.is_whole ? solid.faces() : share.faces);
   const SurfaceProblem problem = discretise(scene, surface);
@@ -229,8 +265,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
         std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem), "seam"));
   for (auto& energy : obstacles_of(scene, solid, constrained, frame))
     loads.surface.push_back(std::move(energy));
-  for (auto& energy : meshing::handles_of(problem, solid.X(), frame))
-    loads.surface.push_back(std::move(energy));
+  for (auto& energy : handles_of(problem, solid, frame)) loads.surface.push_back(std::move(energy));
   for (auto& energy : self_contact_of(scene, solid, surface)) loads.surface.push_back(std::move(energy));
   const bool is_linear = law_of(scene) == MaterialLaw::SmallStrain;
   solid.assemble(scene.material, is_linear ? ElasticLaw::SmallStrain : ElasticLaw::NeoHookean, loads,

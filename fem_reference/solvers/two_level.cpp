@@ -1,5 +1,6 @@
 #include "fem_reference/solvers/two_level.h"
 
+#include <Eigen/SVD>
 #include <algorithm>
 
 #include "fem_reference/base/memory.h"
@@ -25,6 +26,15 @@ constexpr double kShifts[] = {1e-8, 1e-4, 1e-2, 1};
 
 void scale_diagonal(BlockMatrix& A, double factor) {
   for (const int k : A.diagonal) A.block[k].diagonal() *= factor;
+}
+
+/// Makes A no less stiff without blocks B than with them: x^T |B| x + y^T |B| y is at least twice x^T B y.
+void make_up_for(const std::vector<meshing::SymmetricBlock>& outside, BlockMatrix& A) {
+  for (const meshing::SymmetricBlock& b : outside) {
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(b.block, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    for (const auto& [i, axes] : {std::pair(b.i, svd.matrixU()), {b.j, svd.matrixV()}})
+      A.block[A.diagonal[i]] += axes * svd.singularValues().asDiagonal() * axes.transpose();
+  }
 }
 
 /// Factorises the matrix that fill(A) makes, as it is or, where it is singular, a little stiffer.
@@ -193,7 +203,7 @@ bool TwoLevelSolver::factorise(const Stiffness& A, bool is_singular) {
   }
   BlockMatrix matrix = tets.pattern();
   matrix.block.assign(matrix.column.size(), Eigen::Matrix3d::Zero());
-  fill(matrix);
+  make_up_for(fill(matrix), matrix);
   if (is_singular) scale_diagonal(matrix, 1 + kShifts[0]);
   const Eigen::MatrixXd by_node = share_.rigid_motions(X_.leftCols(n));
   Eigen::MatrixXd motions(3 * tets.first_row().back(), 6);
@@ -298,16 +308,17 @@ void TwoLevelSolver::add_product(const Stiffness& A, double factor, const Matrix
 
 void TwoLevelSolver::multiply(const Stiffness& A, const PaddedField& p, PaddedField& y) const {
   y.setZero(4, p.cols());
+  PaddedField with_ghosts;
   if (!share_.is_whole) {
-    PaddedField q = p;
-    exchange_.update(q);
-    meshing::add_product(fine_.pattern(), A.blocks, q, y);
-    return clear_ghosts(y);
+    with_ghosts = p;
+    exchange_.update(with_ghosts);
   }
-  meshing::add_product(fine_.pattern(), A.blocks, p, y);
-  meshing::add_product(A.outside.blocks, p, y);
+  const PaddedField& q = share_.is_whole ? p : with_ghosts;
+  meshing::add_product(fine_.pattern(), A.blocks, q, y);
+  meshing::add_product(A.outside.blocks, q, y);
   for (const PaddedField& g : A.outside.roots)
-    meshing::add_scaled(static_cast<float>(meshing::dot(g, p)), g, y);
+    meshing::add_scaled(static_cast<float>(sum_over_processes(meshing::dot(g, p))), g, y);
+  clear_ghosts(y);
 }
 
 void TwoLevelSolver::clear_ghosts(PaddedField& u) const {

@@ -48,8 +48,8 @@ void aypx(typename Field::Scalar beta, const Summed<Field>& z, Summed<Field>& p)
 /// correction of the corners by the same. Where these stand still, by a Cholesky factor of the whole matrix,
 /// if memory allows. Several processes sweep over their rows at once, each with what the others had before
 /// [Baker, Falgout, Kolev & Yang 2011], and take multigrid alone for degree 1. Factors are kept from one solve
-/// to the next while they serve. Entries outside the pattern are in products and factors, and not in sweeps and
-/// multigrid.
+/// to the next while they serve. Entries outside the pattern are in products and factors, and not in sweeps;
+/// multigrid has a larger diagonal instead.
 class TwoLevelSolver {
  public:
   /// Entries of a stiffness that its pattern has no place for, over ranks of nodes.

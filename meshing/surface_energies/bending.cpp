@@ -91,27 +91,34 @@ Bending make_bending(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b) 
   std::map<std::pair<int, int>, int> opposite;  // of a directed edge: the third corner of its triangle
   for (const auto& t : F.colwise())
     for (int k = 0; k < 3; ++k) opposite[{t[k], t[(k + 1) % 3]}] = t[(k + 2) % 3];
+  std::vector<Eigen::Vector4i> hinges;
+  for (const auto& [edge, third] : opposite) {
+    const auto [i, j] = edge;
+    const auto other = opposite.find({j, i});
+    if (i < j && other != opposite.end()) hinges.emplace_back(i, j, third, other->second);
+  }
   Bending bending;
-  const Eigen::Index n = F.cols() * 3 / 2;
+  const auto n = static_cast<Eigen::Index>(hinges.size());
   bending.hinges.resize(4, n);
   bending.area.resize(2, n);
   bending.rest_angle.resize(n);
   bending.stiffness.resize(n);
-  Eigen::Index b = 0;
-  for (const auto& [edge, third] : opposite) {
-    const auto [i, j] = edge;
-    if (i > j) continue;
-    const Eigen::Vector4i hinge(i, j, third, opposite.at({j, i}));
-    const Vector3d e = X.col(j) - X.col(i);
+  for (Eigen::Index b = 0; b < n; ++b) {
+    const Eigen::Vector4i& hinge = hinges[b];
+    const Vector3d e = X.col(hinge[1]) - X.col(hinge[0]);
     for (int side = 0; side < 2; ++side)
-      bending.area(side, b) = e.cross(X.col(hinge[2 + side]) - X.col(i)).norm() / 2;
+      bending.area(side, b) = e.cross(X.col(hinge[2 + side]) - X.col(hinge[0])).norm() / 2;
     const auto at = hinge_at(hinge, X);
     bending.hinges.col(b) = hinge;
     bending.rest_angle[b] = at ? angle_of(*at) : 0;
     bending.stiffness[b] = at ? k_b * e.squaredNorm() / bending.area.col(b).sum() : 0;
-    ++b;
   }
   return bending;
+}
+
+Bending part_of(const Bending& bending, const std::vector<int>& hinges) {
+  return {bending.hinges(Eigen::all, hinges), bending.area(Eigen::all, hinges), bending.rest_angle(hinges),
+          bending.stiffness(hinges)};
 }
 
 double energy(const Bending& bending, const Matrix3Xd& x) {

@@ -13,8 +13,11 @@ struct Bending {
   Eigen::VectorXd stiffness;   ///< k_b |e|^2 / (A_1 + A_2) of each hinge at rest (J)
 };
 
-/// Every edge of a closed surface F at rest positions X (m), with bending stiffness k_b (J).
+/// Every edge between two triangles of F at rest positions X (m), with bending stiffness k_b (J).
 Bending make_bending(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b);
+
+/// Some hinges of it.
+Bending part_of(const Bending& bending, const std::vector<int>& hinges);
 
 /// Energy (J) 1/2 stiffness (theta - theta_0)^2 [(9)] of all hinges at positions x (3 x n, m),
 /// the difference in (-pi, pi]. Where a triangle has shrunk to t < 1 times a tenth of its

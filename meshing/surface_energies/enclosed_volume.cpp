@@ -22,7 +22,7 @@ Faces faces_of(const Eigen::MatrixXi& nodes) {
 }
 
 double volume_and_gradient(const Eigen::Matrix3Xi& F, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient) {
-  gradient.setZero(3, F.maxCoeff() + 1);
+  gradient.setZero(3, F.cols() > 0 ? F.maxCoeff() + 1 : 0);
   const Eigen::Vector3d origin = x.col(0);
   double V = 0;
   for (const auto& t : F.colwise()) {

@@ -13,7 +13,7 @@ HandleSprings::HandleSprings(const SurfaceProblem::Held& held, const Eigen::Matr
 void HandleSprings::place(double t) {
   const Handle& handle = held_.handle;
   const bool holds = t >= handle.start && (!handle.end || t < *handle.end);
-  stiffness_ = holds ? handle.stiffness / static_cast<double>(rest_.cols()) : 0;
+  stiffness_ = holds && rest_.cols() > 0 ? handle.stiffness / static_cast<double>(rest_.cols()) : 0;
   if (!handle.motion.empty()) shift_ = frame_.transpose() * position_at(handle.motion, t);
 }
 

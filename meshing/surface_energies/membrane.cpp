@@ -134,11 +134,22 @@ void Membrane::begin_step(double t, double h, const Matrix3Xd& x) {
 }
 
 SurfaceEnergies skin_of(const Scene& scene, const Matrix3Xd& X, const Eigen::MatrixXi& faces,
-                        const Matrix3d& frame) {
+                        const Matrix3d& frame,
+                        const std::function<bool(const Eigen::VectorXi& nodes)>& is_counted) {
   if (!scene.skin) return {};
   const Skin& skin = *scene.skin;
-  const Eigen::Matrix3Xi F = flat_triangles(faces);
-  const Bending bending = make_bending(X, F, skin.bending);
+  Eigen::Matrix3Xi F = flat_triangles(faces);
+  Bending bending = make_bending(X, F, skin.bending);
+  if (is_counted) {
+    const auto counted = [&](const auto& parts) {
+      std::vector<int> places;
+      for (int k = 0; k < parts.cols(); ++k)
+        if (is_counted(parts.col(k))) places.push_back(k);
+      return places;
+    };
+    F = Eigen::Matrix3Xi(F(Eigen::all, counted(F)));
+    bending = part_of(bending, counted(bending.hinges));
+  }
   SurfaceEnergies energies;
   if (skin.stiffness > 0) {
     std::optional<Relaxation> relaxation;

@@ -1,6 +1,7 @@
 // The surface resists stretching and shearing in its plane [Delingette 2008].
 #pragma once
 
+#include <functional>
 #include <optional>
 
 #include "meshing/scene/scene.h"
@@ -30,7 +31,7 @@ struct ShrinkingRest {
 class Membrane : public SurfaceEnergy {
  public:
   /// @param X  nodes at rest (3 x n, m)
-  /// @param F  triangles of a closed surface
+  /// @param F  triangles
   /// @param stiffness  K (N/m): thickness times Young's modulus
   /// @param nu  Poisson's ratio
   Membrane(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double stiffness, double nu,
@@ -69,7 +70,9 @@ class Membrane : public SurfaceEnergy {
 /// @param X  nodes at rest (3 x n, m)
 /// @param faces  3 or 6 nodes each
 /// @param frame  turns X to where the scene has them
+/// @param is_counted  by its nodes, whether a triangle or a hinge is a part of it; absent: all are
 SurfaceEnergies skin_of(const Scene& scene, const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& faces,
-                        const Eigen::Matrix3d& frame);
+                        const Eigen::Matrix3d& frame,
+                        const std::function<bool(const Eigen::VectorXi& nodes)>& is_counted = {});
 
 }  // namespace testbed::meshing

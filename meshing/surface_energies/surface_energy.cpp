@@ -76,6 +76,7 @@ void SurfaceHessian::scale(double factor) {
 }
 
 void SurfaceHessian::add_volume(double factor, const Faces& faces, const Eigen::Matrix3Xd& x) {
+  if (faces.F.cols() == 0) return;
   if (!faces.is_curved()) {
     curvatures.push_back({factor, &faces.F, x.leftCols(faces.F.maxCoeff() + 1)});
     return;

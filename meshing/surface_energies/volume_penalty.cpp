@@ -14,37 +14,37 @@ TargetVolume target_volume_of(const Scene& scene, double at_rest) {
 }
 
 void VolumePenalty::begin_step(double t, double h, const Eigen::Matrix3Xd& x) {
-  if (over_time_) target_ = over_time_->at(t + h, volume_of(faces_, x));
+  if (over_time_) target_ = over_time_->at(t + h, volume_at(x));
 }
 
 double VolumePenalty::energy(const Eigen::Matrix3Xd& x) const {
-  const double excess = volume_of(faces_, x) - target_;
+  const double excess = volume_at(x) - target_;
   return P_ / 2 * excess * excess / target_ - pressure_ * excess;
 }
 
 void VolumePenalty::add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const {
   thread_local Eigen::Matrix3Xd gradient;  // kept, so that a step allocates nothing
-  const double V = volume_and_gradient(faces_, x, gradient);
+  const double V = volume_at(x, gradient);
   f.leftCols(gradient.cols()) += pressure_of(V) * gradient;
 }
 
 void VolumePenalty::add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const {
   Eigen::Matrix3Xd g;
-  volume_and_gradient(faces_, x, g);
+  const double V = volume_at(x, g);
   H.roots.emplace_back(std::sqrt(P_ / target_) * g);
-  if (curvature == Curvature::Exact) H.add_volume(-pressure_of(volume_of(faces_, x)), faces_, x);
+  if (curvature == Curvature::Exact) H.add_volume(-pressure_of(V), faces_, x);
 }
 
 void HeldVolume::begin_step(double t, double h, const Eigen::Matrix3Xd& x) {
   VolumePenalty::begin_step(t, h, x);
   pressure_ = found_;
   last_.reset();
-  before_ = volume_of(faces_, x);
+  before_ = volume_at(x);
 }
 
 bool HeldVolume::renew(const Eigen::Matrix3Xd& x) {
   constexpr double kTolerance = 1e-9;
-  const double V = volume_of(faces_, x);
+  const double V = volume_at(x);
   const Minimum now{pressure_, (V - target_) / target_};
   if (std::abs(now.excess) <= kTolerance) {
     found_ = pressure_of(V);
@@ -71,7 +71,7 @@ void HeldVolume::remember(std::shared_ptr<const SurfaceMemory> memory) {
 }
 
 double HeldVolume::work(const Eigen::Matrix3Xd& x) const {
-  return found_ * (volume_of(faces_, x) - before_);
+  return found_ * (volume_at(x) - before_);
 }
 
 }  // namespace testbed::meshing

@@ -41,6 +41,11 @@ class VolumePenalty : public SurfaceEnergy {
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;
 
  protected:
+  /// The volume that the faces enclose at x (m3), also with its gradient as volume_and_gradient.
+  virtual double volume_at(const Eigen::Matrix3Xd& x) const { return volume_of(faces_, x); }
+  virtual double volume_at(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& gradient) const {
+    return volume_and_gradient(faces_, x, gradient);
+  }
   /// On the faces (Pa), of a volume V (m3).
   double pressure_of(double V) const { return pressure_ + P_ * (target_ - V) / target_; }
 

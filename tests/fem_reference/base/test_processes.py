@@ -64,6 +64,16 @@ def assert_alike(one, several):
         assert several.record[name] == one.record[name]
 
 
+HANDLES = (  # of a region that not all processes have a part of, and of a vertex, from half the load on
+    "handles=[{region={box={low=[0.6,0.5,0],high=[1,1,1]},relative=true},stiffness=2e4,motion=[[0,0,0,0],[0.004,0,0.002,0.001]]},"
+    "{vertex=7,stiffness=1e3,start=0.002,motion=[[0,0,0.01,0]]}]",
+)
+
+STIFF_SKIN = ("skin.stiffness=1e4", "skin.bending=10")  # beside a body of 1e5 Pa
+INFLATED = ("volume.coefficient=1e5", "time.load_steps=2", "time.residual=1e-12")
+HELD = ("loads=[]", "volume.exact=true", "volume.target=[[0,1],[1,1.2]]", "time.load_steps=2")
+
+
 @pytest.mark.parametrize(
     "scene, degree, n, also",
     [
@@ -75,6 +85,12 @@ def assert_alike(one, several):
         ("bar_bend.toml", 2, 3, ("time.load_steps=2", "time.residual=1e-12")),
         (PULLED, 1, 2, ()),
         (PULLED, 2, 2, ()),
+        ("bar_sag.toml", 2, 3, (*HANDLES, "time.residual=1e-12")),
+        (PULLED, 1, 4, HANDLES),
+        ("inflate.toml", 1, 3, INFLATED),
+        ("inflate.toml", 2, 3, (*HELD, "time.residual=1e-12")),
+        ("inflate.toml", 1, 3, (*INFLATED, *STIFF_SKIN)),
+        ("inflate.toml", 2, 4, (*INFLATED, *STIFF_SKIN)),
     ],
 )
 def test_several_processes_solve_what_one_does(scene, degree, n, also, tmp_path):
@@ -95,6 +111,8 @@ FLUNG = (  # a half of which not all processes have a part, and all of it
     "material.law=neo_hookean",
 )  # fmt: skip
 FOLLOWER = "loads=[{pressure=1e6, follower=true}]"
+SKIN = ("skin.stiffness=1e4", "skin.bending=1")
+BAG = (*SKIN, "volume.coefficient=1e8", "volume.target=[[0,1],[0.004,1.001]]")
 
 
 @pytest.mark.parametrize(
@@ -105,6 +123,8 @@ FOLLOWER = "loads=[{pressure=1e6, follower=true}]"
         (2, 3, DRIVEN),
         (1, 2, ("material.law=neo_hookean", FOLLOWER)),
         (1, 4, FLUNG),
+        (1, 4, SKIN),
+        (2, 3, SKIN),
     ],
 )
 def test_several_processes_take_explicit_steps_as_one_does(degree, n, also, tmp_path):
@@ -126,6 +146,11 @@ def test_several_processes_take_explicit_steps_as_one_does(degree, n, also, tmp_
         (1, 3, ("material.law=neo_hookean", FOLLOWER)),
         (2, 4, FLUNG),
         (1, 4, ("supports.0.end=0.002",)),  # which not all processes have a part of
+        (1, 4, HANDLES),
+        (2, 3, (*DRIVEN, *HANDLES)),
+        (1, 3, BAG),
+        (2, 2, BAG),
+        (1, 4, ("volume.exact=true", *BAG[3:], "reference.integrator=minimising_euler")),
     ],
 )
 def test_several_processes_take_implicit_steps_as_one_does(degree, n, also, tmp_path):
@@ -141,9 +166,12 @@ def test_several_processes_take_implicit_steps_as_one_does(degree, n, also, tmp_
     assert several.record.get("n_steps_halved") == one.record.get("n_steps_halved")
 
 
-@pytest.mark.parametrize("scene, degree", [("bar_sag.toml", 2), ("ball_pressure.toml", 1)])
-def test_several_processes_find_the_frequencies_of_one(scene, degree, tmp_path):
-    overrides = ["surface.n_vertices=80", f"reference.degree={degree}"]
+@pytest.mark.parametrize(
+    "scene, degree, also",
+    [("bar_sag.toml", 2, ()), ("ball_pressure.toml", 1, ()), ("bar_sag.toml", 2, BAG[:3])],
+)
+def test_several_processes_find_the_frequencies_of_one(scene, degree, also, tmp_path):
+    overrides = ["surface.n_vertices=80", f"reference.degree={degree}", *also]
     one, several = (
         run(scene, tmp_path / str(p), overrides, p, ("--frequencies", "3")).record for p in (1, 2)
     )
@@ -230,12 +258,13 @@ def test_loads_that_drive_a_free_body_are_told_with_force_and_torque(tmp_path):
     "scene, overrides, told",
     [
         ("cube_pressed.toml", [], "obstacles"),
-        ("inflate.toml", ["volume.coefficient=1e3"], "volume"),
-        ("bar_sag.toml", ["reference.inertia_relief=true"], "inertia_relief"),
+        ("inflate.toml", ["skin.stiffness=1", "skin.bending=1", "skin.relaxation=0.1"], "skin.relaxation"),
+        ("ball_collapse.toml", ["skin.stiffness=1"], "skin with collapse.surface"),
+        ("bar_sag.toml", ["reference.inertia_relief=true"], "reference.inertia_relief"),
     ],
 )
 def test_what_is_not_divided_is_refused_once(scene, overrides, told, tmp_path):
     done = solve(scene, tmp_path / "out", overrides, 2)
     assert done.returncode != 0
     errors = [line for line in done.stderr.splitlines() if line.startswith("error:")]
-    assert len(errors) == 1 and told in errors[0] and "expected statics or motion of a body" in errors[0]
+    assert len(errors) == 1 and f": {told} under mpirun, expected one process" in errors[0]

@@ -50,6 +50,17 @@ TEST_F(BentSurface, ForceIsMinusEnergyGradientWhereTrianglesCrumple) {
   expect_minus_energy_gradient(large, f);
 }
 
+TEST_F(BentSurface, OfAPatchIsThatOfTheEdgesBetweenItsTriangles) {
+  const Bending patch = make_bending(ball.X, ball.F.leftCols(30), 0.3);
+  EXPECT_LT(patch.hinges.cols(), 45) << "some edges have one triangle";
+  std::vector<int> places;
+  for (int b = 0; b < bending.hinges.cols(); ++b)
+    if ((patch.hinges.colwise() - bending.hinges.col(b)).cwiseAbs().colwise().sum().minCoeff() == 0)
+      places.push_back(b);
+  ASSERT_EQ(places.size(), patch.hinges.cols());
+  EXPECT_EQ(energy(part_of(bending, places), x), energy(patch, x));
+}
+
 TEST_F(BentSurface, HessianInBlocksIsThatOfThePattern) {
   BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(bending));
   add_hessian(bending, x, K);

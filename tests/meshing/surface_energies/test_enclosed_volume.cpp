@@ -96,6 +96,17 @@ TEST_F(VolumeForce, IsMinusEnergyGradient) {
   }
 }
 
+TEST_F(VolumeForce, OfNoFacesIsNone) {
+  const VolumePenalty none{30, {}, 0.4};
+  Matrix3Xd f = Matrix3Xd::Zero(3, 5);
+  none.add_forces(x, f);
+  EXPECT_TRUE(f.isZero(0));
+  SurfaceHessian H;
+  none.add_hessian(x, H, Curvature::Exact);
+  EXPECT_EQ(H.roots[0].cols(), 0);
+  EXPECT_TRUE(H.curvatures.empty());
+}
+
 TEST_F(VolumeForce, RankOneTermIsTheWholeHessianAtTheTarget) {
   penalty.set_target(volume(x, F));
   SurfaceHessian H;
