@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -181,6 +182,22 @@ TEST(Motion, EndsWhereThreeStepsInARowDoNotConverge) {
   EXPECT_NE(simulation.report().reason.find("3 steps in a row have not converged"), std::string::npos);
   simulation.set_state(simulation.state());
   EXPECT_FALSE(simulation.has_ended()) << "it may be tried anew";
+}
+
+TEST(SimulationReport, KeepsItsCountsInWhatIsSaved) {
+  SimulationReport report, again;
+  report.status = Status::NotConverged;
+  int n = 0;
+  const auto counts = {&SimulationReport::n_at_rest, &SimulationReport::n_halved,
+                       &SimulationReport::n_unsolved, &SimulationReport::newton_iterations,
+                       &SimulationReport::linear_iterations};
+  for (int SimulationReport::*count : counts) report.*count = ++n;
+  Archive to;
+  to(report);
+  const auto from = std::make_unique<Archive>(to.bytes());
+  (*from)(again);
+  EXPECT_EQ(again.status, Status::NotConverged);
+  for (int SimulationReport::*count : counts) EXPECT_EQ(again.*count, report.*count);
 }
 
 TEST(Motion, GoesOnWhereAStepBetweenThoseThatDoNotConvergeDoes) {

@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <map>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -69,6 +71,17 @@ TEST(MemoryNeeded, CountsEveryProcess) {
 TEST(MemoryAvailable, IsThatOfAMachine) {
   EXPECT_GT(memory_available(), 1e7);
   EXPECT_LT(memory_available(), 1e14);
+}
+
+TEST(MemoryAvailable, HasWhatCachesGiveBack) {
+  std::ifstream limit("/sys/fs/cgroup/memory.max"), file("/proc/meminfo");
+  if (std::string word; limit >> word && word != "max") GTEST_SKIP() << "a group's limit counts";
+  std::map<std::string, double> kibibytes;
+  for (std::string line; std::getline(file, line);)
+    kibibytes[line.substr(0, line.find(':'))] = std::stod(line.substr(line.find(':') + 1));
+  const double given_back = kibibytes.at("MemAvailable") - kibibytes.at("MemFree");
+  if (given_back < 0.1 * kibibytes.at("MemFree")) GTEST_SKIP() << "caches hold next to nothing";
+  EXPECT_NEAR(memory_available() / 1024, kibibytes.at("MemAvailable"), given_back / 2);
 }
 
 }  // namespace

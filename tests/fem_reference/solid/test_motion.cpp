@@ -433,6 +433,21 @@ TEST(SmallStrain, EndsWhereItIsNotSmall) {
   }
 }
 
+TEST(SmallStrain, OfStaticsStoresEnergyByTheSquareOfTheLoad) {
+  FreeBox box;
+  box.scene.initial.clear();
+  box.scene.material.law = MaterialLaw::SmallStrain;
+  box.scene.time.mode = TimeMode::Static;
+  box.scene.time.load_steps = 10;
+  box.scene.supports = {held_face()};
+  box.scene.gravity = Vector3d(0, -1e-3, 0);
+  Simulation simulation = box.simulation();
+  const double of_half = after(5, simulation).snapshot().elastic_energy;
+  EXPECT_GT(of_half, 0);
+  const double whole = after(5, simulation).snapshot().elastic_energy;
+  EXPECT_NEAR(whole, 4 * of_half, 1e-12 * whole);
+}
+
 TEST(SmallStrain, OfStaticsEndsAtTheLoadThatStrainsTooMuch) {
   FreeBox box;
   box.scene.initial.clear();

@@ -15,6 +15,7 @@
 #include <fstream>
 #include <functional>
 #include <thread>
+#include <vector>
 
 #include "meshing/base/child_process.h"
 #include "meshing/base/files.h"
@@ -40,6 +41,16 @@ class RecorderTest : public testing::Test {
   void SetUp() override { fs::remove_all(folder); }
   void TearDown() override { fs::remove_all(folder); }
 };
+
+TEST(PeakMemory, IsTheMostThatAProcessHasHeld) {
+  constexpr std::size_t kBytes = 200'000'000;  // what the rest of the test holds is far less
+  {
+    std::vector<char> large(kBytes, 1);
+    EXPECT_EQ(large.back(), 1);
+  }
+  EXPECT_GE(peak_memory(), kBytes);
+  EXPECT_LT(peak_memory(), 4 * kBytes);
+}
 
 TEST_F(RecorderTest, FramesHoldEveryBitOfPositionsAndFields) {
   Recorder recorder(folder, cells, 3);

@@ -88,6 +88,17 @@ TEST(EnergyLedger, TellsTargetsFromObstaclesAndFrictionFromWhatIsStored) {
   }
 }
 
+TEST(EnergyLedger, HasOneColumnForEnergiesOfOneName) {
+  SurfaceEnergies surface;
+  for (const double value : {3., 4.}) {
+    surface.push_back(std::make_shared<Given>());
+    static_cast<Given&>(*surface.back()).value = value;
+  }
+  EnergyLedger ledger;
+  ledger.begin(0, 0, surface, kNowhere, 0);
+  EXPECT_EQ(column(ledger, surface, "given_energy"), 7);
+}
+
 TEST(EnergyLedger, CountsWhatAnEventChangesOfAllEnergies) {
   const auto given = std::make_shared<Given>();
   const SurfaceEnergies surface{given};
