@@ -25,7 +25,10 @@ struct Arguments : SessionOptions {
 std::string undivided_part(const Scene& scene, const Arguments& arguments) {
   if (processes().n == 1) return "";
   const bool skin_shrinks = scene.skin && scene.collapse && scene.collapse->surface;
-  for (const auto& [key, is_there] : {std::pair("obstacles", !scene.obstacles.empty()),
+  const bool may_overlap =
+      std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
+                  [](const Obstacle& obstacle) { return obstacle.initially == Overlap::Resolve; });
+  for (const auto& [key, is_there] : {std::pair("obstacles.initially = \"resolve\"", may_overlap),
                                       {"skin.relaxation", scene.skin && scene.skin->relaxation > 0},
                                       {"skin with collapse.surface", skin_shrinks},
                                       {"seams", !scene.seams.empty()},
@@ -227,7 +230,7 @@ int main(int argc, char** argv) {
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
       "  fem_reference scene.toml --converge 2\n"
-      "  mpirun -np 8 fem_reference scene.toml        (statics and motion, without contact)\n");
+      "  mpirun -np 8 fem_reference scene.toml        (statics and motion, without self-contact)\n");
   app.add_option(
          "--converge", arguments.n_levels,
          "also solve on this many meshes, each refined once more, and write the estimated error of the "

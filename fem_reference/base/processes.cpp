@@ -83,6 +83,13 @@ double largest_over_processes(double value) {
   return value;
 }
 
+double diagonal_over_processes(const Eigen::Matrix3Xd& X) {
+  Eigen::Vector3d sides;
+  for (int c = 0; c < 3; ++c)
+    sides(c) = largest_over_processes(X.row(c).maxCoeff()) + largest_over_processes(-X.row(c).minCoeff());
+  return sides.norm();
+}
+
 double sum_over_processes(double value) {
   if (processes().n > 1) MPI_Allreduce(MPI_IN_PLACE, &value, 1, MPI_DOUBLE, MPI_SUM, MPI_COMM_WORLD);
   return value;

@@ -29,6 +29,8 @@ void start_mpi();
 void sum_over_processes(Eigen::Ref<Eigen::VectorXd> values);
 double sum_over_processes(double value);
 double largest_over_processes(double value);
+/// Diagonal of the box around the points of all.
+double diagonal_over_processes(const Eigen::Matrix3Xd& X);
 
 /// What process 0 has, on all.
 Eigen::MatrixXi from_first_process(Eigen::MatrixXi values);

@@ -29,4 +29,23 @@ void DividedPressure::add_hessian(const Matrix3Xd& x, meshing::SurfaceHessian& H
   for (const auto& pressure : part_) pressure->add_hessian(x, H, curvature);
 }
 
+std::vector<meshing::Contact> DividedSum::contacts(const Matrix3Xd& x) const {
+  std::vector<meshing::Contact> with = counted_->contacts(x);
+  for (meshing::Contact& contact : with) {
+    sum_over_processes(contact.force);
+    contact.area = sum_over_processes(contact.area);
+  }
+  return with;
+}
+
+bool DividedSum::keep_out(const Matrix3Xd& x, Matrix3Xd& y) const {
+  constexpr int kMaxSweeps = 20;
+  int n = 0;
+  while (n < kMaxSweeps && largest_over_processes(acting_->keep_out(x, y)) > 0) {
+    share_.exchange.update(y);
+    ++n;
+  }
+  return n > 0;
+}
+
 }  // namespace testbed::fem

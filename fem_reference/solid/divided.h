@@ -33,8 +33,9 @@ class DividedSum : public meshing::SurfaceEnergy {
  public:
   /// @param acting   all parts that act on nodes of this process
   /// @param counted  those that no other process counts
-  DividedSum(std::shared_ptr<SurfaceEnergy> acting, std::shared_ptr<SurfaceEnergy> counted)
-      : acting_(std::move(acting)), counted_(std::move(counted)) {}
+  DividedSum(const Share& share, std::shared_ptr<SurfaceEnergy> acting,
+             std::shared_ptr<SurfaceEnergy> counted)
+      : share_(share), acting_(std::move(acting)), counted_(std::move(counted)) {}
 
   const char* name() const override { return acting_->name(); }
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override {
@@ -42,6 +43,19 @@ class DividedSum : public meshing::SurfaceEnergy {
   }
   double energy(const Eigen::Matrix3Xd& x) const override { return counted_->energy(x); }
   double stored(const Eigen::Matrix3Xd& x) const override { return sum_over_processes(counted_->stored(x)); }
+  double friction(const Eigen::Matrix3Xd& x) const override {
+    return sum_over_processes(counted_->friction(x));
+  }
+  double work(const Eigen::Matrix3Xd& x) const override { return sum_over_processes(counted_->work(x)); }
+  std::vector<meshing::Contact> contacts(const Eigen::Matrix3Xd& x) const override;
+  /// Again and again, as nodes of a point may be other processes'.
+  bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const override;
+  double largest_step(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx) const override {
+    return -largest_over_processes(-acting_->largest_step(x, dx));
+  }
+  void follow(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) override {
+    for (const auto& energy : {acting_, counted_}) energy->follow(x, y);
+  }
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override {
     acting_->add_forces(x, f);
   }
@@ -49,9 +63,12 @@ class DividedSum : public meshing::SurfaceEnergy {
                    meshing::Curvature curvature) const override {
     acting_->add_hessian(x, H, curvature);
   }
+  bool bounds_steps() const override { return acting_->bounds_steps(); }
+  bool is_stiff() const override { return acting_->is_stiff(); }
   bool is_invariant() const override { return acting_->is_invariant(); }
 
  private:
+  const Share& share_;
   std::shared_ptr<SurfaceEnergy> acting_, counted_;
 };
 

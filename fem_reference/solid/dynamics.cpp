@@ -32,11 +32,6 @@ Matrix3Xd field_of(const VectorXd& r) {
 
 constexpr double kLinear = 1e-13;  // tolerance of linear forces
 
-/// Of the box around points (m).
-double diagonal_of(const Matrix3Xd& X) {
-  return (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).norm();
-}
-
 }  // namespace
 
 Dynamics dynamics_of(const ElasticSolid& solid, MassMatrix mass) {
@@ -285,8 +280,9 @@ struct GeneralisedAlpha::Trial {
 std::optional<Matrix3Xd> GeneralisedAlpha::direction(const Matrix3Xd& r) const {
   constexpr double kForcing = 1e-2;
   if (solver_) {
-    const std::optional<VectorXd> x = solver_(r.reshaped(), kForcing);
+    std::optional<VectorXd> x = solver_(r.reshaped(), kForcing);
     if (!x) return {};
+    system_.exchange(*x);
     return Matrix3Xd(x->reshaped(3, r.cols()));
   }
   const VectorXd free = r.reshaped()(free_);
@@ -464,6 +460,9 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
   objective.dot = [](const Matrix3Xd& a, const Matrix3Xd& b) {
     return sum_over_processes(a.cwiseProduct(b).sum());
   };
+  objective.longest = [](const Matrix3Xd& a) {
+    return largest_over_processes(a.colwise().norm().maxCoeff());
+  };
   objective.value = [&] { return incremental_potential(trial); };
   objective.negative_gradient = [&](Matrix3Xd& r) {
     trial.f = force_of(trial.u);
@@ -506,7 +505,7 @@ bool GeneralisedAlpha::find_acceleration(const ConstrainedState& constrained, Tr
   };
   const bool is_stiff = meshing::is_stiff(surface);
   const meshing::NewtonOptions options{is_stiff ? kMaxIterationsOfContact : kMaxIterations, energy_scale_,
-                                       is_stiff ? kLastStep * diagonal_of(system_.X) : 0};
+                                       is_stiff ? kLastStep * diagonal_over_processes(system_.X) : 0};
   bool is_ok = false;
   const auto minimise = [&] {
     before = std::numeric_limits<double>::infinity();

@@ -302,9 +302,9 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
 void ElasticSolid::Implementation::balance_rigid_motions(const TwoLevelSolver::Stiffness& A,
                                                          const Matrix3Xd& at, const Matrix3Xd& r,
                                                          Matrix3Xd& dx) const {
-  Eigen::MatrixXd R = rigid_motions(nodes.X + at);
+  Eigen::MatrixXd R = share.rigid_motions(nodes.X + at);
   for (Eigen::Index k = 0; k < R.rows(); ++k)
-    if (is_constrained[k]) R.row(k).setZero();
+    if (is_constrained[k] || (!share.is_whole && share.is_ghost[k / 3])) R.row(k).setZero();
   Matrix3Xd rest = r;
   solver.add_product(A, -1, dx, rest);
   Eigen::MatrixXd AR(R.rows(), R.cols());
@@ -313,7 +313,11 @@ void ElasticSolid::Implementation::balance_rigid_motions(const TwoLevelSolver::S
     solver.add_product(A, 1, R.col(k).reshaped(3, r.cols()), product);
     AR.col(k) = product.reshaped();
   }
-  const Eigen::VectorXd part = (R.transpose() * AR).ldlt().solve(R.transpose() * rest.reshaped());
+  Eigen::MatrixXd K = R.transpose() * AR;
+  Eigen::VectorXd f = R.transpose() * rest.reshaped();
+  sum_over_processes(K.reshaped());
+  sum_over_processes(f);
+  const Eigen::VectorXd part = K.ldlt().solve(f);
   if (part.allFinite()) dx.reshaped() += R * part;
 }
 
@@ -326,10 +330,10 @@ bool ElasticSolid::Implementation::solve_direction(const Matrix3Xd& at, double l
     hold(A);
     dx = Matrix3Xd::Zero(3, r.cols());
     const LinearReport linear = solver.solve(A, rigid, r, relative, dx);
-    share.exchange.update(dx);
     report.solver = linear.solver;
     report.linear_iterations += linear.iterations;
     if (is_stiff(surface)) balance_rigid_motions(A, at, r, dx);
+    share.exchange.update(dx);
     return linear.is_definite;
   };
   if (solve(meshing::Curvature::Exact)) return true;
@@ -394,13 +398,16 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
   keep_out(x);
   if (!std::isfinite(potential(x, load_factor))) return false;
   const Matrix3Xd guess = x;
-  const double extent = (nodes.X.rowwise().maxCoeff() - nodes.X.rowwise().minCoeff()).norm();
+  const double extent = diagonal_over_processes(nodes.X);
   // Contact is so stiff that the rounding of positions is no balance of forces: the last correction tells then.
   const bool is_stiff = meshing::is_stiff(surface);
   Matrix3Xd start = x;
   double first = 0, residual = 0;
   meshing::Objective objective;
   objective.dot = [&](const Matrix3Xd& a, const Matrix3Xd& b) { return share.dot(a, b); };
+  objective.longest = [](const Matrix3Xd& a) {
+    return largest_over_processes(a.colwise().norm().maxCoeff());
+  };
   objective.value = [&] { return potential(x, load_factor); };
   objective.negative_gradient = [&](Matrix3Xd& r) {
     find_residual(x, load_factor, r);
@@ -415,8 +422,7 @@ bool ElasticSolid::Implementation::balance(double load_factor, Matrix3Xd& x, Sta
     residual = share.norm(r);
     first = std::max(first, residual);
     // Nothing holds the body any more.
-    if (is_stiff && (x - guess).colwise().norm().maxCoeff() > extent)
-      newton.status = meshing::Status::NotConverged;
+    if (is_stiff && objective.longest(x - guess) > extent) newton.status = meshing::Status::NotConverged;
     return newton.status != meshing::Status::Ok || is_balanced(x, residual);
   };
   objective.direction = [&](const Matrix3Xd& r, Matrix3Xd& dx) {

@@ -7,12 +7,14 @@
 #include "fem_reference/elements/refine.h"
 #include "fem_reference/solid/divided.h"
 #include "fem_reference/solid/schemes.h"
+#include "meshing/algebra/rigid_motion.h"
 #include "meshing/scene/collapse.h"
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/barrier.h"
 #include "meshing/surface_energies/handles.h"
 #include "meshing/surface_energies/membrane.h"
+#include "meshing/surface_energies/proximal_term.h"
 #include "meshing/surface_energies/seams.h"
 #include "meshing/surface_energies/self_barrier.h"
 #include "meshing/surface_energies/surface_points.h"
@@ -125,6 +127,39 @@ std::vector<char> held_nodes(const Scene& scene, const std::vector<ConstrainedCo
   return is_constrained;
 }
 
+/// Of several processes, as obstacles_in_statics or in motion.
+meshing::SurfaceEnergies divided_obstacles(const std::vector<meshing::RigidBody>& bodies,
+                                           const ElasticSolid& solid, double E,
+                                           const std::vector<char>& is_constrained, bool is_static) {
+  const Share& share = solid.share();
+  const Eigen::Matrix3Xd& X = solid.X();
+  const double size = diagonal_over_processes(X);
+  const auto barrier = [&](const meshing::IsCounted& is_counted) {
+    return barrier_around(bodies, X, solid.faces(), E, is_constrained,
+                          is_static ? meshing::FrictionLag::Iteration : meshing::FrictionLag::Step, size,
+                          is_counted);
+  };
+  meshing::SurfaceEnergies energies{std::make_shared<DividedSum>(
+      share, barrier({}), barrier([&](const Eigen::VectorXi& nodes) { return share.counts(nodes); }))};
+  if (!is_static) return energies;
+  const Eigen::MatrixXd motions = share.rigid_motions(X);
+  Eigen::Matrix<double, 6, 6> fixed = Eigen::Matrix<double, 6, 6>::Zero();
+  std::vector<Eigen::Triplet<double>> owned;
+  for (Eigen::Index i = 0; i < X.cols(); ++i) {
+    if (share.is_ghost[i]) continue;
+    owned.emplace_back(static_cast<int>(owned.size()), static_cast<int>(i), 1.);
+    if (is_constrained[i]) fixed += motions.middleRows<3>(3 * i).transpose() * motions.middleRows<3>(3 * i);
+  }
+  sum_over_processes(fixed.reshaped());
+  if (meshing::free_combinations(fixed).cols() == 0) return energies;
+  meshing::SurfacePoints points(static_cast<Eigen::Index>(owned.size()), X.cols());
+  points.setFromTriplets(owned.begin(), owned.end());
+  const auto guide = [&] { return meshing::soft_proximal_term(E, size, share.n_nodes); };
+  energies.push_back(std::make_shared<DividedSum>(
+      share, guide(), std::make_shared<meshing::EnergyOfPoints>(guide(), points)));
+  return energies;
+}
+
 /// What scene.obstacles do to the surface of a body, whose coordinates are those of the frame's axes.
 meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& solid,
                                       const std::vector<ConstrainedComponent>& constrained,
@@ -133,8 +168,9 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
   const std::vector<meshing::RigidBody> bodies = rigid_bodies(scene, frame);
   const std::vector<char> is_constrained = held_nodes(scene, constrained, solid.X().cols());
   const double E = scene.material.E;
-  if (scene.time.mode == TimeMode::Static)
-    return obstacles_in_statics(bodies, solid.X(), solid.faces(), E, is_constrained);
+  const bool is_static = scene.time.mode == TimeMode::Static;
+  if (!solid.share().is_whole) return divided_obstacles(bodies, solid, E, is_constrained, is_static);
+  if (is_static) return obstacles_in_statics(bodies, solid.X(), solid.faces(), E, is_constrained);
   return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
 }
 
@@ -145,7 +181,7 @@ meshing::SurfaceEnergies skin_of(const Scene& scene, const ElasticSolid& solid,
   if (share.is_whole) return skin;
   const auto counted = meshing::skin_of(scene, solid.X(), solid.faces(), frame,
                                         [&](const Eigen::VectorXi& nodes) { return share.counts(nodes); });
-  for (size_t k = 0; k < skin.size(); ++k) skin[k] = std::make_shared<DividedSum>(skin[k], counted[k]);
+  for (size_t k = 0; k < skin.size(); ++k) skin[k] = std::make_shared<DividedSum>(share, skin[k], counted[k]);
   return skin;
 }
 
@@ -181,7 +217,7 @@ meshing::SurfaceEnergies handles_of(SurfaceProblem problem, const ElasticSolid& 
   }
   meshing::SurfaceEnergies energies = meshing::handles_of(problem, solid.X(), frame);
   if (share.is_whole) return energies;
-  for (auto& energy : energies) energy = std::make_shared<DividedSum>(energy, energy);
+  for (auto& energy : energies) energy = std::make_shared<DividedSum>(share, energy, energy);
   return energies;
 }
 

@@ -53,7 +53,7 @@ NewtonReport minimise(const Objective& f, const NewtonOptions& options) {
       f.move(dx, step);
     }
     reached = moved;
-    const bool is_last = dx.colwise().norm().maxCoeff() < options.step_tolerance;
+    const bool is_last = f.longest(dx) < options.step_tolerance;
     if (!is_accepted) f.move(dx.setZero(), 0);
     if (is_last) return report;
     if (!is_accepted) return stop(Status::NotConverged, "no step along Newton's direction descends");

@@ -20,6 +20,10 @@ struct Objective {
   /// Of fields; the same in all processes that share them.
   std::function<double(const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b)> dot =
       [](const Eigen::Matrix3Xd& a, const Eigen::Matrix3Xd& b) { return a.cwiseProduct(b).sum(); };
+  /// Length of a field's longest column, as well.
+  std::function<double(const Eigen::Matrix3Xd& a)> longest = [](const Eigen::Matrix3Xd& a) {
+    return a.colwise().norm().maxCoeff();
+  };
   std::function<double()> value;
   std::function<void(Eigen::Matrix3Xd& r)> negative_gradient;
   /// Whether the iteration ends at the point, as a minimum unless the report is told else; r: negative

@@ -223,10 +223,11 @@ void Barrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
 
 std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Matrix3Xd& X,
                                               const Eigen::MatrixXi& faces, double E,
-                                              const std::vector<char>& is_constrained, FrictionLag lag) {
+                                              const std::vector<char>& is_constrained, FrictionLag lag,
+                                              std::optional<double> size, const IsCounted& is_counted) {
   constexpr double kRange = 1e-3;
-  const double range = kRange * diagonal_of(X);
-  ContactPoints points = contact_points(faces, X, is_constrained);
+  const double range = kRange * size.value_or(diagonal_of(X));
+  ContactPoints points = contact_points(faces, X, is_constrained, is_counted);
   auto barrier = std::make_shared<Barrier>(Eigen::VectorXd::Zero(points.W.rows()), range, kStiff * E / range,
                                            bodies, lag);
   return std::make_shared<BarrierOnFaces>(std::move(barrier), std::move(points), X, faces);
@@ -240,10 +241,8 @@ SurfaceEnergies obstacles_in_statics(const std::vector<RigidBody>& bodies, const
   Eigen::Matrix<double, 6, 6> fixed = Eigen::Matrix<double, 6, 6>::Zero();
   for (Eigen::Index i = 0; i < X.cols(); ++i)
     if (is_constrained[i]) fixed += motions.middleRows<3>(3 * i).transpose() * motions.middleRows<3>(3 * i);
-  constexpr double kSoft = 1e-3;  // of the body: what linear solves leave of rigid motions stays small
   if (free_rigid_motions(motions, fixed).cols() > 0)
-    energies.push_back(
-        std::make_shared<ProximalTerm>(kSoft * E * diagonal_of(X) / static_cast<double>(X.cols())));
+    energies.push_back(soft_proximal_term(E, diagonal_of(X), X.cols()));
   return energies;
 }
 

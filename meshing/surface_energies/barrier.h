@@ -92,10 +92,14 @@ class Barrier : public SurfaceEnergy {
 /// @param faces  3 or 6 nodes each
 /// @param E  Young's modulus (Pa)
 /// @param is_constrained  per node, whether nothing moves it but its supports
+/// @param size  diagonal of the body's box (m); absent: that of X
+/// @param is_counted  of points; absent: all are
 std::shared_ptr<SurfaceEnergy> barrier_around(const std::vector<RigidBody>& bodies, const Eigen::Matrix3Xd& X,
                                               const Eigen::MatrixXi& faces, double E,
                                               const std::vector<char>& is_constrained,
-                                              FrictionLag lag = FrictionLag::Step);
+                                              FrictionLag lag = FrictionLag::Step,
+                                              std::optional<double> size = {},
+                                              const IsCounted& is_counted = {});
 
 /// What obstacles are in statics: the barrier, with friction that ends as Coulomb's law, and a ProximalTerm where
 /// constrained nodes do not hold the body.

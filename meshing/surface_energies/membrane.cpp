@@ -134,8 +134,7 @@ void Membrane::begin_step(double t, double h, const Matrix3Xd& x) {
 }
 
 SurfaceEnergies skin_of(const Scene& scene, const Matrix3Xd& X, const Eigen::MatrixXi& faces,
-                        const Matrix3d& frame,
-                        const std::function<bool(const Eigen::VectorXi& nodes)>& is_counted) {
+                        const Matrix3d& frame, const IsCounted& is_counted) {
   if (!scene.skin) return {};
   const Skin& skin = *scene.skin;
   Eigen::Matrix3Xi F = flat_triangles(faces);

@@ -1,7 +1,6 @@
 // The surface resists stretching and shearing in its plane [Delingette 2008].
 #pragma once
 
-#include <functional>
 #include <optional>
 
 #include "meshing/scene/scene.h"
@@ -70,9 +69,8 @@ class Membrane : public SurfaceEnergy {
 /// @param X  nodes at rest (3 x n, m)
 /// @param faces  3 or 6 nodes each
 /// @param frame  turns X to where the scene has them
-/// @param is_counted  by its nodes, whether a triangle or a hinge is a part of it; absent: all are
+/// @param is_counted  of triangles and hinges; absent: all are
 SurfaceEnergies skin_of(const Scene& scene, const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& faces,
-                        const Eigen::Matrix3d& frame,
-                        const std::function<bool(const Eigen::VectorXi& nodes)>& is_counted = {});
+                        const Eigen::Matrix3d& frame, const IsCounted& is_counted = {});
 
 }  // namespace testbed::meshing

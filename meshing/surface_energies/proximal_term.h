@@ -32,4 +32,12 @@ class ProximalTerm : public SurfaceEnergy {
   Eigen::Matrix3Xd last_;
 };
 
+/// So soft beside a body that it hardly slows it, and so stiff that what linear solves leave of rigid motions stays small.
+/// @param E  Young's modulus (Pa)
+/// @param size  of the body, of n nodes (m)
+inline std::shared_ptr<ProximalTerm> soft_proximal_term(double E, double size, Eigen::Index n) {
+  constexpr double kSoft = 1e-3;
+  return std::make_shared<ProximalTerm>(kSoft * E * size / static_cast<double>(n));
+}
+
 }  // namespace testbed::meshing

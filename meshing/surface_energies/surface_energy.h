@@ -221,6 +221,9 @@ class PlainEnergy : public SurfaceEnergy {
   const char* name_;
 };
 
+/// Of a part of an energy, by its nodes, whether it is counted where several processes share the surface.
+using IsCounted = std::function<bool(const Eigen::VectorXi& nodes)>;
+
 /// All that acts on a surface, in the order in which it is summed.
 using SurfaceEnergies = std::vector<std::shared_ptr<SurfaceEnergy>>;
 

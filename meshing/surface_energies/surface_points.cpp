@@ -70,7 +70,7 @@ SurfacePoints points_on(const Eigen::MatrixXi& faces, const Matrix3Xd& places, E
 }
 
 ContactPoints contact_points(const Eigen::MatrixXi& faces, const Matrix3Xd& X,
-                             const std::vector<char>& is_constrained) {
+                             const std::vector<char>& is_constrained, const IsCounted& is_counted) {
   constexpr double kCorner = 1. / 20, kMiddle = 2. / 15, kCentroid = 9. / 20;
   std::vector<Eigen::Triplet<double>> entries;
   std::vector<ContactPoints::Share> shares;
@@ -78,11 +78,12 @@ ContactPoints contact_points(const Eigen::MatrixXi& faces, const Matrix3Xd& X,
   std::map<std::pair<int, int>, int> shared;  // the point of a corner, twice, or of an edge; -1: constrained
   const auto add = [&](const Eigen::VectorXi& face, double r, double s) {
     const Matrix3Xd N = shape_functions(face.size(), r, s);
-    bool is_free = false;
-    for (Eigen::Index a = 0; a < face.size(); ++a) is_free |= N(0, a) != 0 && !is_constrained[face(a)];
-    if (!is_free) return -1;
-    for (Eigen::Index a = 0; a < face.size(); ++a)
-      if (N(0, a) != 0) entries.emplace_back(n_points, face(a), N(0, a));
+    std::vector<int> on;  // nodes of the face
+    for (int a = 0; a < face.size(); ++a)
+      if (N(0, a) != 0) on.push_back(a);
+    if (std::all_of(on.begin(), on.end(), [&](int a) { return is_constrained[face(a)]; })) return -1;
+    if (is_counted && !is_counted(face(on))) return -1;
+    for (const int a : on) entries.emplace_back(n_points, face(a), N(0, a));
     return n_points++;
   };
   for (int f = 0; f < faces.cols(); ++f) {

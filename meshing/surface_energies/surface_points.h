@@ -38,8 +38,9 @@ struct ContactPoints {
 /// @param faces  3 or 6 nodes each
 /// @param X  nodes at rest (3 x n, m), edges straight
 /// @param is_constrained  per node
+/// @param is_counted  by the nodes that it hangs on, whether a point is one of them; absent: all are
 ContactPoints contact_points(const Eigen::MatrixXi& faces, const Eigen::Matrix3Xd& X,
-                             const std::vector<char>& is_constrained);
+                             const std::vector<char>& is_constrained, const IsCounted& is_counted = {});
 
 /// W^T H W: what the Hessian at points is at the nodes that they hang on.
 SurfaceHessian at_nodes(const SurfaceHessian& H, const SurfacePoints& W);
