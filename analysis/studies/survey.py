@@ -147,6 +147,10 @@ def row_of(outcome: Outcome) -> Row:
     ratio = record.get("tetrahedra", {}).get("min_radius_ratio")
     row["min_radius_ratio"] = "" if ratio is None else f"{ratio:.2g}"
     row["estimate"] = f"{record['estimated_error']:.5g}" if "estimated_error" in record else ""
+    if row["end"] == "ok":
+        with (outcome.folder / "curves.csv").open(newline="") as lines:
+            *_, last = csv.DictReader(lines)
+        row["displacement"] = last["max_displacement"]
     return row
 
 
@@ -197,6 +201,30 @@ def interval(n_good: int, n: int) -> tuple[float, float]:
     middle = (n_good + z * z / 2) / (n + z * z)
     half = z / (n + z * z) * np.sqrt(n_good * (n - n_good) / n + z * z / 4)
     return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def table_of_agreement(rows: list[Row]) -> Table:
+    """By how much the springs' largest displacement differs from the elements', with an estimate of theirs and without."""
+    head = ["springs' estimate", "bodies", "within 10 %", "median", "90 %", "largest"]
+    good = {_place_of(row, row["program"]): row for row in rows if row["end"] == "ok"}
+    apart: dict[str, list[float]] = defaultdict(list)
+    for place, row in good.items():
+        elements = good.get((*place[:-1], "fem_reference"))
+        if row["program"] == "massspring" and elements:
+            kind = (
+                "none"
+                if not row["estimate"]
+                else "up to 10 %"
+                if float(row["estimate"]) <= 0.1
+                else "above 10 %"
+            )
+            apart[kind].append(abs(float(row["displacement"]) / float(elements["displacement"]) - 1))
+    lines = []
+    for kind in ("up to 10 %", "above 10 %", "none"):
+        if of := apart[kind]:
+            parts = (percent(float(np.quantile(of, part)), 2) for part in (0.5, 0.9, 1))
+            lines.append([kind, str(len(of)), str(sum(part <= 0.1 for part in of)), *parts])
+    return head, lines
 
 
 def far_slower(rows: list[Row]) -> list[Row]:
@@ -270,9 +298,15 @@ def sections_of(rows: list[Row], sources: dict[str, Row]) -> list[Section]:
     failures = table_of_failures(rows, sources)
     return [
         Section("How runs end", [_HOW], {}, tables),
+        Section("Whether the programs agree", [_AGREE], {}, {"agreement": table_of_agreement(rows)}),
         Section("What does not end ok", [], {}, {"failures": failures}),
     ]
 
+
+_AGREE = (
+    "Where both programs end ok, the largest displacement of the springs is compared with that of quadratic elements on the same "
+    "surface, by the error that the springs expect of themselves."
+)
 
 _HOW = (
     "A run is refused where it ends with an error in words within ten seconds. Seconds are of computing, children's included. "

@@ -21,6 +21,7 @@ from analysis.studies.survey import (
     read_sources,
     row_of,
     table,
+    table_of_agreement,
     table_of_failures,
 )
 
@@ -140,15 +141,41 @@ def test_what_does_not_end_ok_is_named_with_its_source():
     assert lines[0][-2:] == ["60", "why"]
 
 
+def test_programs_agree_where_their_displacements_do_by_what_springs_expect():
+    rows = [
+        row(name, program, "ok", 1, estimate=estimate if program == "massspring" else "", displacement=size)
+        for name, estimate, sizes in [
+            ("a", "0.05", ("0.9", "1")),
+            ("b", "0.1", ("3", "2.5")),
+            ("c", "0.2", ("1", "2")),
+            ("d", "", ("0.25", "1")),
+        ]
+        for program, size in zip(("massspring", "fem_reference"), sizes, strict=True)
+    ]
+    rows += [row("e", "massspring", "ok", 1, displacement="1"), row("e", "fem_reference", "failed", 1)]
+    rows += [
+        row("d", program, "ok", 1, load="free", displacement="1")
+        for program in ("massspring", "fem_reference")
+    ]
+    _, lines = table_of_agreement(rows)
+    assert lines == [
+        ["up to 10 %", "2", "1", "15 %", "19 %", "20 %"],
+        ["above 10 %", "1", "0", "50 %", "50 %", "50 %"],
+        ["none", "2", "1", "38 %", "68 %", "75 %"],
+    ]
+
+
 class Recording:
     """A store that runs nothing."""
 
-    def __init__(self):
-        self.requests = []
+    def __init__(self, folder):
+        self.requests, self.folder = [], folder
+        (folder / "curves.csv").write_text("time,max_displacement\n0,0\n1,0.5\n")
 
     def run(self, request):
         self.requests.append(request)
-        return Outcome("ok", "", 3, 2, 0, record={"n_nodes": 7, "tetrahedra": {"min_radius_ratio": 0.25}})
+        record = {"n_nodes": 7, "tetrahedra": {"min_radius_ratio": 0.25}}
+        return Outcome("ok", "", 3, 2, 0, self.folder, record)
 
 
 def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_path, ball):
@@ -158,13 +185,14 @@ def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_
         f"f {a} {b} {c}" for a, b, c in F + 1
     ]
     file.write_text("\n".join(lines))
-    store = Recording()
+    store = Recording(tmp_path)
     bench = Bench(tmp_path, store)
     rows = bench.measure(Case(file, "0123456789abcdef", is_remeshed=False), ("sag", "free"))
     assert [(r["load"], r["program"], r["end"], r["n_nodes"]) for r in rows] == [
         (load, program, "ok", "7") for load in ("sag", "free") for program in ("massspring", "fem_reference")
     ]
     assert rows[0]["min_radius_ratio"] == "0.25" and rows[0]["half"] == "held-out"
+    assert rows[0]["displacement"] == "0.5"
     assert {request.prefix for request in store.requests} == {("prlimit", "--cpu=60")}
     new, points, _ = bench.surface_of(Case(file, "0123456789abcdef", is_remeshed=False))
     assert f"surface.file={new}" in store.requests[0].overrides
@@ -173,6 +201,6 @@ def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_
     np.testing.assert_allclose(points.min(axis=0) + points.max(axis=0), 0, atol=1e-12)
 
 
-def test_a_row_tells_the_message_of_what_is_not_ok_alone():
-    assert row_of(Outcome("ok", "", 3, 2, 0))["message"] == ""
+def test_a_row_tells_the_message_of_what_is_not_ok_alone(tmp_path):
+    assert row_of(Recording(tmp_path).run(None))["message"] == ""
     assert row_of(Outcome("failed", "no such thing", 3, 2, 0))["message"] == "failed: no such thing"
