@@ -304,8 +304,8 @@ def sections_of(rows: list[Row], sources: dict[str, Row]) -> list[Section]:
 
 
 _AGREE = (
-    "Where both programs end ok, the largest displacement of the springs is compared with that of quadratic elements on the same "
-    "surface, by the error that the springs expect of themselves."
+    "Where both programs end ok, the largest displacement of the springs is compared with that of quadratic elements of the same "
+    "body, by the error that the springs expect of themselves."
 )
 
 _HOW = (
