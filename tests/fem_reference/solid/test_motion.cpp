@@ -433,13 +433,18 @@ TEST(SmallStrain, EndsWhereItIsNotSmall) {
   }
 }
 
-TEST(SmallStrain, OfStaticsStoresEnergyByTheSquareOfTheLoad) {
+FreeBox held_box_in_statics() {
   FreeBox box;
   box.scene.initial.clear();
   box.scene.material.law = MaterialLaw::SmallStrain;
   box.scene.time.mode = TimeMode::Static;
   box.scene.time.load_steps = 10;
   box.scene.supports = {held_face()};
+  return box;
+}
+
+TEST(SmallStrain, OfStaticsStoresEnergyByTheSquareOfTheLoad) {
+  FreeBox box = held_box_in_statics();
   box.scene.gravity = Vector3d(0, -1e-3, 0);
   Simulation simulation = box.simulation();
   const double of_half = after(5, simulation).snapshot().elastic_energy;
@@ -449,12 +454,7 @@ TEST(SmallStrain, OfStaticsStoresEnergyByTheSquareOfTheLoad) {
 }
 
 TEST(SmallStrain, OfStaticsEndsAtTheLoadThatStrainsTooMuch) {
-  FreeBox box;
-  box.scene.initial.clear();
-  box.scene.material.law = MaterialLaw::SmallStrain;
-  box.scene.time.mode = TimeMode::Static;
-  box.scene.time.load_steps = 10;
-  box.scene.supports = {held_face()};
+  FreeBox box = held_box_in_statics();
   const auto pulled = [&](double by) {
     box.scene.gravity = Vector3d(0, -by, 0);
     Simulation simulation = box.simulation();
