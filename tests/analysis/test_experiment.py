@@ -5,6 +5,7 @@ import json
 import os
 import re
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -562,29 +563,27 @@ def test_exit_status_tells_whether_the_scenes_own_model_gave_a_result(home, tmp_
     assert "gave no result: diverged, at 2 s" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda out: (out / "report.html").unlink(),
-        lambda out: (out / "report.html").write_text("<html>"),
-        lambda out: (out / "view.html").unlink(),
-        lambda out: (out / "comparison.json").write_text(""),
-        lambda out: (out / "comparison.json").write_text("[]"),
-        lambda out: os.truncate(out / "comparison.json", 100),
-    ],
-)
-def test_damaged_report_is_mended_by_the_same_command(damage, home, tmp_path):
+def test_damaged_report_is_mended_by_the_same_command(home, tmp_path):
     arguments = parse_arguments(
         ["run", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--quiet"]
     )
     run_command(arguments)
-    before = {name: (tmp_path / "out" / name).read_bytes() for name in ("report.html", "comparison.json")}
-    damage(tmp_path / "out")
-    assert run_command(arguments) == 0
-    written = json.loads((tmp_path / "out" / "comparison.json").read_text())
-    assert written["finding"] == json.loads(before["comparison.json"])["finding"]
-    assert (tmp_path / "out" / "view.html").exists()
-    assert abs((tmp_path / "out" / "report.html").stat().st_size / len(before["report.html"]) - 1) < 0.01
+    report, comparison, view = (tmp_path / "out" / n for n in ("report.html", "comparison.json", "view.html"))
+    size, finding = report.stat().st_size, json.loads(comparison.read_text())["finding"]
+    damages: dict[str, Callable[[], object]] = {
+        "no report": report.unlink,
+        "half a report": lambda: report.write_text("<html>"),
+        "no view": view.unlink,
+        "nothing compared": lambda: comparison.write_text(""),
+        "another comparison": lambda: comparison.write_text("[]"),
+        "half a comparison": lambda: os.truncate(comparison, 100),
+    }
+    for name, damage in damages.items():
+        damage()
+        assert run_command(arguments) == 0, name
+        assert json.loads(comparison.read_text())["finding"] == finding, name
+        assert view.exists(), name
+        assert report.stat().st_size == pytest.approx(size, rel=0.01), name
 
 
 def test_force_forgets_what_the_folder_holds(home, tmp_path):
