@@ -253,8 +253,7 @@ ExitStatus run(const Arguments& arguments) {
   describe(simulation, scene, session.record);
   if (!arguments.is_undiagnosed) add_diagnostics(model, session);
   if (arguments.n_frequencies > 0) {
-    const auto [frequency, n_zero] =
-        natural_frequencies(model, simulation.forces().constraints, arguments.n_frequencies);
+    const auto [frequency, n_zero] = natural_frequencies(model, simulation.forces(), arguments.n_frequencies);
     session.record["natural_frequencies"] = std::vector<double>(frequency.begin(), frequency.end());
     session.record["n_zero_frequencies"] = n_zero;
   }

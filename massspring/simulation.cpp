@@ -164,7 +164,7 @@ void Simulation::act_on_model() {
     return;
   }
   if (scene_.material.damping_ratio > 0)
-    forces_.mass_damping += damping_of_ratio(model_, forces_.constraints, scene_.material.damping_ratio);
+    forces_.mass_damping += damping_of_ratio(model_, forces_, scene_.material.damping_ratio);
   const Integrator& integrator = find_integrator(time.integrator);
   constexpr double kSafety = 0.5;  // of the stability limit of the body at rest: springs stiffen under load
   step_ = time.step;
@@ -378,8 +378,7 @@ void Simulation::check_energy() {
 
 void Simulation::check_strain() {
   if (!model_.linear || model_.network.T.cols() == 0) return;
-  const double strain =
-      largest_linear_strain(model_.network.X, model_.network.T, displacement(model_, state_));
+  const double strain = largest_mean_strain(model_.network.X, model_.network.T, displacement(model_, state_));
   if (!(strain > meshing::kLargestSmallStrain)) return;
   report_.status = Status::StrainTooLarge;
   std::ostringstream reason;

@@ -468,7 +468,7 @@ void ElasticSolid::Implementation::drop_ghosts(Eigen::SparseMatrix<double>& A) c
     A.prune([&](Eigen::Index row, Eigen::Index, double) { return !share.is_ghost[row / 3]; });
 }
 
-Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
+Eigen::SparseMatrix<double> ElasticSolid::stiffness(Eigen::MatrixXd* roots) const {
   Linearisation at_rest;
   self_->shrink(0);
   meshing::SurfaceEnergies acting;  // contact has no finite stiffness where a body begins in touch
@@ -478,6 +478,10 @@ Eigen::SparseMatrix<double> ElasticSolid::stiffness() const {
   self_->find_tangent(Matrix3Xd::Zero(3, X().cols()), 0, Curvature::Projected, at_rest);
   std::swap(acting, self_->surface);
   self_->drop_ghosts(at_rest.tangent);
+  if (roots) {
+    roots->resize(3 * X().cols(), static_cast<Eigen::Index>(at_rest.roots.size()));
+    for (Eigen::Index k = 0; k < roots->cols(); ++k) roots->col(k) = at_rest.roots[k];
+  }
   return at_rest.tangent;
 }
 

@@ -36,7 +36,7 @@ constexpr double kLinear = 1e-13;  // tolerance of linear forces
 
 Dynamics dynamics_of(const ElasticSolid& solid, MassMatrix mass) {
   Dynamics system;
-  system.K = solid.stiffness();
+  system.K = solid.stiffness(&system.roots);
   system.M = solid.mass(mass);
   if (solid.share().is_whole) return system;
   system.exchange = [&solid](VectorXd& u) {

@@ -55,6 +55,7 @@ struct Dynamics {
   std::function<StepSolver(const Eigen::SparseMatrix<double>& M, double mass, const Eigen::VectorXd& u,
                            double stiffness, const std::vector<int>& constrained)>
       step_solver = {};
+  Eigen::MatrixXd roots = {};  ///< of what K leaves out at rest, roots roots^T: enclosed volumes
 };
 
 /// Stiffness and mass of a solid, which outlives it, and what several processes need besides.

@@ -147,7 +147,8 @@ class ElasticSolid {
                    Eigen::Matrix3Xd& force) const;
   /// Stiffness at rest without contact (N/m), mass (kg) and full load (N) of all components 3 node + c, nothing
   /// constrained. Rows that other processes own are 0, as are their parts of forces.
-  Eigen::SparseMatrix<double> stiffness() const;
+  /// @param roots  becomes columns of what the stiffness leaves out, roots roots^T; null: not wanted
+  Eigen::SparseMatrix<double> stiffness(Eigen::MatrixXd* roots = nullptr) const;
   /// Lumped: an element's mass in the proportions of its diagonal [Hinton, Rock & Zienkiewicz 1976].
   Eigen::SparseMatrix<double> mass(MassMatrix kind = MassMatrix::Consistent) const;
   Eigen::VectorXd load() const;

@@ -17,7 +17,7 @@ using meshing::SparseCholesky;
 using Sparse = Eigen::SparseMatrix<double>;
 
 Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std::vector<int>& constrained,
-                    int n) {
+                    int n, const MatrixXd& roots) {
   const std::vector<int> free = all_but(constrained, stiffness.rows());
   const Sparse K = restricted(stiffness, free), M = restricted(full_mass, free);
   // Far below the first elastic eigenvalue, far above rounding.
@@ -25,11 +25,12 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
   const double highest = (K.diagonal().array() / M.diagonal().array()).maxCoeff();
   const SparseCholesky factor(K + kShift * highest * M);
   if (!factor.is_ok()) refuse_indefinite();
-  const LowestModes found =
-      lowest_modes({[&](const MatrixXd& x) -> MatrixXd { return K.selfadjointView<Eigen::Lower>() * x; },
-                    [&](const MatrixXd& x) -> MatrixXd { return M.selfadjointView<Eigen::Lower>() * x; },
-                    [&](const MatrixXd& x) -> MatrixXd { return factor.solve(x); }, K.rows(), kZero* highest},
-                   n);
+  meshing::Pencil pencil{[&](const MatrixXd& x) -> MatrixXd { return K.selfadjointView<Eigen::Lower>() * x; },
+                         [&](const MatrixXd& x) -> MatrixXd { return M.selfadjointView<Eigen::Lower>() * x; },
+                         [&](const MatrixXd& x) -> MatrixXd { return factor.solve(x); }, K.rows(),
+                         kZero* highest};
+  if (roots.cols() > 0) pencil = with_roots(pencil, roots(free, Eigen::all));
+  const LowestModes found = lowest_modes(pencil, n);
   Modes modes{found.eigenvalue.cwiseSqrt() / (2 * M_PI), MatrixXd::Zero(stiffness.rows(), found.shape.cols()),
               found.n_zero};
   modes.shape(free, Eigen::all) = found.shape;
@@ -38,7 +39,7 @@ Modes natural_modes(const Sparse& stiffness, const Sparse& full_mass, const std:
 
 Modes natural_modes(const Dynamics& system, const ElasticSolid& solid, int n) {
   const Sparse &K = system.K, &M = system.M;
-  if (!system.step_solver) return natural_modes(K, M, system.constrained, n);
+  if (!system.step_solver) return natural_modes(K, M, system.constrained, n, system.roots);
   constexpr double kZero = 1e-12, kOfInverse = 1e-9;
   const MatrixXd rigid = solid.rigid_motions_at_rest();
   const VectorXd mass = M.diagonal();
@@ -80,10 +81,11 @@ Modes natural_modes(const Dynamics& system, const ElasticSolid& solid, int n) {
   };
   const double highest =
       largest_over_processes((mass.array() > 0).select(K.diagonal().array() / mass.array(), 0).maxCoeff());
-  const LowestModes found =
-      lowest_modes({by_columns(product(K)), by_columns(product(M)), by_columns(inverse), K.rows(),
-                    kZero * highest, [](MatrixXd& sums) { sum_over_processes(sums.reshaped()); }},
-                   n);
+  meshing::Pencil pencil{by_columns(product(K)), by_columns(product(M)),
+                         by_columns(inverse),    K.rows(),
+                         kZero * highest,        [](MatrixXd& sums) { sum_over_processes(sums.reshaped()); }};
+  if (system.roots.cols() > 0) pencil = with_roots(pencil, is_own.asDiagonal() * system.roots);
+  const LowestModes found = lowest_modes(pencil, n);
   return {found.eigenvalue.cwiseSqrt() / (2 * M_PI), found.shape, static_cast<int>(rigid.cols())};
 }
 

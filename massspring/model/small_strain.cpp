@@ -45,6 +45,18 @@ void subtract_product(const MassSpringModel& model, const Matrix3Xd& u, Matrix3X
   });
 }
 
+Matrix3d edges_of(const Matrix3Xd& x, const Eigen::Vector4i& t) {
+  return x(Eigen::all, t.tail<3>()).colwise() - x.col(t[0]);
+}
+
+/// Largest |principal value| of the symmetric part of a gradient, or something smaller if it is below what is known.
+double principal_value(const Matrix3d& gradient, double known) {
+  const Matrix3d strain = (gradient + gradient.transpose()) / 2;
+  if (strain.norm() <= known) return 0;  // no eigenvalue is larger
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(strain, Eigen::EigenvaluesOnly);
+  return eigen.eigenvalues().cwiseAbs().maxCoeff();
+}
+
 }  // namespace
 
 void linearise(MassSpringModel& model) {
@@ -125,17 +137,27 @@ void add_linear_forces(const MassSpringModel& model, const State& state, const M
 
 double largest_linear_strain(const Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Matrix3Xd& u) {
   double largest = 0;
+  for (const auto& t : T.colwise())
+    largest = std::max(largest, principal_value(edges_of(u, t) * edges_of(X, t).inverse(), largest));
+  return largest;
+}
+
+double largest_mean_strain(const Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Matrix3Xd& u) {
+  std::vector<Matrix3d> gradient(X.cols(), Matrix3d::Zero());
+  Eigen::VectorXd volume = Eigen::VectorXd::Zero(X.cols());  // six times that
   for (const auto& t : T.colwise()) {
-    Matrix3d rest, moved;
-    for (int k = 0; k < 3; ++k) {
-      rest.col(k) = X.col(t[k + 1]) - X.col(t[0]);
-      moved.col(k) = u.col(t[k + 1]) - u.col(t[0]);
+    const Matrix3d rest = edges_of(X, t);
+    Matrix3d adjugate;  // of tetrahedra without volume, too
+    for (int k = 0; k < 3; ++k) adjugate.row(k) = rest.col((k + 1) % 3).cross(rest.col((k + 2) % 3));
+    const Matrix3d sum = edges_of(u, t) * adjugate;
+    for (const int i : t) {
+      gradient[i] += sum;
+      volume(i) += rest.determinant();
     }
-    const Matrix3d gradient = moved * rest.inverse(), strain = (gradient + gradient.transpose()) / 2;
-    if (strain.norm() <= largest) continue;  // no eigenvalue is larger
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(strain, Eigen::EigenvaluesOnly);
-    largest = std::max(largest, eigen.eigenvalues().cwiseAbs().maxCoeff());
   }
+  double largest = 0;
+  for (Eigen::Index i = 0; i < X.cols(); ++i)
+    if (volume(i) != 0) largest = std::max(largest, principal_value(gradient[i] / volume(i), largest));
   return largest;
 }
 

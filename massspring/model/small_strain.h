@@ -52,6 +52,9 @@ void add_linear_forces(const MassSpringModel& model, const State& state, const E
 /// Largest |principal value of sym grad u| of the tetrahedra T, X (3 x n, m) at rest, at displacements u.
 double largest_linear_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& u);
 
+/// The same of means over the tetrahedra at a node, by volume: a flat one among them counts little.
+double largest_mean_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Eigen::Matrix3Xd& u);
+
 /// Largest |n . (u_a - u_b)| / L of pairs of nodes, L their distance at rest and n its direction.
 double largest_linear_strain(const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& E, const Eigen::Matrix3Xd& u);
 

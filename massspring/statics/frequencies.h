@@ -11,16 +11,14 @@ struct NaturalFrequencies {
 };
 
 /// The n lowest f of K x = (2 pi f)^2 M x on the directions that are free, by lowest_modes; fewer where there
-/// are no more.
+/// are no more. K is that of the model, of handles and of enclosed volumes; contact and loads have no part in it.
 /// @throws std::runtime_error when K + s M, s > 0 small, has no Cholesky factor or the iteration does not
 /// converge.
-NaturalFrequencies natural_frequencies(const MassSpringModel& model,
-                                       const std::vector<Constraint>& constraints, int n);
+NaturalFrequencies natural_frequencies(const MassSpringModel& model, const Forces& forces, int n);
 
 /// Mass-proportional damping (1/s) that damps the lowest vibration by `ratio` of what is critical: 2 ratio
 /// omega.
 /// @throws std::runtime_error as natural_frequencies does, and where no motion costs energy.
-double damping_of_ratio(const MassSpringModel& model, const std::vector<Constraint>& constraints,
-                        double ratio);
+double damping_of_ratio(const MassSpringModel& model, const Forces& forces, double ratio);
 
 }  // namespace testbed::massspring

@@ -1,5 +1,6 @@
 #include "meshing/algebra/lowest_modes.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -95,6 +96,20 @@ std::pair<VectorXd, MatrixXd> iterate(const Pencil& pencil, Index n_columns, Ind
 }
 
 }  // namespace
+
+Pencil with_roots(const Pencil& pencil, const MatrixXd& U) {
+  const MatrixXd Z = pencil.inverse(U);
+  const MatrixXd capacitance = MatrixXd::Identity(U.cols(), U.cols()) + products(pencil, U, Z);
+  Pencil with = pencil;
+  with.stiffness = [=](const MatrixXd& x) -> MatrixXd {
+    return pencil.stiffness(x) + U * products(pencil, U, x);
+  };
+  with.inverse = [=, factor = capacitance.ldlt()](const MatrixXd& b) -> MatrixXd {
+    const MatrixXd y = pencil.inverse(b);
+    return y - Z * factor.solve(products(pencil, U, y));
+  };
+  return with;
+}
 
 LowestModes lowest_modes(const Pencil& pencil, int n) {
   constexpr int kRigid = 6, kGuard = 6;

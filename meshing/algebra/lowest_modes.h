@@ -20,6 +20,10 @@ struct Pencil {
   std::function<void(Eigen::MatrixXd& sums)> add_up = [](Eigen::MatrixXd&) {};
 };
 
+/// The pencil of the stiffness K + U U^T, U of few columns, such as gradients of the enclosed volume, by the
+/// formula of Sherman, Morrison and Woodbury.
+Pencil with_roots(const Pencil& pencil, const Eigen::MatrixXd& U);
+
 /// Of K x = lambda M x.
 struct LowestModes {
   Eigen::VectorXd eigenvalue;  ///< ascending, without those that count as zero

@@ -181,7 +181,10 @@ std::optional<ExitStatus> Session::stored_status(const std::vector<std::string>&
   surface = load_surface(scene.surface);
   problem_ = discretise(scene, surface);
   check_supports(scene, surface, problem_, file_);
-  if (!finds_frequencies_) check_motion(scene, surface, file_);
+  if (!finds_frequencies_)
+    check_motion(scene, surface, file_);
+  else if (scene.volume && scene.volume->is_exact)
+    throw std::runtime_error(file_ + ": volume.exact = true with --frequencies, expected volume.coefficient");
   load_factor_of(scene);
   timer.stop();  // hashing the program is no part of solving, and takes the longer the larger it is
   if (is_first_ && !is_checked_)

@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 #include "tests/massspring/dense.h"
@@ -84,12 +87,39 @@ TEST(SmallStrain, StrainIsTheLargestPrincipalValueOfTheSymmetricGradient) {
   Eigen::Matrix3d turn;
   turn << 0, -2, 1, 2, 0, 3, -1, -3, 0;
   EXPECT_NEAR(largest_linear_strain(X, model.network.T, (strain + turn) * X), 0.3, 1e-12);
+  EXPECT_NEAR(largest_mean_strain(X, model.network.T, (strain + turn) * X), 0.3, 1e-12);
   double largest = 0;
   for (const auto& e : model.springs->E.colwise()) {
     const Eigen::Vector3d n = (X.col(e[0]) - X.col(e[1])).normalized();
     largest = std::max(largest, std::abs(n.dot(strain * n)));
   }
   EXPECT_NEAR(largest_linear_strain(X, model.springs->E, (strain + turn) * X), largest, 1e-12);
+}
+
+TEST(SmallStrain, MeansAtNodesAreByVolumeAndTakeFlatTetrahedra) {
+  const MassSpringModel model = full_box("van_gelder", 1);
+  const Matrix3Xd &X = model.network.X, u = 0.1 * Matrix3Xd::Random(3, X.cols());
+  const Eigen::Matrix4Xi& T = model.network.T;
+  double expected = 0;
+  for (int i = 0; i < X.cols(); ++i) {
+    double volume = 0;
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    for (const auto& t : T.colwise()) {
+      if ((t.array() != i).all()) continue;
+      const Eigen::Matrix3d rest = X(Eigen::all, t.tail<3>()).colwise() - X.col(t[0]);
+      const Eigen::Matrix3d gradient = (u(Eigen::all, t.tail<3>()).colwise() - u.col(t[0])) * rest.inverse();
+      volume += rest.determinant();
+      sum += rest.determinant() * (gradient + gradient.transpose()) / 2;
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(sum / volume);
+    expected = std::max(expected, eigen.eigenvalues().cwiseAbs().maxCoeff());
+  }
+  EXPECT_NEAR(largest_mean_strain(X, T, u), expected, 1e-12 * expected);
+
+  Eigen::Matrix4Xi with_flat(4, T.cols() + 1);
+  with_flat << T, T.col(0)(Eigen::Vector4i(0, 1, 2, 2));
+  const Eigen::DiagonalMatrix<double, 3> strain(0.1, -0.3, 0.2);
+  EXPECT_NEAR(largest_mean_strain(X, with_flat, strain * X), 0.3, 1e-12);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
 
@@ -25,13 +26,13 @@ struct Known {
     M = inverse.transpose() * inverse;
   }
 
-  LowestModes lowest(int n, double zero) const {
-    const double shift = 1e3 * zero;
-    const Eigen::LLT<MatrixXd> factor(K + shift * M);
-    return lowest_modes({[&](const MatrixXd& x) -> MatrixXd { return K * x; },
-                         [&](const MatrixXd& x) -> MatrixXd { return M * x; },
-                         [&](const MatrixXd& x) -> MatrixXd { return factor.solve(x); }, K.rows(), zero},
-                        n);
+  LowestModes lowest(int n, double zero) const { return lowest_modes(pencil(zero), n); }
+
+  Pencil pencil(double zero) const {
+    const Eigen::LLT<MatrixXd> factor(K + 1e3 * zero * M);
+    return {[this](const MatrixXd& x) -> MatrixXd { return K * x; },
+            [this](const MatrixXd& x) -> MatrixXd { return M * x; },
+            [factor](const MatrixXd& x) -> MatrixXd { return factor.solve(x); }, K.rows(), zero};
   }
 };
 
@@ -54,6 +55,17 @@ TEST(LowestModes, ManyMotionsWithoutEnergyAreAllCounted) {
     EXPECT_EQ(found.n_zero, n_zero);
     EXPECT_LT((found.eigenvalue - eigenvalue.segment(n_zero, 3)).norm(), kTolerance) << n_zero;
   }
+}
+
+TEST(LowestModes, RootsStiffenThePencilAsTheirProductsDo) {
+  VectorXd eigenvalue = VectorXd::LinSpaced(60, 1, 60);
+  eigenvalue.head(3).setZero();
+  const Known known(eigenvalue);
+  const MatrixXd U = 5 * MatrixXd::Random(60, 2);
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> dense(known.K + U * U.transpose(), known.M);
+  const LowestModes found = lowest_modes(with_roots(known.pencil(kZero), U), 6);
+  EXPECT_EQ(found.n_zero, 1);
+  EXPECT_LT((found.eigenvalue - dense.eigenvalues().segment(1, 6)).norm(), kTolerance);
 }
 
 TEST(LowestModes, OfASmallPencilAreAllThatThereAre) {
