@@ -22,7 +22,7 @@ struct Arguments : SessionOptions {
 };
 
 /// What several processes do not solve together; empty: nothing.
-std::string undivided_part(const Scene& scene, const Arguments& arguments) {
+std::string undivided_part(const Scene& scene) {
   if (processes().n == 1) return "";
   const bool skin_shrinks = scene.skin && scene.collapse && scene.collapse->surface;
   const bool may_overlap =
@@ -33,8 +33,7 @@ std::string undivided_part(const Scene& scene, const Arguments& arguments) {
                                       {"skin with collapse.surface", skin_shrinks},
                                       {"seams", !scene.seams.empty()},
                                       {"self_contact", scene.self_contact.is_on},
-                                      {"reference.inertia_relief", scene.reference.inertia_relief},
-                                      {"--budget", arguments.budget.has_value()}})
+                                      {"reference.inertia_relief", scene.reference.inertia_relief}})
     if (is_there) return std::string(key) + " under mpirun, expected one process, or none of it";
   return "";
 }
@@ -152,8 +151,11 @@ ExitStatus run(const Arguments& arguments) {
   if (processes().n > 1) scene.output.checkpoint_every = 0;  // none tells of several processes
   check_scene(scene, arguments.scene);
   check_scheme(scene, arguments.scene);
-  Session session("fem_reference", arguments, scene, is_first);
-  if (const std::string part = undivided_part(scene, arguments); !part.empty())
+  std::function<bool(bool)> of_first;
+  if (processes().n > 1 && arguments.budget)
+    of_first = [](bool decided) { return from_first_process(static_cast<int>(decided)) != 0; };
+  Session session("fem_reference", arguments, scene, is_first, of_first);
+  if (const std::string part = undivided_part(scene); !part.empty())
     throw std::runtime_error(arguments.scene + ": " + part);
   if (const std::string part = unmodelled_part(scene); !part.empty()) return session.refuse(part);
   const std::string options =

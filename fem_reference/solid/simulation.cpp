@@ -170,7 +170,7 @@ State Simulation::state() const {
 }
 
 std::string Simulation::saved() const {
-  if (!integrator_) return "";
+  if (!integrator_ || processes().n > 1) return "";
   Archive to;
   State state = this->state();
   StepCounts counts = integrator_->counts();

@@ -1,5 +1,6 @@
 """The reference under mpirun: what several processes solve is what one solves, and each holds its share."""
 
+import json
 import os
 import subprocess
 
@@ -98,6 +99,7 @@ def test_several_processes_solve_what_one_does(scene, degree, n, also, tmp_path)
     assert_alike(run(scene, tmp_path / "one", overrides), run(scene, tmp_path / "several", overrides, n))
 
 
+COARSE = "surface.n_vertices=100"
 SMALL = "surface.n_vertices=150"
 EXPLICIT = ("time.integrator=implicit_euler", "reference.integrator=central_differences")
 DRIVEN = (  # by the lowest face, of which each process has a part
@@ -231,6 +233,26 @@ def test_several_processes_refuse_to_go_on_from_where_one_was_stopped(tmp_path):
     assert solve("bar_swing.toml", tmp_path, overrides, 1, ("--budget", "1")).returncode == 2
     done = solve("bar_swing.toml", tmp_path, overrides, 2)
     assert done.returncode == 1 and "expected the one process that it began with, or --force" in done.stderr
+
+
+ENDLESS = (*EXPLICIT, COARSE, "time.step=5e-6", "time.end=100", "output.frames_every=1000")
+
+
+@pytest.mark.parametrize(
+    "overrides, budget, where",
+    [
+        (ENDLESS, "3", "after {n} of 20000000 steps; the same command begins anew"),
+        (["surface.n_vertices=20000"], "0.1", "in the stage mesh"),
+    ],
+)
+def test_a_budget_stops_several_processes_after_the_same_step(overrides, budget, where, tmp_path):
+    assert solve("bar_swing.toml", tmp_path, overrides, 2, ("--budget", budget)).returncode == 2
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["status"] == "stopped_early"
+    n = len((tmp_path / "curves.csv").read_text().splitlines()) - 2 if "{n}" in where else 0
+    assert record["reason"] == "its budget of time was spent " + where.format(n=n)
+    written = [len(list((tmp_path / "frames").glob(f"*_{process}.vtu"))) for process in (0, 1)]
+    assert written[0] == written[1] >= (2 if n else 0)
 
 
 def test_several_processes_find_the_stable_step_of_one(tmp_path):
