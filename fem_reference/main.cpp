@@ -24,13 +24,10 @@ struct Arguments : SessionOptions {
 /// What several processes do not solve together; empty: nothing.
 std::string undivided_part(const Scene& scene) {
   if (processes().n == 1) return "";
-  const bool skin_shrinks = scene.skin && scene.collapse && scene.collapse->surface;
   const bool may_overlap =
       std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
                   [](const Obstacle& obstacle) { return obstacle.initially == Overlap::Resolve; });
   for (const auto& [key, is_there] : {std::pair("obstacles.initially = \"resolve\"", may_overlap),
-                                      {"skin.relaxation", scene.skin && scene.skin->relaxation > 0},
-                                      {"skin with collapse.surface", skin_shrinks},
                                       {"seams", !scene.seams.empty()},
                                       {"self_contact", scene.self_contact.is_on},
                                       {"reference.inertia_relief", scene.reference.inertia_relief}})

@@ -41,6 +41,10 @@ class DividedSum : public meshing::SurfaceEnergy {
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override {
     for (const auto& energy : {acting_, counted_}) energy->begin_step(t, h, x);
   }
+  std::shared_ptr<const meshing::SurfaceMemory> memory() const override { return acting_->memory(); }
+  void remember(std::shared_ptr<const meshing::SurfaceMemory> memory) override {
+    for (const auto& energy : {acting_, counted_}) energy->remember(memory);
+  }
   double energy(const Eigen::Matrix3Xd& x) const override { return counted_->energy(x); }
   double stored(const Eigen::Matrix3Xd& x) const override { return sum_over_processes(counted_->stored(x)); }
   double friction(const Eigen::Matrix3Xd& x) const override {

@@ -174,13 +174,22 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
   return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
 }
 
-meshing::SurfaceEnergies skin_of(const Scene& scene, const ElasticSolid& solid,
+meshing::SurfaceEnergies skin_of(const Scene& scene, const ElasticSolid& solid, const SurfaceMesh& surface,
                                  const Eigen::Matrix3d& frame) {
   const Share& share = solid.share();
-  meshing::SurfaceEnergies skin = meshing::skin_of(scene, solid.X(), solid.faces(), frame);
-  if (share.is_whole) return skin;
-  const auto counted = meshing::skin_of(scene, solid.X(), solid.faces(), frame,
-                                        [&](const Eigen::VectorXi& nodes) { return share.counts(nodes); });
+  const auto part = [&](const meshing::IsCounted& is_counted, const meshing::LargestOf& largest_of) {
+    return meshing::skin_of(scene, solid.X(), solid.faces(), frame, shortest_side(surface), is_counted,
+                            largest_of);
+  };
+  if (share.is_whole) return part({}, {});
+  const auto largest_of = [&share](const Eigen::VectorXd& values) {
+    double largest = 0;
+    for (Eigen::Index i = 0; i < values.size(); ++i)
+      if (!share.is_ghost[i]) largest = std::max(largest, values(i));
+    return largest_over_processes(largest);
+  };
+  meshing::SurfaceEnergies skin = part({}, largest_of);
+  const auto counted = part([&](const Eigen::VectorXi& nodes) { return share.counts(nodes); }, largest_of);
   for (size_t k = 0; k < skin.size(); ++k) skin[k] = std::make_shared<DividedSum>(share, skin[k], counted[k]);
   return skin;
 }
@@ -197,8 +206,9 @@ std::shared_ptr<meshing::SurfaceEnergy> volume_energy(double P, const Scene& sce
 }
 
 /// The scene's skin, and what keeps its volume, on the surface of a body.
-meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, const Eigen::Matrix3d& frame) {
-  meshing::SurfaceEnergies energies = skin_of(scene, solid, frame);
+meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, const SurfaceMesh& surface,
+                                const Eigen::Matrix3d& frame) {
+  meshing::SurfaceEnergies energies = skin_of(scene, solid, surface, frame);
   if (scene.volume && scene.volume->is_exact)
     energies.push_back(volume_energy<meshing::HeldVolume>(scene.material.E, scene, solid));
   else if (scene.volume && scene.volume->coefficient > 0)
@@ -295,7 +305,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
   ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
   const std::vector<ConstrainedComponent> constrained =
       constrained_by(scene, problem, boundaries, frame, share, loads);
-  loads.surface = bag_of(scene, solid, frame);
+  loads.surface = bag_of(scene, solid, surface, frame);
   if (!scene.seams.empty())
     loads.surface.push_back(
         std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem), "seam"));
