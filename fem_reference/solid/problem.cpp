@@ -216,6 +216,24 @@ meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, c
   return energies;
 }
 
+meshing::SurfaceEnergies seams_on(const SurfaceProblem& problem, const Share& share) {
+  if (problem.stitches.empty()) return {};
+  const auto seam = [](const SurfaceProblem& stitched) {
+    return std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(stitched), "seam");
+  };
+  if (share.is_whole) return {seam(problem)};
+  const std::unordered_map<int, int> local = share.local();
+  SurfaceProblem acting, counted;
+  for (const auto& [a, b, stiffness] : problem.stitches) {
+    const auto i = local.find(a), j = local.find(b);
+    if (i == local.end() || j == local.end()) continue;
+    acting.stitches.push_back({i->second, j->second, stiffness});
+    if (share.counts(Eigen::Vector2i(i->second, j->second)))
+      counted.stitches.push_back(acting.stitches.back());
+  }
+  return {std::make_shared<DividedSum>(share, seam(acting), seam(counted))};
+}
+
 /// The handles of a problem, of several processes those on this one's nodes.
 meshing::SurfaceEnergies handles_of(SurfaceProblem problem, const ElasticSolid& solid,
                                     const Eigen::Matrix3d& frame) {
@@ -297,18 +315,16 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
     boundaries.push_back(from_first_process(boundary_with_middles(fine, finer)));
     fine = std::move(finer);
   }
-  const bool has_hinges = scene.skin && scene.skin->bending > 0;
-  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree, has_hinges), scene.reference.degree);
+  const SurfaceProblem problem = discretise(scene, surface);
+  const Joined joined{scene.skin && scene.skin->bending > 0, seams_of(problem).E};
+  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree, joined), scene.reference.degree);
   const Share& share = solid.share();
   if (scene.reference.degree == 2) boundaries.push_back(share.is_whole ? solid.faces() : share.faces);
-  const SurfaceProblem problem = discretise(scene, surface);
   ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
   const std::vector<ConstrainedComponent> constrained =
       constrained_by(scene, problem, boundaries, frame, share, loads);
   loads.surface = bag_of(scene, solid, surface, frame);
-  if (!scene.seams.empty())
-    loads.surface.push_back(
-        std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem), "seam"));
+  for (auto& energy : seams_on(problem, share)) loads.surface.push_back(std::move(energy));
   for (auto& energy : obstacles_of(scene, solid, constrained, frame))
     loads.surface.push_back(std::move(energy));
   for (auto& energy : handles_of(problem, solid, frame)) loads.surface.push_back(std::move(energy));

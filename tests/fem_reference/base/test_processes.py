@@ -74,6 +74,10 @@ STIFF_SKIN = ("skin.stiffness=1e4", "skin.bending=10")  # beside a body of 1e5 P
 INFLATED = ("volume.coefficient=1e5", "time.load_steps=2", "time.residual=1e-12")
 HELD = ("loads=[]", "volume.exact=true", "volume.target=[[0,1],[1,1.2]]", "time.load_steps=2")
 COARSE = "surface.n_vertices=100"
+SEAM = (  # between parts that not all processes have
+    "seams=[{from={box={low=[0.3,0,0],high=[0.5,1,0]},relative=true},"
+    "to={box={low=[0.7,0,0],high=[1,1,1]},relative=true},stiffness=1e3}]",
+)
 SHRUNK = ("loads=[]", "collapse.coefficient=0.1", "collapse.pivots=[{point=[0,0.5,0]}]", "time.load_steps=2")
 
 
@@ -95,6 +99,7 @@ SHRUNK = ("loads=[]", "collapse.coefficient=0.1", "collapse.pivots=[{point=[0,0.
         ("inflate.toml", 1, 3, (*INFLATED, *STIFF_SKIN)),
         ("inflate.toml", 2, 4, (*INFLATED, *STIFF_SKIN)),
         ("inflate.toml", 1, 2, (*SHRUNK, *STIFF_SKIN, COARSE, "time.residual=1e-12")),
+        ("bar_sag.toml", 2, 4, (*SEAM, COARSE, "time.load_steps=1", "time.residual=1e-12")),
     ],
 )
 def test_several_processes_solve_what_one_does(scene, degree, n, also, tmp_path):
@@ -157,6 +162,7 @@ def test_several_processes_take_explicit_steps_as_one_does(degree, n, also, tmp_
         (1, 3, BAG),
         (2, 2, BAG),
         (1, 2, (*DRIVEN, *RELAXING)),
+        (1, 4, (*SEAM, "time.end=1e-3")),
         (1, 4, ("volume.exact=true", *BAG[3:], "reference.integrator=minimising_euler")),
     ],
 )
