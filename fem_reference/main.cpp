@@ -28,8 +28,7 @@ std::string undivided_part(const Scene& scene) {
       std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
                   [](const Obstacle& obstacle) { return obstacle.initially == Overlap::Resolve; });
   for (const auto& [key, is_there] : {std::pair("obstacles.initially = \"resolve\"", may_overlap),
-                                      {"self_contact", scene.self_contact.is_on},
-                                      {"reference.inertia_relief", scene.reference.inertia_relief}})
+                                      {"self_contact", scene.self_contact.is_on}})
     if (is_there) return std::string(key) + " under mpirun, expected one process, or none of it";
   return "";
 }
