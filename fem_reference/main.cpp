@@ -24,12 +24,7 @@ struct Arguments : SessionOptions {
 /// What several processes do not solve together; empty: nothing.
 std::string undivided_part(const Scene& scene) {
   if (processes().n == 1) return "";
-  const bool may_overlap =
-      std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
-                  [](const Obstacle& obstacle) { return obstacle.initially == Overlap::Resolve; });
-  for (const auto& [key, is_there] : {std::pair("obstacles.initially = \"resolve\"", may_overlap),
-                                      {"self_contact", scene.self_contact.is_on}})
-    if (is_there) return std::string(key) + " under mpirun, expected one process, or none of it";
+  if (scene.self_contact.is_on) return "self_contact under mpirun, expected one process, or none of it";
   return "";
 }
 

@@ -192,6 +192,17 @@ RAISED = (  # the floor under a ball, which it meets at once
     "surface.n_vertices=42",
     "time.end=0.03",
 )
+OVERLAPPED = (  # by spheres, from below
+    'obstacles=[{sphere={center=[0.3,-1.7,0],radius=1},initially="resolve",friction=0.3}]',
+    "surface.n_vertices=42",
+    "time.end=0.02",
+)
+OVERLAPPED_HELD = (
+    'obstacles=[{sphere={center=[0.35,-0.008,0.05],radius=0.01},initially="resolve",friction=0.3}]',
+    "surface.n_vertices=80",
+    "time.step=2.5e-4",
+    "time.end=5e-4",
+)
 SAGGING = (
     "surface.n_vertices=80",
     "obstacles=[{plane={point=[0.3,-3e-4,0],normal=[0,1,0]},friction=0.3}]",
@@ -206,6 +217,8 @@ SAGGING = (
         ("bar_sag.toml", 2, 3, SAGGING, 1e-7),
         ("cube_pressed.toml", 1, 4, PRESSED, 1e-7),
         ("ball_drop.toml", 2, 3, RAISED, 2e-5),
+        ("ball_drop.toml", 1, 2, OVERLAPPED, 2e-5),
+        ("bar_swing.toml", 1, 4, OVERLAPPED_HELD, 2e-5),
     ],
 )
 def test_several_processes_press_obstacles_as_one_does(scene, degree, n, also, tolerance, tmp_path):
@@ -326,7 +339,6 @@ def test_loads_that_drive_a_free_body_are_told_with_force_and_torque(tmp_path):
 @pytest.mark.parametrize(
     "scene, overrides, told",
     [
-        ("ball_drop.toml", ['obstacles.0.initially="resolve"'], 'obstacles.initially = "resolve"'),
         ("ball_drop.toml", ["self_contact.on=true"], "self_contact"),
     ],
 )
