@@ -21,13 +21,6 @@ struct Arguments : SessionOptions {
   int n_levels = 0;
 };
 
-/// What several processes do not solve together; empty: nothing.
-std::string undivided_part(const Scene& scene) {
-  if (processes().n == 1) return "";
-  if (scene.self_contact.is_on) return "self_contact under mpirun, expected one process, or none of it";
-  return "";
-}
-
 /// Full-load displacement of the surface's vertices on finer and finer meshes, and the error of the first
 /// that they tell.
 nlohmann::ordered_json study_convergence(Session& session, const SurfaceMesh& surface, const TetMesh& mesh,
@@ -145,8 +138,6 @@ ExitStatus run(const Arguments& arguments) {
   if (processes().n > 1 && arguments.budget)
     of_first = [](bool decided) { return from_first_process(static_cast<int>(decided)) != 0; };
   Session session("fem_reference", arguments, scene, is_first, of_first);
-  if (const std::string part = undivided_part(scene); !part.empty())
-    throw std::runtime_error(arguments.scene + ": " + part);
   if (const std::string part = unmodelled_part(scene); !part.empty()) return session.refuse(part);
   const std::string options =
       std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies);
@@ -222,7 +213,7 @@ int main(int argc, char** argv) {
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
       "  fem_reference scene.toml --converge 2\n"
-      "  mpirun -np 8 fem_reference scene.toml        (statics and motion, without self-contact)\n");
+      "  mpirun -np 8 fem_reference scene.toml        (statics and motion)\n");
   app.add_option(
          "--converge", arguments.n_levels,
          "also solve on this many meshes, each refined once more, and write the estimated error of the "

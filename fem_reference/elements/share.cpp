@@ -102,6 +102,9 @@ class Dealer {
     };
     if (joined.triangles) join(nodes.faces);
     join(joined.pairs);
+    if (joined.surface)
+      for (const int i : nodes.faces.reshaped())
+        for (int p = 0; p < n; ++p) beside_[i].insert(p);
     counted_.resize(n);
     others_.resize(n);
     for (int t = 0; t < nodes.cells.cols(); ++t) {

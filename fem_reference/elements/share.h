@@ -104,6 +104,7 @@ struct Share {
 /// What joins nodes of the whole mesh besides its tetrahedra. Who owns one of them has all that is at the others, too.
 struct Joined {
   bool triangles;          ///< nodes of each boundary triangle
+  bool surface;            ///< all nodes of the boundary, in all shares
   Eigen::Matrix2Xi pairs;  ///< of nodes
 };
 

@@ -255,8 +255,18 @@ meshing::SurfaceEnergies self_contact_of(const Scene& scene, const ElasticSolid&
   if (!scene.self_contact.is_on) return {};
   const double thickness =
       scene.self_contact.thickness.value_or(meshing::default_thickness(surface.X, surface.F));
-  return {std::make_shared<meshing::SelfBarrier>(solid.X(), meshing::flat_triangles(solid.faces()),
-                                                 scene.material.E, thickness, scene.self_contact.friction)};
+  const auto barrier = [&](const meshing::IsCounted& is_counted) {
+    return std::make_shared<DividedSelfBarrier>(solid.X(), meshing::flat_triangles(solid.faces()),
+                                                scene.material.E, thickness, scene.self_contact.friction,
+                                                is_counted);
+  };
+  const Share& share = solid.share();
+  if (share.is_whole) return {barrier({})};
+  const auto is_here = [&share](const Eigen::VectorXi& nodes) {
+    return std::any_of(nodes.begin(), nodes.end(), [&](int i) { return !share.is_ghost[i]; });
+  };
+  const auto is_counted = [&share](const Eigen::VectorXi& nodes) { return share.counts(nodes); };
+  return {std::make_shared<DividedSum>(share, barrier(is_here), barrier(is_counted))};
 }
 
 /// A refined boundary triangle's four children hold the middles of its edges.
@@ -316,7 +326,7 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
     fine = std::move(finer);
   }
   const SurfaceProblem problem = discretise(scene, surface);
-  const Joined joined{scene.skin && scene.skin->bending > 0, seams_of(problem).E};
+  const Joined joined{scene.skin && scene.skin->bending > 0, scene.self_contact.is_on, seams_of(problem).E};
   ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree, joined), scene.reference.degree);
   const Share& share = solid.share();
   if (scene.reference.degree == 2) boundaries.push_back(share.is_whole ? solid.faces() : share.faces);

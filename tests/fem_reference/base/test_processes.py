@@ -73,13 +73,14 @@ HANDLES = (  # of a region that not all processes have a part of, and of a verte
 STIFF_SKIN = ("skin.stiffness=1e4", "skin.bending=10")  # beside a body of 1e5 Pa
 INFLATED = ("volume.coefficient=1e5", "time.load_steps=2", "time.residual=1e-12")
 HELD = ("loads=[]", "volume.exact=true", "volume.target=[[0,1],[1,1.2]]", "time.load_steps=2")
+
 COARSE = "surface.n_vertices=100"
+SHRUNK = ("loads=[]", "collapse.coefficient=0.1", "collapse.pivots=[{point=[0,0.5,0]}]", "time.load_steps=2")
 SEAM = (  # between parts that not all processes have
     "seams=[{from={box={low=[0.3,0,0],high=[0.5,1,0]},relative=true},"
     "to={box={low=[0.7,0,0],high=[1,1,1]},relative=true},stiffness=1e3}]",
 )
 RELIEVED = ("gravity=[0,-9.81,0]", "reference.inertia_relief=true")
-SHRUNK = ("loads=[]", "collapse.coefficient=0.1", "collapse.pivots=[{point=[0,0.5,0]}]", "time.load_steps=2")
 
 
 @pytest.mark.parametrize(
@@ -228,6 +229,29 @@ def test_several_processes_press_obstacles_as_one_does(scene, degree, n, also, t
     assert_alike(one, several, tolerance)
 
 
+def test_several_processes_part_a_body_from_itself_as_one_does(tmp_path):
+    """Cubes in one surface, one thrown onto the other: all points of contact join two processes."""
+    cubes = [pv.Cube(center=(0.2 * k, 1.03 * k, 0.1 * k)).triangulate().subdivide(1).clean() for k in (0, 1)]
+    cubes[0].append_polydata(cubes[1]).save(tmp_path / "cubes.ply")
+    upper = "{box={low=[0,0.5,0],high=[1,1,1]},relative=true}"
+    overrides = [
+        'surface.shape=""',
+        f'surface.file="{tmp_path}/cubes.ply"',
+        f"initial=[{{region={upper},velocity=[0.5,-1,0]}}]",
+        "obstacles=[]",
+        "self_contact.on=true",
+        "self_contact.friction=0.3",
+        "reference.degree=1",
+        "time.step=0.01",
+        "time.end=0.06",
+        "time.residual=1e-12",
+    ]
+    one, two, four = (run("ball_drop.toml", tmp_path / str(p), overrides, p) for p in (1, 2, 4))
+    assert one.curves["self_contact_energy"].max() > 0 and one.curves["lost_to_friction"].max() > 0
+    for several in (two, four):
+        assert_alike(one, several, 1e-7)
+
+
 @pytest.mark.parametrize(
     "scene, degree, also",
     [("bar_sag.toml", 2, ()), ("ball_pressure.toml", 1, ()), ("bar_sag.toml", 2, BAG[:3])],
@@ -334,16 +358,3 @@ def test_loads_that_drive_a_free_body_are_told_with_force_and_torque(tmp_path):
         errors.append([line for line in done.stderr.splitlines() if line.startswith("error:")])
     (one,), (two,) = errors
     assert one.split("net force")[0] == two.split("net force")[0] and "shift along z" in two
-
-
-@pytest.mark.parametrize(
-    "scene, overrides, told",
-    [
-        ("ball_drop.toml", ["self_contact.on=true"], "self_contact"),
-    ],
-)
-def test_what_is_not_divided_is_refused_once(scene, overrides, told, tmp_path):
-    done = solve(scene, tmp_path / "out", overrides, 2)
-    assert done.returncode != 0
-    errors = [line for line in done.stderr.splitlines() if line.startswith("error:")]
-    assert len(errors) == 1 and f": {told} under mpirun, expected one process" in errors[0]
