@@ -21,24 +21,6 @@ struct Arguments : SessionOptions {
   int n_levels = 0;
 };
 
-/// What several processes do not solve together; empty: nothing.
-std::string undivided_part(const Scene& scene, const Arguments& arguments) {
-  if (processes().n == 1) return "";
-  const bool skin_shrinks = scene.skin && scene.collapse && scene.collapse->surface;
-  const bool may_overlap =
-      std::any_of(scene.obstacles.begin(), scene.obstacles.end(),
-                  [](const Obstacle& obstacle) { return obstacle.initially == Overlap::Resolve; });
-  for (const auto& [key, is_there] : {std::pair("obstacles.initially = \"resolve\"", may_overlap),
-                                      {"skin.relaxation", scene.skin && scene.skin->relaxation > 0},
-                                      {"skin with collapse.surface", skin_shrinks},
-                                      {"seams", !scene.seams.empty()},
-                                      {"self_contact", scene.self_contact.is_on},
-                                      {"reference.inertia_relief", scene.reference.inertia_relief},
-                                      {"--budget", arguments.budget.has_value()}})
-    if (is_there) return std::string(key) + " under mpirun, expected one process, or none of it";
-  return "";
-}
-
 /// Full-load displacement of the surface's vertices on finer and finer meshes, and the error of the first
 /// that they tell.
 nlohmann::ordered_json study_convergence(Session& session, const SurfaceMesh& surface, const TetMesh& mesh,
@@ -152,9 +134,10 @@ ExitStatus run(const Arguments& arguments) {
   if (processes().n > 1) scene.output.checkpoint_every = 0;  // none tells of several processes
   check_scene(scene, arguments.scene);
   check_scheme(scene, arguments.scene);
-  Session session("fem_reference", arguments, scene, is_first);
-  if (const std::string part = undivided_part(scene, arguments); !part.empty())
-    throw std::runtime_error(arguments.scene + ": " + part);
+  std::function<bool(bool)> of_first;
+  if (processes().n > 1 && arguments.budget)
+    of_first = [](bool decided) { return from_first_process(static_cast<int>(decided)) != 0; };
+  Session session("fem_reference", arguments, scene, is_first, of_first);
   if (const std::string part = unmodelled_part(scene); !part.empty()) return session.refuse(part);
   const std::string options =
       std::to_string(arguments.n_levels) + ' ' + std::to_string(arguments.n_frequencies);
@@ -230,7 +213,7 @@ int main(int argc, char** argv) {
       "  fem_reference analysis/scenes/ball_pressure.toml\n"
       "  fem_reference scene.toml --set reference.degree=1 --set reference.refine=1 --out out/linear\n"
       "  fem_reference scene.toml --converge 2\n"
-      "  mpirun -np 8 fem_reference scene.toml        (statics and motion, without self-contact)\n");
+      "  mpirun -np 8 fem_reference scene.toml        (statics and motion)\n");
   app.add_option(
          "--converge", arguments.n_levels,
          "also solve on this many meshes, each refined once more, and write the estimated error of the "

@@ -37,6 +37,16 @@ int timed(const Call& call) {
   return error;
 }
 
+template <class Matrix>
+Matrix broadcast(Matrix values, MPI_Datatype type) {
+  if (processes().n == 1) return values;
+  int size[] = {static_cast<int>(values.rows()), static_cast<int>(values.cols())};
+  MPI_Bcast(size, 2, MPI_INT, 0, MPI_COMM_WORLD);
+  values.resize(size[0], size[1]);
+  MPI_Bcast(values.data(), static_cast<int>(values.size()), type, 0, MPI_COMM_WORLD);
+  return values;
+}
+
 }  // namespace
 
 void start_mpi() {
@@ -96,12 +106,11 @@ double sum_over_processes(double value) {
 }
 
 Eigen::MatrixXi from_first_process(Eigen::MatrixXi values) {
-  if (processes().n == 1) return values;
-  int size[] = {static_cast<int>(values.rows()), static_cast<int>(values.cols())};
-  MPI_Bcast(size, 2, MPI_INT, 0, MPI_COMM_WORLD);
-  values.resize(size[0], size[1]);
-  MPI_Bcast(values.data(), static_cast<int>(values.size()), MPI_INT, 0, MPI_COMM_WORLD);
-  return values;
+  return broadcast(std::move(values), MPI_INT);
+}
+
+Eigen::MatrixXd from_first_process(Eigen::MatrixXd values) {
+  return broadcast(std::move(values), MPI_DOUBLE);
 }
 
 int from_first_process(int value) {

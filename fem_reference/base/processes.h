@@ -34,6 +34,7 @@ double diagonal_over_processes(const Eigen::Matrix3Xd& X);
 
 /// What process 0 has, on all.
 Eigen::MatrixXi from_first_process(Eigen::MatrixXi values);
+Eigen::MatrixXd from_first_process(Eigen::MatrixXd values);
 int from_first_process(int value);
 /// On process 0 what each has, in their order.
 std::vector<double> to_first_process(double value);

@@ -89,15 +89,22 @@ struct Hand {
 /// The hands of a mesh, one at a time.
 class Dealer {
  public:
-  Dealer(const TetMesh& mesh, const Nodes& nodes, int n, bool has_hinges)
+  Dealer(const TetMesh& mesh, const Nodes& nodes, int n, const Joined& joined)
       : mesh_(mesh), nodes_(nodes), owner_(nodes.X.cols()) {
     std::vector<int> order(owner_.size());
     std::iota(order.begin(), order.end(), 0);
     bisect(nodes.X, order.data(), order.data() + order.size(), 0, n, owner_);
-    for (Eigen::Index f = 0; has_hinges && f < nodes.faces.cols(); ++f)
-      for (const int i : nodes.faces.col(f))
-        for (const int j : nodes.faces.col(f))
-          if (owner_[j] != owner_[i]) beside_[i].insert(owner_[j]);
+    const auto join = [&](const auto& columns) {
+      for (const auto& column : columns.colwise())
+        for (const int i : column)
+          for (const int j : column)
+            if (owner_[j] != owner_[i]) beside_[i].insert(owner_[j]);
+    };
+    if (joined.triangles) join(nodes.faces);
+    join(joined.pairs);
+    if (joined.surface)
+      for (const int i : nodes.faces.reshaped())
+        for (int p = 0; p < n; ++p) beside_[i].insert(p);
     counted_.resize(n);
     others_.resize(n);
     for (int t = 0; t < nodes.cells.cols(); ++t) {
@@ -152,7 +159,7 @@ class Dealer {
   const TetMesh& mesh_;
   const Nodes& nodes_;
   std::vector<int> owner_;
-  std::unordered_map<int, std::set<int>> beside_;   // processes that own a node of a triangle at this one
+  std::unordered_map<int, std::set<int>> beside_;   // processes that own a node joined to this one
   std::vector<std::vector<int>> counted_, others_;  // tetrahedra of each process
 };
 
@@ -399,7 +406,7 @@ MatrixXi Share::written_cells(const MatrixXi& cells, int n) const {
   return cells.leftCols(n_own).unaryExpr([&](int i) { return place.at(number[i]); });
 }
 
-Share deal_out(TetMesh whole, int degree, bool has_hinges) {
+Share deal_out(TetMesh whole, int degree, const Joined& joined) {
   const auto [n, rank, n_threads, n_here] = processes();
   if (n == 1) return Share(std::move(whole));
   Hand hand;
@@ -411,7 +418,7 @@ Share deal_out(TetMesh whole, int degree, bool has_hinges) {
   }
   Nodes nodes(whole, degree);
   {
-    const Dealer dealer(whole, nodes, n, has_hinges);
+    const Dealer dealer(whole, nodes, n, joined);
     for (int p = n - 1; p >= 0; --p) {
       hand = dealer.hand(p);
       if (p > 0) hand.for_each([&](auto& part) { send(part, p); });

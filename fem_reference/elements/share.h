@@ -101,8 +101,14 @@ struct Share {
   std::vector<int> behind(int n) const;
 };
 
+/// What joins nodes of the whole mesh besides its tetrahedra. Who owns one of them has all that is at the others, too.
+struct Joined {
+  bool triangles;          ///< nodes of each boundary triangle
+  bool surface;            ///< all nodes of the boundary, in all shares
+  Eigen::Matrix2Xi pairs;  ///< of nodes
+};
+
 /// Shares of a mesh that the first process has, by recursive bisection of its nodes.
-/// @param has_hinges  boundary triangles beside those at owned nodes, and the tetrahedra at these, are in a share, too
-Share deal_out(TetMesh whole, int degree, bool has_hinges);
+Share deal_out(TetMesh whole, int degree, const Joined& joined);
 
 }  // namespace testbed::fem

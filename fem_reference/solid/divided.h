@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "fem_reference/elements/share.h"
+#include "meshing/surface_energies/self_barrier.h"
 #include "meshing/surface_energies/surface_energy.h"
 #include "meshing/surface_energies/volume_penalty.h"
 
@@ -28,6 +29,17 @@ class DividedPressure : public meshing::SurfaceEnergy {
   const Share& share_;
 };
 
+/// Pairs of a surface all of which every process has, with those of them that are counted here.
+class DividedSelfBarrier : public meshing::SelfBarrier {
+ public:
+  using SelfBarrier::SelfBarrier;
+
+ protected:
+  double time_of_impact(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx, double kept) const override {
+    return -largest_over_processes(-SelfBarrier::time_of_impact(x, dx, kept));
+  }
+};
+
 /// An energy that is a sum over parts of the surface.
 class DividedSum : public meshing::SurfaceEnergy {
  public:
@@ -41,6 +53,10 @@ class DividedSum : public meshing::SurfaceEnergy {
   void begin_step(double t, double h, const Eigen::Matrix3Xd& x) override {
     for (const auto& energy : {acting_, counted_}) energy->begin_step(t, h, x);
   }
+  std::shared_ptr<const meshing::SurfaceMemory> memory() const override { return acting_->memory(); }
+  void remember(std::shared_ptr<const meshing::SurfaceMemory> memory) override {
+    for (const auto& energy : {acting_, counted_}) energy->remember(memory);
+  }
   double energy(const Eigen::Matrix3Xd& x) const override { return counted_->energy(x); }
   double stored(const Eigen::Matrix3Xd& x) const override { return sum_over_processes(counted_->stored(x)); }
   double friction(const Eigen::Matrix3Xd& x) const override {
@@ -52,6 +68,9 @@ class DividedSum : public meshing::SurfaceEnergy {
   bool keep_out(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const override;
   double largest_step(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx) const override {
     return -largest_over_processes(-acting_->largest_step(x, dx));
+  }
+  bool passes_through(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) const override {
+    return largest_over_processes(acting_->passes_through(x, y)) > 0;
   }
   void follow(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& y) override {
     for (const auto& energy : {acting_, counted_}) energy->follow(x, y);

@@ -180,7 +180,11 @@ void ElasticSolid::set_tolerance(double tolerance) {
 void ElasticSolid::relieve_inertia() {
   const Eigen::MatrixXd& motions = self_->rigid;
   const Eigen::MatrixXd momenta = mass() * motions;
-  self_->load -= momenta * (motions.transpose() * momenta).ldlt().solve(motions.transpose() * self_->load);
+  Eigen::MatrixXd inertia = motions.transpose() * momenta;
+  Eigen::VectorXd driven = motions.transpose() * self_->load;
+  sum_over_processes(inertia.reshaped());
+  sum_over_processes(driven);
+  self_->load -= momenta * inertia.ldlt().solve(driven);
 }
 
 double ElasticSolid::max_strain(const Matrix3Xd& displacement) const {

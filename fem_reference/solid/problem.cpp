@@ -174,13 +174,22 @@ meshing::SurfaceEnergies obstacles_of(const Scene& scene, const ElasticSolid& so
   return {barrier_around(bodies, solid.X(), solid.faces(), E, is_constrained)};
 }
 
-meshing::SurfaceEnergies skin_of(const Scene& scene, const ElasticSolid& solid,
+meshing::SurfaceEnergies skin_of(const Scene& scene, const ElasticSolid& solid, const SurfaceMesh& surface,
                                  const Eigen::Matrix3d& frame) {
   const Share& share = solid.share();
-  meshing::SurfaceEnergies skin = meshing::skin_of(scene, solid.X(), solid.faces(), frame);
-  if (share.is_whole) return skin;
-  const auto counted = meshing::skin_of(scene, solid.X(), solid.faces(), frame,
-                                        [&](const Eigen::VectorXi& nodes) { return share.counts(nodes); });
+  const auto part = [&](const meshing::IsCounted& is_counted, const meshing::LargestOf& largest_of) {
+    return meshing::skin_of(scene, solid.X(), solid.faces(), frame, shortest_side(surface), is_counted,
+                            largest_of);
+  };
+  if (share.is_whole) return part({}, {});
+  const auto largest_of = [&share](const Eigen::VectorXd& values) {
+    double largest = 0;
+    for (Eigen::Index i = 0; i < values.size(); ++i)
+      if (!share.is_ghost[i]) largest = std::max(largest, values(i));
+    return largest_over_processes(largest);
+  };
+  meshing::SurfaceEnergies skin = part({}, largest_of);
+  const auto counted = part([&](const Eigen::VectorXi& nodes) { return share.counts(nodes); }, largest_of);
   for (size_t k = 0; k < skin.size(); ++k) skin[k] = std::make_shared<DividedSum>(share, skin[k], counted[k]);
   return skin;
 }
@@ -197,13 +206,32 @@ std::shared_ptr<meshing::SurfaceEnergy> volume_energy(double P, const Scene& sce
 }
 
 /// The scene's skin, and what keeps its volume, on the surface of a body.
-meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, const Eigen::Matrix3d& frame) {
-  meshing::SurfaceEnergies energies = skin_of(scene, solid, frame);
+meshing::SurfaceEnergies bag_of(const Scene& scene, const ElasticSolid& solid, const SurfaceMesh& surface,
+                                const Eigen::Matrix3d& frame) {
+  meshing::SurfaceEnergies energies = skin_of(scene, solid, surface, frame);
   if (scene.volume && scene.volume->is_exact)
     energies.push_back(volume_energy<meshing::HeldVolume>(scene.material.E, scene, solid));
   else if (scene.volume && scene.volume->coefficient > 0)
     energies.push_back(volume_energy<meshing::VolumePenalty>(scene.volume->coefficient, scene, solid));
   return energies;
+}
+
+meshing::SurfaceEnergies seams_on(const SurfaceProblem& problem, const Share& share) {
+  if (problem.stitches.empty()) return {};
+  const auto seam = [](const SurfaceProblem& stitched) {
+    return std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(stitched), "seam");
+  };
+  if (share.is_whole) return {seam(problem)};
+  const std::unordered_map<int, int> local = share.local();
+  SurfaceProblem acting, counted;
+  for (const auto& [a, b, stiffness] : problem.stitches) {
+    const auto i = local.find(a), j = local.find(b);
+    if (i == local.end() || j == local.end()) continue;
+    acting.stitches.push_back({i->second, j->second, stiffness});
+    if (share.counts(Eigen::Vector2i(i->second, j->second)))
+      counted.stitches.push_back(acting.stitches.back());
+  }
+  return {std::make_shared<DividedSum>(share, seam(acting), seam(counted))};
 }
 
 /// The handles of a problem, of several processes those on this one's nodes.
@@ -227,8 +255,18 @@ meshing::SurfaceEnergies self_contact_of(const Scene& scene, const ElasticSolid&
   if (!scene.self_contact.is_on) return {};
   const double thickness =
       scene.self_contact.thickness.value_or(meshing::default_thickness(surface.X, surface.F));
-  return {std::make_shared<meshing::SelfBarrier>(solid.X(), meshing::flat_triangles(solid.faces()),
-                                                 scene.material.E, thickness, scene.self_contact.friction)};
+  const auto barrier = [&](const meshing::IsCounted& is_counted) {
+    return std::make_shared<DividedSelfBarrier>(solid.X(), meshing::flat_triangles(solid.faces()),
+                                                scene.material.E, thickness, scene.self_contact.friction,
+                                                is_counted);
+  };
+  const Share& share = solid.share();
+  if (share.is_whole) return {barrier({})};
+  const auto is_here = [&share](const Eigen::VectorXi& nodes) {
+    return std::any_of(nodes.begin(), nodes.end(), [&](int i) { return !share.is_ghost[i]; });
+  };
+  const auto is_counted = [&share](const Eigen::VectorXi& nodes) { return share.counts(nodes); };
+  return {std::make_shared<DividedSum>(share, barrier(is_here), barrier(is_counted))};
 }
 
 /// A refined boundary triangle's four children hold the middles of its edges.
@@ -287,18 +325,16 @@ ElasticSolid assemble_scene(const Scene& scene, const SurfaceMesh& surface, cons
     boundaries.push_back(from_first_process(boundary_with_middles(fine, finer)));
     fine = std::move(finer);
   }
-  const bool has_hinges = scene.skin && scene.skin->bending > 0;
-  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree, has_hinges), scene.reference.degree);
+  const SurfaceProblem problem = discretise(scene, surface);
+  const Joined joined{scene.skin && scene.skin->bending > 0, scene.self_contact.is_on, seams_of(problem).E};
+  ElasticSolid solid(deal_out(std::move(fine), scene.reference.degree, joined), scene.reference.degree);
   const Share& share = solid.share();
   if (scene.reference.degree == 2) boundaries.push_back(share.is_whole ? solid.faces() : share.faces);
-  const SurfaceProblem problem = discretise(scene, surface);
   ElasticLoads loads = seen_from(frame, loads_of(scene, surface, problem, n_children));
   const std::vector<ConstrainedComponent> constrained =
       constrained_by(scene, problem, boundaries, frame, share, loads);
-  loads.surface = bag_of(scene, solid, frame);
-  if (!scene.seams.empty())
-    loads.surface.push_back(
-        std::make_shared<meshing::PlainEnergy<meshing::Seams>>(seams_of(problem), "seam"));
+  loads.surface = bag_of(scene, solid, surface, frame);
+  for (auto& energy : seams_on(problem, share)) loads.surface.push_back(std::move(energy));
   for (auto& energy : obstacles_of(scene, solid, constrained, frame))
     loads.surface.push_back(std::move(energy));
   for (auto& energy : handles_of(problem, solid, frame)) loads.surface.push_back(std::move(energy));

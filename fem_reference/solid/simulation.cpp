@@ -50,16 +50,21 @@ void Simulation::count_steps() {
 
 /// To equilibrium beside obstacles that it may overlap.
 void Simulation::push_out_of_obstacles() {
-  if (scene_.obstacles.empty()) return;
+  if (std::none_of(scene_.obstacles.begin(), scene_.obstacles.end(),
+                   [](const Obstacle& obstacle) { return obstacle.initially == Overlap::Resolve; }))
+    return;
   std::vector<meshing::RigidBody> obstacles;
   for (const Obstacle& obstacle : scene_.obstacles) obstacles.emplace_back(obstacle, frame_);
+  const Share& share = solid_.share();
+  const Eigen::Matrix3Xd X = from_first_process(Eigen::MatrixXd(share.written(solid_.X(), solid_.n_nodes())));
+  const Eigen::MatrixXi& faces = share.is_whole ? solid_.faces() : share.faces;
   if (scene_.supports.empty()) {
-    const Eigen::Vector3d way = way_beside(obstacles, solid_.X(), solid_.faces());
+    const Eigen::Vector3d way = way_beside(obstacles, X, faces);
     if (!way.isZero(0))
       integrator_->restart(way.replicate(solid_.X().cols(), 1), Eigen::VectorXd(integrator_->v()));
     return;
   }
-  const auto apart = without_overlap(scene_, obstacles, solid_.X(), solid_.faces(), frame_);
+  const auto apart = without_overlap(scene_, obstacles, X, faces, frame_);
   if (!apart) return;
   Simulation statics(*apart, surface_, mesh_, timer_);
   while (!statics.has_ended()) statics.advance();
@@ -170,7 +175,7 @@ State Simulation::state() const {
 }
 
 std::string Simulation::saved() const {
-  if (!integrator_) return "";
+  if (!integrator_ || processes().n > 1) return "";
   Archive to;
   State state = this->state();
   StepCounts counts = integrator_->counts();

@@ -42,7 +42,7 @@ class Simulation {
   State state() const;
   /// Goes on from a state of a simulation of the same scene and mesh, or of one under which it could go on.
   void set_state(const State& state);
-  /// A motion's state and counts as bytes; of statics none.
+  /// A motion's state and counts as bytes; of statics and of several processes none.
   std::string saved() const;
   /// Goes on from what a simulation of the same scene and mesh has saved.
   /// @throws std::runtime_error where it is cut

@@ -69,7 +69,8 @@ int run_program(CLI::App& app, int argc, char** argv, SessionOptions& options,
   }
 }
 
-Session::Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first)
+Session::Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first,
+                 std::function<bool(bool)> of_first)
     : scene(std::move(scene)),
       progress(options.is_quiet || !is_first),
       program_(program),
@@ -80,6 +81,7 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
       is_checked_(options.is_checked),
       finds_frequencies_(options.n_frequencies > 0),
       is_first_(is_first),
+      of_first_(std::move(of_first)),
       cpu_begin_(cpu_time()),
       budget_(options.budget, [this] { end_overdue(); }) {
   timer.add("start-up", static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
@@ -90,6 +92,7 @@ Session::Session(const std::string& program, const SessionOptions& options, Scen
 }
 
 void Session::end_overdue() {
+  if (!is_first_) return;  // the end of the first ends all
   const std::scoped_lock guard(writing_);
   if (!may_end_) return;
   std::string where = stage_.empty() ? "waiting for the folder" : "in the stage " + stage_;
@@ -113,7 +116,8 @@ void Session::end_overdue() {
 
 void Session::stop_early(int n, int n_steps) {
   stopped_early_ = "its budget of time was spent after " + std::to_string(n) + " of " +
-                   std::to_string(n_steps) + " steps; the same command goes on";
+                   std::to_string(n_steps) + " steps; the same command " +
+                   (is_saved_ ? "goes on" : "begins anew");
 }
 
 bool Session::needs_checkpoint() const {
@@ -135,9 +139,10 @@ std::map<std::string, double> Session::sums() const {
 
 void Session::save(std::string simulation) {
   saved_ = Clock::now();
-  if (!recorder_ || simulation.empty()) return;  // statics begin anew
+  if (!recorder_ || simulation.empty()) return;  // statics and several processes begin anew
   const std::scoped_lock guard(writing_);
   write_checkpoint(out_, hash_, {std::move(simulation), recorder_->recorded(), sums()});
+  is_saved_ = true;
 }
 
 void Session::write_scene() const {

@@ -44,7 +44,9 @@ class Session {
   /// on for too long beyond it is ended with the status "stopped_early", wherever it is, and keeps what it has. The stage "start-up" is the CPU time so far:
   /// what loading libraries costs, which the clock of the first stage has not seen.
   /// @param is_first  of the processes that solve it together: it alone writes and speaks
-  Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first = true);
+  /// @param of_first  what it has decided, on all; absent: there is one
+  Session(const std::string& program, const SessionOptions& options, Scene scene, bool is_first = true,
+          std::function<bool(bool)> of_first = {});
 
   /// Writes a record that says why the program does not model the scene.
   ExitStatus refuse(const std::string& reason);
@@ -92,7 +94,8 @@ class Session {
   /// Before what it adds after the step at hand.
   void save(std::string simulation);
 
-  bool is_spent() const { return budget_.is_spent(); }
+  /// All processes ask after the same step.
+  bool is_spent() const { return of_first_ ? of_first_(budget_.is_spent()) : budget_.is_spent(); }
   /// After n of so many steps, with a result that says so.
   void stop_early(int n, int n_steps);
 
@@ -121,7 +124,8 @@ class Session {
 
   std::string program_, file_, hash_;
   std::filesystem::path out_;
-  bool is_forced_, is_quiet_, is_checked_, finds_frequencies_, is_first_;
+  bool is_forced_, is_quiet_, is_checked_, finds_frequencies_, is_first_, is_saved_ = false;
+  std::function<bool(bool)> of_first_;
   Eigen::Matrix3Xd X_;
   SurfaceMesh solved_;
   SurfaceProblem problem_;          ///< on the surface as it was read: what two programs must have in common

@@ -176,9 +176,9 @@ Eigen::VectorXd mean_bending_forces(const Bending& bending, const Matrix3Xd& x) 
 }
 
 void relax(const Bending& bending, const Eigen::Matrix2Xi& E, double coefficient, double h,
-           const Matrix3Xd& x, Eigen::Ref<Eigen::VectorXd> rest_length) {
+           const Matrix3Xd& x, Eigen::Ref<Eigen::VectorXd> rest_length, const LargestOf& largest_of) {
   const Eigen::VectorXd f = mean_bending_forces(bending, x);
-  const double largest = f.maxCoeff();
+  const double largest = largest_of ? largest_of(f) : f.maxCoeff();
   if (!(largest > 0)) return;
   for (Eigen::Index s = 0; s < E.cols(); ++s)
     rest_length(s) *= std::pow(1 - coefficient * (f(E(0, s)) + f(E(1, s))) / (2 * largest), h);

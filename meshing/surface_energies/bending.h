@@ -5,6 +5,8 @@
 
 namespace testbed::meshing {
 
+using LargestOf = std::function<double(const Eigen::VectorXd& at_nodes)>;
+
 /// Edge (x_0, x_1) between the triangles (x_0, x_1, x_2) and (x_1, x_0, x_3), oriented outward.
 struct Bending {
   Eigen::Matrix4Xi hinges;     ///< x_0 ... x_3
@@ -45,7 +47,9 @@ Eigen::VectorXd mean_bending_forces(const Bending& bending, const Eigen::Matrix3
 /// Rest lengths (m) of edges relax for h seconds where the surface is bent [(22), paper eq. 9].
 /// @param E  edges, 2 x m
 /// @param coefficient  R', the part lost in a second where it is bent most
+/// @param largest_of  values at nodes where several processes share the surface; absent: these here
 void relax(const Bending& bending, const Eigen::Matrix2Xi& E, double coefficient, double h,
-           const Eigen::Matrix3Xd& x, Eigen::Ref<Eigen::VectorXd> rest_length);
+           const Eigen::Matrix3Xd& x, Eigen::Ref<Eigen::VectorXd> rest_length,
+           const LargestOf& largest_of = {});
 
 }  // namespace testbed::meshing

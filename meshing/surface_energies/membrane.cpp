@@ -129,39 +129,48 @@ void Membrane::begin_step(double t, double h, const Matrix3Xd& x) {
       length = first_length_.cwiseProduct(left);
     }
   }
-  if (relaxation_) relax(relaxation_->bending, E_, relaxation_->coefficient, h, x, length);
+  if (relaxation_)
+    relax(relaxation_->bending, E_, relaxation_->coefficient, h, x, length, relaxation_->largest_of);
   memory_ = std::move(next);
 }
 
+void Membrane::keep(const std::vector<int>& triangles) {
+  F_ = Eigen::Matrix3Xi(F_(Eigen::all, triangles));
+  edge_ = Eigen::Matrix3Xi(edge_(Eigen::all, triangles));
+  std::vector<Matrix3d> D;
+  for (const int t : triangles) D.push_back(D_[t]);
+  D_ = std::move(D);
+}
+
 SurfaceEnergies skin_of(const Scene& scene, const Matrix3Xd& X, const Eigen::MatrixXi& faces,
-                        const Matrix3d& frame, const IsCounted& is_counted) {
+                        const Matrix3d& frame, double shortest_side, const IsCounted& is_counted,
+                        const LargestOf& largest_of) {
   if (!scene.skin) return {};
   const Skin& skin = *scene.skin;
-  Eigen::Matrix3Xi F = flat_triangles(faces);
-  Bending bending = make_bending(X, F, skin.bending);
-  if (is_counted) {
-    const auto counted = [&](const auto& parts) {
-      std::vector<int> places;
-      for (int k = 0; k < parts.cols(); ++k)
-        if (is_counted(parts.col(k))) places.push_back(k);
-      return places;
-    };
-    F = Eigen::Matrix3Xi(F(Eigen::all, counted(F)));
-    bending = part_of(bending, counted(bending.hinges));
-  }
+  const Eigen::Matrix3Xi F = flat_triangles(faces);
+  const Bending bending = make_bending(X, F, skin.bending);
+  const auto counted = [&](const auto& parts) {
+    std::vector<int> places;
+    for (int k = 0; k < parts.cols(); ++k)
+      if (is_counted(parts.col(k))) places.push_back(k);
+    return places;
+  };
   SurfaceEnergies energies;
   if (skin.stiffness > 0) {
     std::optional<Relaxation> relaxation;
     if (skin.relaxation > 0 && scene.time.mode == TimeMode::Dynamic)
-      relaxation = Relaxation{skin.relaxation, bending};
+      relaxation = Relaxation{skin.relaxation, bending, largest_of};
     std::optional<ShrinkingRest> shrinking;
     if (scene.collapse && scene.collapse->surface)
-      shrinking = ShrinkingRest{*scene.collapse, shortest_side({frame * X, F}), frame,
-                                scene.time.mode == TimeMode::Static};
-    energies.push_back(std::make_shared<Membrane>(X, F, skin.stiffness, scene.material.nu,
-                                                  std::move(relaxation), std::move(shrinking)));
+      shrinking = ShrinkingRest{*scene.collapse, shortest_side, frame, scene.time.mode == TimeMode::Static};
+    const auto membrane = std::make_shared<Membrane>(X, F, skin.stiffness, scene.material.nu,
+                                                     std::move(relaxation), std::move(shrinking));
+    if (is_counted) membrane->keep(counted(F));
+    energies.push_back(membrane);
   }
-  if (skin.bending > 0) energies.push_back(std::make_shared<PlainEnergy<Bending>>(bending));
+  if (skin.bending > 0)
+    energies.push_back(std::make_shared<PlainEnergy<Bending>>(
+        is_counted ? part_of(bending, counted(bending.hinges)) : bending));
   return energies;
 }
 

@@ -11,8 +11,9 @@ namespace testbed::meshing {
 
 /// What a membrane's rest lengths do in time.
 struct Relaxation {
-  double coefficient;  ///< R', the part lost in a second where the surface is bent most [paper eq. 9]
-  Bending bending;     ///< of the same triangles
+  double coefficient;         ///< R', the part lost in a second where the surface is bent most [paper eq. 9]
+  Bending bending;            ///< of the same triangles
+  LargestOf largest_of = {};  ///< as relax
 };
 
 /// What a collapse leaves of a membrane's rest lengths, each at the middle of its edge.
@@ -35,6 +36,9 @@ class Membrane : public SurfaceEnergy {
   /// @param nu  Poisson's ratio
   Membrane(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double stiffness, double nu,
            std::optional<Relaxation> relaxation = {}, std::optional<ShrinkingRest> shrinking = {});
+
+  /// Some triangles alone from here on, which does not change what becomes of rest lengths.
+  void keep(const std::vector<int>& triangles);
 
   const char* name() const override { return "membrane"; }
   double energy(const Eigen::Matrix3Xd& x) const override;
@@ -69,8 +73,11 @@ class Membrane : public SurfaceEnergy {
 /// @param X  nodes at rest (3 x n, m)
 /// @param faces  3 or 6 nodes each
 /// @param frame  turns X to where the scene has them
+/// @param shortest_side  of the surface's box (m)
 /// @param is_counted  of triangles and hinges; absent: all are
+/// @param largest_of  as relax
 SurfaceEnergies skin_of(const Scene& scene, const Eigen::Matrix3Xd& X, const Eigen::MatrixXi& faces,
-                        const Eigen::Matrix3d& frame, const IsCounted& is_counted = {});
+                        const Eigen::Matrix3d& frame, double shortest_side, const IsCounted& is_counted = {},
+                        const LargestOf& largest_of = {});
 
 }  // namespace testbed::meshing

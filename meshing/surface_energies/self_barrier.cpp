@@ -88,7 +88,7 @@ double default_thickness(const Matrix3Xd& X, const Eigen::Matrix3Xi& F) {
 }
 
 SelfBarrier::SelfBarrier(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double E, double thickness,
-                         double friction)
+                         double friction, IsCounted is_counted)
     : X_(X),
       F_(F),
       E_(edges_of(F)),
@@ -97,7 +97,8 @@ SelfBarrier::SelfBarrier(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double E
       thickness_(thickness),
       kappa_(kStiff * E / thickness),
       friction_(friction),
-      mean_edge_(mean_edge_of(X, E_)) {
+      mean_edge_(mean_edge_of(X, E_)),
+      is_counted_(std::move(is_counted)) {
   const Matrix3Xd normals = area_vectors(X, F);
   std::map<std::pair<int, int>, int> edge;
   for (int e = 0; e < E_.cols(); ++e) edge[{E_(0, e), E_(1, e)}] = e;
@@ -131,6 +132,7 @@ void SelfBarrier::list(const Matrix3Xd& x, double margin) const {
   const double reach = thickness_ + 2 * margin;
   for_each_candidate(vertices_, E_, F_, x, reach, [&](const PairNodes& node, bool is_edges) {
     if (distance(node, is_edges, x) > reach) return;
+    if (is_counted_ && !is_counted_(Eigen::Vector4i(node.data()))) return;
     const double range = std::min(thickness_, distance(node, is_edges, X_) / 2);
     if (range < kTouching * thickness_) return;
     pairs_.push_back({node, is_edges, range, 0, is_edges ? least_cross(node, X_) : 0});
@@ -274,7 +276,6 @@ void SelfBarrier::follow(const Matrix3Xd& x, const Matrix3Xd& y) {
     held.friction = friction_foreseen(held.limit, held.friction, slid(held, x), slid(held, y), slip_);
 }
 
-/// The part of dx within which pairs keep a part of their distance.
 double SelfBarrier::time_of_impact(const Matrix3Xd& x, const Matrix3Xd& dx, double kept) const {
   double part = 1;
   for (const Pair& pair : pairs_along(x, dx))

@@ -24,8 +24,9 @@ class SelfBarrier : public SurfaceEnergy {
   /// @param E  Young's modulus (Pa)
   /// @param thickness  D (m)
   /// @param friction  Coulomb's coefficient
+  /// @param is_counted  of pairs; absent: all are
   SelfBarrier(const Eigen::Matrix3Xd& X, const Eigen::Matrix3Xi& F, double E, double thickness,
-              double friction = 0);
+              double friction = 0, IsCounted is_counted = {});
 
   const char* name() const override { return "self_contact"; }
   double energy(const Eigen::Matrix3Xd& x) const override;  ///< J; infinite where pairs touch
@@ -45,6 +46,10 @@ class SelfBarrier : public SurfaceEnergy {
   bool is_stiff() const override { return true; }
   bool is_invariant() const override { return friction_ == 0; }
 
+ protected:
+  /// The part of dx within which pairs keep a part of their distance.
+  virtual double time_of_impact(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx, double kept) const;
+
  private:
   struct Pair {
     PairNodes node;
@@ -63,7 +68,6 @@ class SelfBarrier : public SurfaceEnergy {
   void list(const Eigen::Matrix3Xd& x, double margin) const;
   const std::vector<Pair>& pairs_at(const Eigen::Matrix3Xd& x) const;
   const std::vector<Pair>& pairs_along(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx) const;
-  double time_of_impact(const Eigen::Matrix3Xd& x, const Eigen::Matrix3Xd& dx, double kept) const;
   Eigen::Vector3d slid(const Held& held, const Eigen::Matrix3Xd& x) const;
   template <class Visit>
   void for_each_near(const Eigen::Matrix3Xd& x, const Visit& visit) const;
@@ -74,6 +78,7 @@ class SelfBarrier : public SurfaceEnergy {
   Eigen::VectorXi vertices_;
   Eigen::VectorXd vertex_area_, edge_area_;  ///< m2: of nodes, and of the pair of nodes of each edge
   double thickness_, kappa_, friction_, mean_edge_;
+  IsCounted is_counted_;
   double slip_ = 0;  ///< below which friction is smoothed (m)
   std::vector<Held> held_;
   // Kept: all pairs that may come as near as D while no node moves farther than the margin against the others.
