@@ -1,6 +1,6 @@
 #include "fem_reference/solvers/two_level.h"
 
-#include <Eigen/SVD>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 
 #include "fem_reference/base/memory.h"
@@ -28,12 +28,19 @@ void scale_diagonal(BlockMatrix& A, double factor) {
   for (const int k : A.diagonal) A.block[k].diagonal() *= factor;
 }
 
-/// Makes A no less stiff without blocks B than with them: x^T |B| x + y^T |B| y is at least twice x^T B y.
+/// The positive semidefinite R with R^2 = S.
+Eigen::Matrix3d root_of(const Eigen::Matrix3d& S) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(S);
+  const Eigen::Vector3d roots = eigen.eigenvalues().cwiseMax(0).cwiseSqrt();
+  return eigen.eigenvectors() * roots.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+/// Makes A no less stiff without blocks B than with them: x^T (B B^T)^(1/2) x + y^T (B^T B)^(1/2) y is at least twice
+/// x^T B y.
 void make_up_for(const std::vector<meshing::SymmetricBlock>& outside, BlockMatrix& A) {
   for (const meshing::SymmetricBlock& b : outside) {
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(b.block, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    for (const auto& [i, axes] : {std::pair(b.i, svd.matrixU()), {b.j, svd.matrixV()}})
-      A.block[A.diagonal[i]] += axes * svd.singularValues().asDiagonal() * axes.transpose();
+    A.block[A.diagonal[b.i]] += root_of(b.block * b.block.transpose());
+    A.block[A.diagonal[b.j]] += root_of(b.block.transpose() * b.block);
   }
 }
 
