@@ -558,6 +558,19 @@ def test_distance_of_surfaces_is_over_the_displacement_and_leaves_shifts_out_whe
     assert relative_distance(run, reference, is_free, 1.0) == pytest.approx(expected, rel=3 * d, abs=ROUNDING)
 
 
+def test_surfaces_of_a_model_that_stopped_are_set_beside_those_of_the_same_moment(cube, tmp_path):
+    """Both grow alike, and the model for half as long."""
+    X, F = cube[0] - 1, cube[1]
+    reference = load_run(write_run(tmp_path / "a", X, F, lambda X: 0.1 * X, program="fem_reference"))
+    times = np.linspace(0, 0.5, 3)
+    stopped = {"status": "not_converged", "load_factor_reached": 0.5}
+    run = load_run(
+        write_run(tmp_path / "b", X, F, lambda X: 0.1 * X, times, **stopped),
+        may_stop=True,
+    )
+    assert relative_distance(run, reference, False, 0.5) < ROUNDING
+
+
 @pytest.mark.parametrize("is_moving, mean_square", [(True, 0.375), (False, 1)])
 def test_length_that_errors_are_relative_to_is_of_a_motion_over_it_all(
     cube, tmp_path, monkeypatch, is_moving, mean_square

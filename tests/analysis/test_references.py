@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from analysis import references
+from analysis.runs import LATE, NOT_OK, SOLVED
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,18 @@ class Experiment:
     n_refinements: int = 0
     next_reference_seconds: float | None = None
     unrefined: str = ""
+
+    is_static = False
+    calibration = "affine"
+    failed: frozenset = frozenset()
+    has_half_step: bool = False
+
+    def massspring_folder(self, name):
+        return self.folder / "massspring" / name
+
+    @property
+    def half_step_folder(self):
+        return self.folder / "half_step"
 
     @property
     def reference_folder(self):
@@ -59,3 +72,19 @@ def test_every_refinement_splits_and_halves_once_more(time, expected, tmp_path, 
     found = references.refine(Experiment(tmp_path, scene), solve, 60, is_quiet=True)
     assert asked == [(found.refined_folder(n), overrides) for n, overrides in enumerate(expected, 1)]
     assert found.n_refinements == 2
+
+
+@pytest.mark.parametrize("status, has_half_step", [(SOLVED, True), (NOT_OK, False), (LATE, False)])
+def test_springs_that_fail_at_half_their_step_are_not_compared_with_it(
+    status, has_half_step, tmp_path, monkeypatch
+):
+    asked = []
+
+    def solve(folder, overrides, _limit):
+        asked.append((folder, overrides))
+        return status, ""
+
+    monkeypatch.setattr(references, "record_of", lambda folder: {"seconds": {"solve": 1e-3}, "step": 0.1})
+    found = references.halve_step(Experiment(tmp_path, {}), solve, 60, is_quiet=True)
+    assert asked == [(found.half_step_folder, ["time.step=0.05", "output.frames_every=0"])]
+    assert found.has_half_step is has_half_step

@@ -115,6 +115,20 @@ def test_free_bodies_are_in_balance(load, ball):
         assert balance_of(scene, X, F) > 1e-3
 
 
+def test_opposite_pulls_of_parts_of_unequal_area_are_equal_forces(ball):
+    X, F = ball[0] * [0.5, 0.3, 0.2], ball[1]
+    X = np.where(X[:, :1] > 0, [1.5, 0.5, 0.5], 1.0) * X  # one end is longer and thinner
+    scene = tomllib.loads(scene_of("opposite", "any", Path("ball.ply"), X, F))
+    forces, areas = [], []
+    for pull in scene["loads"][:2]:
+        sphere = pull["region"]["sphere"]
+        is_in = np.linalg.norm(X - sphere["center"], axis=1) <= sphere["radius"]
+        areas.append(np.linalg.norm(triangle_normals(X, F[is_in[F].all(axis=1)]), axis=1).sum())
+        forces.append(np.array(pull["traction"]) * areas[-1])
+    assert abs(areas[0] / areas[1] - 1) > 0.1
+    np.testing.assert_allclose(forces[0], -forces[1], rtol=1e-9)
+
+
 @pytest.mark.parametrize("load", HELD)
 def test_a_part_of_the_others_is_held_and_something_moves_them(load, ball):
     X, F = ball[0] * [0.5, 0.3, 0.2], ball[1]

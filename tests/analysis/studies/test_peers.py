@@ -1,9 +1,11 @@
 """DOLFINx beside the reference."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from analysis.run_store import RunRequest, Store
+from analysis.run_store import Outcome, RunRequest, Store
 from analysis.runs import RunError, load_run
 from analysis.studies import peers
 from analysis.studies.peers import Pair
@@ -17,6 +19,23 @@ def test_a_peer_with_another_answer_has_no_ratio():
     assert [row[5] for row in rows] == ["3", "another answer"]
     assert "takes 3 to 3 times" in peers.finding([same, other])
     assert peers.finding([other]) == "DOLFINx gives other answers."
+
+
+def test_our_seconds_are_those_from_tetrahedra_to_displacement(tmp_path, monkeypatch):
+    """Set-up, assembly and solution of the fastest of three runs; DOLFINx' fastest is its second."""
+    seconds = [{"mesh": 50.0, "setup": 1.0, "assemble": 2.0, "solve": 4.0 + more} for more in (2, 0, 1)]
+    answers = iter([9.0, 5.0, 7.0])
+    runs = iter(seconds)
+
+    def run(_request):
+        return Outcome("ok", "", 99, 99, 0, tmp_path, {"seconds": next(runs)})
+
+    u = np.eye(3)
+    monkeypatch.setattr(peers, "load_run", lambda folder: folder)
+    monkeypatch.setattr(peers, "tetrahedra_of", lambda _: (None, None, u))
+    monkeypatch.setattr(peers, "solve_by_dolfinx", lambda *_: (u, 9, "Cholesky", next(answers)))
+    found = peers.measure(SimpleNamespace(run=run), tmp_path, 400, 2)
+    assert (found.ours, found.theirs, found.difference) == (7.0, 5.0, 0.0)
 
 
 def test_seconds_of_calculix_stand_beside_ours_without_meshing():

@@ -50,6 +50,16 @@ def test_a_body_that_grows_differs_by_its_volume(ball, tmp_path):
     assert found.mean_distance == pytest.approx(0.1 / SIZE, rel=2e-2)
 
 
+def test_motions_are_compared_to_the_end_of_the_one_that_ends_first(ball, tmp_path):
+    """Both move alike, one for half as long; what comes after is no difference."""
+    short, whole = (
+        motion(tmp_path / name, ball, lambda X, to=to: [0.1 * to, 0, 0] + 0 * X, np.linspace(0, 1, 5) * to)
+        for name, to in (("short", 0.5), ("whole", 1.0))
+    )
+    for run, referee in ((short, whole), (whole, short)):
+        assert strips.shared_times(run, referee, 2) == pytest.approx([0.25, 0.5])
+
+
 def test_contact_and_energy_differ_by_a_part_of_the_referees_largest(ball, tmp_path):
     """Springs store what elements store in solid and skin, and 1 J more at the end; elements press by 5 and 13 N."""
     still = motion(tmp_path / "a", ball, lambda X: 0 * X, np.array([0.0, 1.0]))

@@ -204,3 +204,8 @@ def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_
 def test_a_row_tells_the_message_of_what_is_not_ok_alone(tmp_path):
     assert row_of(Recording(tmp_path).run(None))["message"] == ""
     assert row_of(Outcome("failed", "no such thing", 3, 2, 0))["message"] == "failed: no such thing"
+
+
+def test_seconds_of_a_row_are_those_of_computing(tmp_path):
+    """Of three seconds on a busy machine the run had a core for two."""
+    assert row_of(Recording(tmp_path).run(None))["seconds"] == "2"
