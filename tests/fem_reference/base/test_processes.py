@@ -289,6 +289,12 @@ def test_loads_that_drive_a_free_body_are_told_with_force_and_torque(tmp_path):
     assert one.split("net force")[0] == two.split("net force")[0] and "shift along z" in two
 
 
+SEAM = (
+    "seams=[{from={box={low=[1,0,0],high=[1,0.4,1]},relative=true},"
+    "to={box={low=[1,0.6,0],high=[1,1,1]},relative=true},stiffness=1e4}]"
+)
+
+
 @pytest.mark.parametrize(
     "scene, overrides, told",
     [
@@ -296,6 +302,7 @@ def test_loads_that_drive_a_free_body_are_told_with_force_and_torque(tmp_path):
         ("ball_drop.toml", ["self_contact.on=true"], "self_contact"),
         ("inflate.toml", ["skin.stiffness=1", "skin.bending=1", "skin.relaxation=0.1"], "skin.relaxation"),
         ("ball_collapse.toml", ["skin.stiffness=1"], "skin with collapse.surface"),
+        ("bar_sag.toml", [SEAM, "surface.n_vertices=60", "reference.degree=1"], "seams"),
         ("bar_sag.toml", ["reference.inertia_relief=true"], "reference.inertia_relief"),
     ],
 )
