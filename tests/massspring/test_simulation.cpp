@@ -148,6 +148,23 @@ TEST(Motion, KeepsTheVolumeAtHandWhileRestLengthsCollapse) {
   EXPECT_LT(at_hand, 0.999 * at_rest);
 }
 
+TEST(Motion, HasTheTargetVolumeOfTheEndOfEachStep) {
+  FreeBox box;
+  box.scene.material.law = MaterialLaw::NeoHookean;
+  box.scene.volume.emplace().coefficient = 1e4;
+  box.scene.volume->target = {{0, 1}, {1, 3}};
+  for (const char* integrator : {"symplectic_euler", "minimising_euler"}) {
+    box.scene.time.integrator = integrator;
+    box.scene.time.step = 1e-4;
+    Simulation simulation(box.scene, box.network);
+    const double at_rest = meshing::volume(box.network.X, box.mesh.F);
+    for (int n = 1; n <= 3; ++n) {
+      ASSERT_EQ(simulation.advance(), Status::Ok);
+      EXPECT_NEAR(simulation.state().target_volume / at_rest, 1 + 2e-4 * n, 1e-12) << integrator;
+    }
+  }
+}
+
 // Where a support moves them, nodes have their masses to themselves.
 TEST(Motion, LumpsTheMassesOfNodesThatMoveAlongAnyAxis) {
   for (int axis = 0; axis < 3; ++axis) {

@@ -16,6 +16,7 @@ from synthetic import write_run
 from analysis.__main__ import parse_arguments
 from analysis.paths import PROGRAMS, ROOT
 from analysis.run_store import Store
+from analysis.runs import record_of
 from analysis.studies import accuracy
 from analysis.studies.accuracy import (
     EQUAL,
@@ -174,6 +175,7 @@ import sys
 from pathlib import Path
 from pathlib import Path
 from analysis.run_store import Store
+from analysis.runs import record_of
 from analysis.studies.accuracy import Bench, cases
 folder, programs = map(Path, sys.argv[1:])
 bench = Bench(folder, Store(folder / "runs", programs=programs))
@@ -263,6 +265,24 @@ def test_program_measures_each_case_once(tmp_path) -> None:
     assert abs(float(rows["uniform", "pressure"]["compliance"]) - 1) > 0.01
     fields = ("pressure", "uniaxial", "shear")  # linear
     assert max(float(rows["edge_coupled", load]["error_l2"]) for load in fields) < 1e-8
+
+
+@pytest.mark.skipif(not (PROGRAMS / "accuracy").exists(), reason="the program accuracy is not built")
+def test_errors_of_the_program_are_those_that_springs_find_of_themselves(tmp_path) -> None:
+    """The diagnostics of a run on the same network tell mean errors of exact fields."""
+    table, scene, out = (tmp_path / name for name in ("accuracy.csv", "scene.toml", "out"))
+    words = ["--out", table, "--surface", "ball:162", "--nu", "0.25", "--model", "edge_coupled"]
+    subprocess.run([PROGRAMS / "accuracy", *words], check=True, capture_output=True)
+    rows = {row["load"]: row for row in csv.DictReader(table.read_text().splitlines())}
+    scene.write_text(
+        '[surface]\nshape = "ball"\nn_vertices = 162\nnormalise = true\nacross = 0\n'
+        '[network]\ncalibration = "edge_coupled"\n[[loads]]\npressure = 1.0\n'
+    )
+    subprocess.run([PROGRAMS / "massspring", scene, "--quiet", "--out", out], check=True)
+    own = record_of(out)["diagnostics"]
+    for load in ("bending", "torsion"):
+        assert float(rows[load]["error_l2"]) == pytest.approx(own[f"{load}_error"], rel=1e-5)
+        assert float(rows[load]["error_max"]) > 1.1 * own[f"{load}_error"]
 
 
 @pytest.mark.skipif(not (PROGRAMS / "accuracy").exists(), reason="the program accuracy is not built")

@@ -223,6 +223,31 @@ TEST(Supports, LetGoOfNodesThatObstaclesThenHold) {
   EXPECT_LT(lowest, 0.5 * kFloor) << "it has fallen";
 }
 
+// As nodes on a plane of symmetry do.
+TEST(Supports, LeaveNodesToObstaclesThatTheyHoldAlongSomeAxesAlone) {
+  constexpr double kFloor = -0.01;
+  for (const bool is_y : {false, true}) {
+    FreeBox box;
+    box.scene.initial[0].velocity = Vector3d(0, 0, -1);
+    box.scene.material.law = MaterialLaw::NeoHookean;
+    box.scene.reference.degree = 1;
+    box.scene.reference.integrator = "minimising_euler";
+    box.scene.time.end = 0.03;
+    box.scene.supports.resize(1);
+    box.scene.supports[0].fixed = {{true, is_y, false}};
+    box.scene.obstacles.emplace_back().shape = HalfSpace{Vector3d(0, 0, kFloor), Vector3d::UnitZ()};
+    Simulation simulation = box.simulation();
+    double lowest = 0;
+    while (!simulation.has_ended()) {
+      simulation.advance();
+      lowest = std::min(lowest, (simulation.X() + simulation.snapshot().u).row(2).minCoeff());
+    }
+    EXPECT_EQ(simulation.status(), Status::Ok);
+    EXPECT_GT(lowest, kFloor) << is_y;
+    EXPECT_LT(lowest, 0.5 * kFloor) << "it has come there";
+  }
+}
+
 /// Clamped at one end, which moves; the other end is free from kEnd on. Gravity and a follower pressure act.
 FreeBox moved_box(const Scheme& scheme, MaterialLaw law) {
   FreeBox box;

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "meshing/base/random.h"
@@ -11,6 +12,8 @@ namespace testbed::meshing {
 namespace {
 
 using Eigen::Vector3d;
+
+constexpr double kRounding = 1e-12;
 
 RigidBody body_of(const decltype(Obstacle::shape)& shape) {
   Obstacle obstacle;
@@ -57,6 +60,25 @@ TEST(RigidBody, ConvexOnesAreFirstTouchedWhereBisectionFindsIt) {
       if (!found) continue;
       EXPECT_LT((*found - x - *expected * (y - x)).norm(), 1e-6 * (y - x).norm());
       EXPECT_NEAR(body.gap(*found, 0).distance, kLeast, 2e-3 * kLeast);
+    }
+  }
+}
+
+TEST(RigidBody, InOtherAxesIsTheSameBodyOnTheSameWay) {
+  const Eigen::Matrix3d frame = Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()).matrix();
+  Random random(2);
+  const decltype(Obstacle::shape) half = HalfSpace{{0.1, 0, 0}, {1, 2, 0}}, ball = Ball{{0.1, 0, 0}, 0.5};
+  for (const auto& shape : {half, ball}) {
+    Obstacle obstacle;
+    obstacle.shape = shape;
+    obstacle.motion = {{0, 0, 0, 0}, {1, 0.5, -1, 2}};
+    const RigidBody along_axes(obstacle), turned(obstacle, frame);
+    for (const double t : {0., 0.4, 1.}) {
+      EXPECT_LT((frame * turned.translation(t) - along_axes.translation(t)).norm(), kRounding);
+      const Vector3d x = random_point(random);
+      const RigidBody::Gap expected = along_axes.gap(x, t), found = turned.gap(frame.transpose() * x, t);
+      EXPECT_NEAR(found.distance, expected.distance, kRounding) << t;
+      EXPECT_LT((frame * found.normal - expected.normal).norm(), kRounding) << t;
     }
   }
 }
