@@ -49,7 +49,7 @@ def join(commands: list[dict[str, str]], build: Path, wanted: Callable[[Path], b
     folder = build / "joined"
     folder.mkdir(exist_ok=True)
     seen: set[Path] = set()
-    joined = []
+    joined: list[dict[str, str]] = []
     for command in commands:
         sources = [s for s in sources_of(command, build) if s not in seen and wanted(s)]
         if not sources:
