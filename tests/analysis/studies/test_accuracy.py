@@ -320,7 +320,7 @@ def test_page_is_that_of_the_published_rows(tmp_path, monkeypatch):
 def test_published_rows_are_those_of_a_fresh_run(tmp_path):
     """Of the cheapest body of the development half."""
     published = [r for r in read_rows() if (r["half"], r["triangles"]) == ("development", "cad")]
-    (case,) = (c for c in cases() if (c.body.name, c.kind, c.nu) == ("bracket-1-cad", "free", 0.45))
+    (case,) = (c for c in cases() if (c.body.name, c.kind, c.nu) == ("bracket-1-cad", "free", "0.45"))
     fresh = Bench(tmp_path).measure(case)
     assert len(fresh) == 4
     for row in fresh:
