@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.small_strain import deformation_of
+from analysis.small_strain import deformation_of, stays_below
 
 
 def turned(angle):
@@ -51,6 +51,13 @@ def test_a_twentieth_of_the_surface_may_do_what_it_likes():
         u = 0 * X
         u[:, 0] = 0.01 * X[:, 0] + 0.49 * np.minimum(X[:, 0], n)
         assert deformation_of(X, F, u).strain == pytest.approx(strain)
+
+
+def test_large_triangles_count_with_their_area():
+    """Of a weight of 13, 4 lies at 1, another 1 at 2, and the rest, which stands first, at 3."""
+    values, weights = np.array([3.0, 1.0, 2.0]), np.array([8.0, 4.0, 1.0])
+    for share, least in ((0.3, 1), (4 / 13, 1), (0.35, 2), (5 / 13, 2), (0.4, 3), (0.9, 3)):
+        assert stays_below(values, weights, share) == least
 
 
 def test_error_is_that_of_a_cantilever_bent_far():

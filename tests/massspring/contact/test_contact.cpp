@@ -52,6 +52,24 @@ TEST(PushOut, CountsWhatFrictionTakesOfABlow) {
   EXPECT_EQ(flows.obstacles, 0);
 }
 
+// A plate that rises at 1 m/s and slides at 0.5 m/s hits 2 kg at rest, which slip along it at 0.2 m/s then.
+TEST(PushOut, PassesTheMomentumOfAMovingPlateOnToANodeAtRest) {
+  Obstacle plate = floor_with(0.3);
+  plate.motion = {{0, 0, 0, 0}, {1, 0.5, 1, 0}};
+  State before;
+  before.x = Vector3d(0, 1e-3, 0);
+  before.v = Vector3d::Zero();
+  constexpr double kStep = 0.01;
+  Matrix3Xd x = before.x, v = before.v;
+  std::vector<Eigen::VectorXd> clearance;
+  meshing::EnergyFlows flows;
+  ASSERT_TRUE(push_out({meshing::RigidBody(plate)}, before, kStep, Eigen::VectorXd::Constant(1, 2), clearance,
+                       x, v, flows));
+  EXPECT_LT((v.col(0) - Vector3d(0.3, 1, 0)).norm(), 1e-12);
+  EXPECT_NEAR(flows.obstacles, 2 * (0.3 * 0.5 + 1), 1e-12);
+  EXPECT_NEAR(flows.friction, 2 * 0.3 * (0.5 + 0.2) / 2, 1e-12);
+}
+
 // A soft cube of 1 m, its underside at y = 0.
 struct Cube {
   MassSpringModel model;
