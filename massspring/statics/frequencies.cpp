@@ -22,10 +22,10 @@ MatrixXd to_each(const MatrixXd& x, const Apply& apply) {
   return y;
 }
 
-/// Of what acts on the surface of an unloaded body.
+/// Of what acts on the surface at rest; pressures that follow have no part that is sure to be positive semidefinite.
 meshing::SurfaceHessian hessian_at_rest(const MassSpringModel& model, const Forces& forces) {
   meshing::SurfaceHessian H;
-  for (const auto& energy : surface_at(forces, initial_state(model), 0))
+  for (const auto& energy : surface_at(forces, initial_state(model)))
     if (!energy->is_stiff())  // contact has no finite stiffness where a body begins in touch
       energy->add_hessian(model.network.X, H, Curvature::Projected);
   return H;
