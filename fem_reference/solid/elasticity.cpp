@@ -200,7 +200,9 @@ bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double resid
   const double h = std::cbrt(share.volume / static_cast<double>(share.is_whole ? at.cols() : share.n_nodes));
   const double rounding = share.norm(at) * std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h,
                                                     std::numeric_limits<double>::epsilon() * stiffness_norm);
-  report.is_converged = residual <= std::max(report.tolerance * size, rounding);
+  const double of_surface =
+      surface.empty() ? 0 : largest_over_processes(meshing::rounding(surface, nodes.X + at));
+  report.is_converged = residual <= std::max(report.tolerance * size, rounding + of_surface);
   return report.is_converged;
 }
 

@@ -339,9 +339,9 @@ void QuasiStaticSolver::find_balance(double load_factor, const Matrix3Xd& last_x
   Matrix3Xd before = start;
   // Without a load, forces are what rounding makes of the stiffness: those are balanced.
   constexpr double kRounding = std::numeric_limits<double>::epsilon();
-  const auto rounding = [&] {
-    const Matrix3Xd& rounded = model_.tet_springs && n_energies(model_) == 1 ? state.u : state.x;
-    return kRounding * largest_stiffness_ * rounded.norm() / tolerance_;
+  const auto rounded = [&] {
+    const Matrix3Xd& of = model_.tet_springs && n_energies(model_) == 1 ? state.u : state.x;
+    return (kRounding * largest_stiffness_ * of.norm() + rounding(forces_.surface, state.x)) / tolerance_;
   };
   double scale = 0;
   double size = 0;             // of forces
@@ -353,7 +353,7 @@ void QuasiStaticSolver::find_balance(double load_factor, const Matrix3Xd& last_x
   energy.negative_gradient = [&](Matrix3Xd& r) { r = residual(state, load_factor, size); };
   energy.is_end = [&](const Matrix3Xd& r, NewtonReport& newton) {
     // The largest forces met on the way: those at the end vanish where supports only move a body.
-    scale = std::max({scale, size, r.norm(), rounding()});
+    scale = std::max({scale, size, r.norm(), rounded()});
     report.residual = scale > 0 ? r.norm() / scale : 0;
     if (report.residual <= tolerance_) {
       constexpr double kLost = 0.1;

@@ -10,6 +10,12 @@ bool is_invariant(const SurfaceEnergies& energies) {
                      [](const auto& energy) { return energy->is_invariant(); });
 }
 
+double rounding(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x) {
+  double sum = 0;
+  for (const auto& energy : energies) sum += energy->rounding(x);
+  return sum;
+}
+
 bool is_stiff(const SurfaceEnergies& energies) {
   return std::any_of(energies.begin(), energies.end(), [](const auto& energy) { return energy->is_stiff(); });
 }

@@ -160,6 +160,8 @@ class SurfaceEnergy {
   /// Work of obstacles, or of a target, that move in the step that ends at x, by the forces at its end, as implicit
   /// steps take them (J).
   virtual double work(const Eigen::Matrix3Xd&) const { return 0; }
+  /// Size of the forces at x (N) that are the rounding of a sum over the whole surface.
+  virtual double rounding(const Eigen::Matrix3Xd&) const { return 0; }
   /// With each obstacle, at the end x of the step.
   virtual std::vector<Contact> contacts(const Eigen::Matrix3Xd&) const { return {}; }
 
@@ -229,6 +231,8 @@ using SurfaceEnergies = std::vector<std::shared_ptr<SurfaceEnergy>>;
 
 /// Whether rigid motions of the body leave all of them as they are; if not, they may hold it.
 bool is_invariant(const SurfaceEnergies& energies);
+/// Of all, as SurfaceEnergy::rounding (N).
+double rounding(const SurfaceEnergies& energies, const Eigen::Matrix3Xd& x);
 /// Whether any is contact.
 bool is_stiff(const SurfaceEnergies& energies);
 

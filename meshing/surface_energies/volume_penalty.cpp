@@ -1,6 +1,7 @@
 #include "meshing/surface_energies/volume_penalty.h"
 
 #include <cmath>
+#include <limits>
 
 namespace testbed::meshing {
 
@@ -26,6 +27,12 @@ void VolumePenalty::add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) c
   thread_local Eigen::Matrix3Xd gradient;  // kept, so that a step allocates nothing
   const double V = volume_at(x, gradient);
   f.leftCols(gradient.cols()) += pressure_of(V) * gradient;
+}
+
+double VolumePenalty::rounding(const Eigen::Matrix3Xd& x) const {
+  Eigen::Matrix3Xd gradient;
+  const double V = volume_at(x, gradient);
+  return std::numeric_limits<double>::epsilon() * P_ * V / target_ * gradient.norm();
 }
 
 void VolumePenalty::add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const {

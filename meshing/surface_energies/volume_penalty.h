@@ -36,6 +36,7 @@ class VolumePenalty : public SurfaceEnergy {
   const char* name() const override { return "volume"; }
   double energy(const Eigen::Matrix3Xd& x) const override;
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override;
+  double rounding(const Eigen::Matrix3Xd& x) const override;
   /// Its positive semidefinite part is P/V_1 (dV/dx)(dV/dx)^T. The other one, P (V - V_1)/V_1 d2V/dx2, has
   /// eigenvalues of both signs and vanishes at the target.
   void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override;

@@ -114,3 +114,15 @@ def test_volumes_of_tetrahedra_resist_alike_in_both_programs(tmp_path):
         assert springs == pytest.approx(quadratic, rel=0.2)
         ends.append(quadratic)
     assert ends[1] < 0.6 * ends[0]
+
+
+@pytest.mark.parametrize("program", ["massspring", "fem_reference"])
+def test_a_light_load_ends_on_a_stiff_volume(program, tmp_path):
+    """Where the rounding of the enclosed volume is more of the load than time.residual."""
+    words = "volume={ coefficient = 2e6 }", "time.load_steps=1"
+    light, heavy = (
+        run(tmp_path, program, *words, f"gravity=[0, {g}, 0]").curves["max_displacement"][-1]
+        for g in (-1e-5, -1e-3)
+    )
+    assert 0 < light < 1e-6
+    assert heavy / light == pytest.approx(100, rel=1e-4)
