@@ -43,15 +43,14 @@ struct Prolongation {
   Matrix3Xd centre;  ///< of each body (m)
 };
 
-/// Inverse on the directions in which A, scaled to a unit diagonal, is not zero: a group of one node or of
+/// Inverse on the directions in which A, scaled to a unit diagonal, is more than that: a group of one node or of
 /// nodes on a line has rotations without effect.
-Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& A) {
-  constexpr double kZero = 1e-10;
+Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& A, double zero) {
   const Eigen::ArrayXd d = A.diagonal();
   const Eigen::VectorXd scale = (d > 0).select(d.abs().rsqrt(), 0);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * A * scale.asDiagonal());
   const Eigen::ArrayXd lambda = eigen.eigenvalues();
-  const Eigen::VectorXd inverse = (lambda > kZero).select(lambda.inverse(), 0);
+  const Eigen::VectorXd inverse = (lambda > zero).select(lambda.inverse(), 0);
   const Eigen::MatrixXd V = scale.asDiagonal() * eigen.eigenvectors();
   return V * inverse.asDiagonal() * V.transpose();
 }
@@ -63,8 +62,9 @@ Blocks<3, 3> inverse_diagonal(const Equations<3>& A) {
 }
 
 Blocks<6, 6> inverse_diagonal(const Equations<6>& A) {
+  constexpr double kZero = 1e-6;  // below, what blocks lose in single precision is as large
   Blocks<6, 6> inverse(A.n_rows());
-  for (int i = 0; i < A.n_rows(); ++i) inverse[i] = pseudo_inverse(A.block[A.diagonal[i]]);
+  for (int i = 0; i < A.n_rows(); ++i) inverse[i] = pseudo_inverse(A.block[A.diagonal[i]], kZero);
   return inverse;
 }
 
@@ -312,7 +312,8 @@ Multigrid::Multigrid(const BlockMatrix& A, const Matrix3Xd& X,
   for (Eigen::Index i = 0; i < n; ++i)
     for (int k = coarse.row_start[i]; k < coarse.row_start[i + 1]; ++k)
       dense.block<6, 6>(6 * i, 6 * coarse.column[k]) = coarse.block[k];
-  coarsest_inverse_ = pseudo_inverse(dense).cast<float>();
+  constexpr double kRounding = 1e-10;
+  coarsest_inverse_ = pseudo_inverse(dense, kRounding).cast<float>();
 }
 
 /// x of level l from its b.

@@ -77,6 +77,48 @@ TEST_P(MultigridOf, IsSymmetricPositiveDefiniteAndKeepsConstraints) {
   for (const Constraint& c : step.forces.constraints) EXPECT_EQ(Mu.col(c.node), Eigen::Vector3d::Zero());
 }
 
+/// Stiffness of springs along the edges (N/m), and a mass that is as small beside them as in a long step.
+BlockMatrix springs_of(const Matrix3Xd& X, const Eigen::Matrix2Xi& E, double stiffness, double mass) {
+  BlockMatrix A = make_block_matrix(static_cast<int>(X.cols()), E);
+  for (int i = 0; i < A.rows(); ++i) A.block[A.diagonal[i]] = mass * Eigen::Matrix3d::Identity();
+  for (const auto& e : E.colwise()) {
+    const Eigen::Vector3d n = (X.col(e(1)) - X.col(e(0))).normalized();
+    const Eigen::Matrix3d k = stiffness * n * n.transpose();
+    for (int c : {0, 1}) {
+      A.block[A.diagonal[e(c)]] += k;
+      A.block[A.find(e(c), e(1 - c))] -= k;
+    }
+  }
+  return A;
+}
+
+// Threads of nodes hang from a cube: across them nothing but mass resists, less than single precision tells.
+TEST(Multigrid, OfNodesThatHangOnAThreadIsPositiveDefinite) {
+  constexpr int kThreads = 20, kNodes = 6;
+  const TetMesh cube = box_tets(7, 7, 7, 1. / 7, 0.1);
+  const auto n = static_cast<int>(cube.X.cols());
+  Matrix3Xd X(3, n + kThreads * kNodes);
+  X.leftCols(n) = cube.X;
+  std::vector<Eigen::Vector2i> edges;
+  for (const auto& t : cube.T.colwise())
+    for (int a = 0; a < 4; ++a)
+      for (int b = 0; b < a; ++b) edges.emplace_back(t(a), t(b));
+  for (int thread = 0; thread < kThreads; ++thread)
+    for (int k = 0; k < kNodes; ++k) {
+      const int node = n + thread * kNodes + k, above = k == 0 ? 17 * thread : node - 1;
+      X.col(node) = X.col(above) + 0.1 * Eigen::Vector3d(0.5, 0.3, 0.8);
+      edges.emplace_back(node, above);
+    }
+  Eigen::Matrix2Xi E(2, edges.size());
+  for (std::size_t e = 0; e < edges.size(); ++e) E.col(static_cast<Eigen::Index>(e)) = edges[e];
+  Multigrid multigrid(springs_of(X, E, 1e5, 0.01), X, [](Matrix3Xd&) {});
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    PaddedField r, z;
+    pad(random_points(static_cast<int>(X.cols()), 1, seed), 1, r);
+    EXPECT_GT(multigrid.apply(r, z), 0);
+  }
+}
+
 TEST_P(MultigridOf, IterationsHardlyGrowWithTheNodesWhereBlockJacobisDo) {
   int iterations[2][2];
   for (const int k : {0, 1}) {
