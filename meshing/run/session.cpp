@@ -221,9 +221,12 @@ void Session::start(const std::string& name) {
 }
 
 SurfaceMesh Session::cut_surface(const std::function<void(const SurfaceMesh&)>& fill) {
+  Eigen::Index n_refused = 0;
   for (const double coarser : {1, 2}) {
     const CutSurface cut = cut_for(scene, surface, coarser);
     if (cut.surface.cuts.F.size() == 0) break;
+    if (cut.surface.X.cols() == n_refused) break;  // as many vertices as are allowed, the same as before
+    n_refused = cut.surface.X.cols();
     try {
       fill(cut.surface);
       tell(cut);

@@ -100,12 +100,8 @@ def test_a_surface_that_is_too_thin_for_its_cuts_is_told_of_in_plain_words(tmp_p
 THIN = ("surface.shape=bar", "surface.n_vertices=8", "surface.size=[10, 1, 1]", "reference.degree=1")
 
 
-@pytest.mark.parametrize(
-    "program, n_failures, n_refused",
-    [("massspring", 4, 1), ("massspring", 8, 2), ("fem_reference", 2, 1), ("fem_reference", 4, 2)],
-)
-def test_a_surface_that_no_mesher_fills_is_cut_less(program, n_failures, n_refused, tmp_path):
-    """Two attempts on each surface; of springs with their own nodes inside, then with the mesher's."""
+def beside_failing_meshers(program, n_failures, tmp_path):
+    """The program, whose meshers fail so many times first."""
     shutil.copy(PROGRAMS / program, tmp_path)
     failures = tmp_path / "failures"
     failures.mkdir()
@@ -116,10 +112,20 @@ def test_a_surface_that_no_mesher_fills_is_cut_less(program, n_failures, n_refus
             f'exec {PROGRAMS / name} "$@"\n'
         )
         worker.chmod(0o755)
+    return tmp_path / program
+
+
+@pytest.mark.parametrize(
+    "program, n_failures, n_refused",
+    [("massspring", 4, 1), ("massspring", 8, 2), ("fem_reference", 2, 1), ("fem_reference", 4, 2)],
+)
+def test_a_surface_that_no_mesher_fills_is_cut_less(program, n_failures, n_refused, tmp_path):
+    """Two attempts on each surface; of springs with their own nodes inside, then with the mesher's."""
     words = [part for word in THIN for part in ("--set", word)]
     _, record = said_by(program, "own_body", tmp_path / "usual", *words)
     usual = json.loads(record.read_text())
-    command = [tmp_path / program, SCENES / "own_body.toml", "--out", tmp_path / "out", *words]
+    failing = beside_failing_meshers(program, n_failures, tmp_path)
+    command = [failing, SCENES / "own_body.toml", "--out", tmp_path / "out", *words]
     said = subprocess.run(command, capture_output=True, text=True, check=False).stderr
     record = json.loads((tmp_path / "out" / "run.json").read_text())
     assert record["status"] == "ok" and "cuts_refused" not in usual
@@ -127,6 +133,18 @@ def test_a_surface_that_no_mesher_fills_is_cut_less(program, n_failures, n_refus
     assert said.count("cannot be filled: it is cut less") == n_refused
     assert ("n_cut" in record) == (n_refused == 1)
     assert record.get("n_cut", 0) < usual["n_cut"] / 2
+
+
+def test_a_surface_of_as_many_cuts_as_are_allowed_is_not_filled_twice(tmp_path):
+    file = tmp_path / "sheet.ply"
+    pv.Box((0, 1, 0, 1, 0, 0.005)).triangulate().clean().save(file)
+    words = [f"surface.file={file}", "surface.shape=", "reference.degree=1"]
+    words = [part for word in words for part in ("--set", word)]
+    failing = beside_failing_meshers("fem_reference", 2, tmp_path)
+    command = [failing, SCENES / "own_body.toml", "--out", tmp_path / "out", "--quiet", *words]
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+    record = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert len(record["cuts_refused"]) == 1 and "n_cut" not in record
 
 
 @pytest.mark.parametrize("program, n_hanging", [("massspring", 2), ("fem_reference", 1)])
