@@ -135,16 +135,16 @@ void Simulation::make_model() {
   if (law_of(scene_) != MaterialLaw::SmallStrain) return;
   // Statics hold floppy motions. In motion, linear forces would let them drift without bound.
   constexpr double kForever = std::numeric_limits<double>::infinity();
-  const std::optional<int> n_floppy =
+  const std::optional<bool> is_floppy =
       scene_.time.mode == TimeMode::Dynamic
-          ? n_floppy_motions(model_, constraints_of(problem_, surface_of(model_), kForever))
-          : 0;
-  if (n_floppy == 0)
+          ? has_floppy_motions(model_, constraints_of(problem_, surface_of(model_), kForever))
+          : false;
+  if (is_floppy == false)
     linearise(model_);
   else
     report_.full_geometry =
-        (n_floppy ? std::to_string(*n_floppy) + " motions of the network cost no energy, and"
-                  : std::string("the network is too large to count its motions without energy, which")) +
+        std::string(is_floppy ? "the network has motions that cost no energy, which"
+                              : "the network is too large to look for motions that cost no energy, which") +
         " would drift without bound in linear geometry";
 }
 

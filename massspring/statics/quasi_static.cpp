@@ -29,11 +29,12 @@ Eigen::MatrixXd free_rigid_motions_of(const Matrix3Xd& X, const std::vector<Cons
   return free_rigid_motions(R, constrained);
 }
 
+constexpr double kZero = 1e-7;  // of the largest stiffness: soft motions of sound networks lie above
+
 /// Orthonormal basis of the motions on which K does no work, 3n x m, by subspace iteration with K's shifted
 /// factor.
 /// @param scale  largest diagonal entry of K
 Eigen::MatrixXd zero_energy_motions(const BlockMatrix& K, const BlockCholesky& factor, double scale) {
-  constexpr double kZero = 1e-7;  // of the largest stiffness: soft motions of sound networks lie above
   constexpr int kIterations = 4;
   Random random(1);
   const int n = K.rows();
@@ -66,6 +67,20 @@ double largest_linear_diagonal(const MassSpringModel& model) {
   return largest;
 }
 
+/// Whether the springs of a node alone let it move along a direction that is not constrained.
+bool has_loose_node(const BlockMatrix& K, const std::vector<Constraint>& constraints) {
+  std::vector<Eigen::Matrix3d> held(K.rows(), Eigen::Matrix3d::Zero());
+  const double scale = largest_diagonal(K);
+  for (const Constraint& c : constraints) held[c.node] = scale * (Eigen::Matrix3d::Identity() - c.S);
+  for (int i = 0; i < K.rows(); ++i) {
+    const Eigen::Matrix3d block = K.block[K.diagonal[i]] + held[i];
+    if (Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block, Eigen::EigenvaluesOnly).eigenvalues()(0) <
+        kZero * scale)
+      return true;
+  }
+  return false;
+}
+
 /// So that a factor exists where motions cost no energy.
 BlockMatrix shifted(BlockMatrix P, const std::vector<Constraint>& constraints) {
   constexpr double kShift = 1e-8;
@@ -93,13 +108,15 @@ Eigen::MatrixXd rest_of(const Eigen::MatrixXd& whole, const Eigen::MatrixXd& par
 
 }  // namespace
 
-std::optional<int> n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints,
-                                    double most_factor_entries) {
-  if (model.tet_springs) return 0;  // rigid motions are all that tetrahedra leave free
+std::optional<bool> has_floppy_motions(const MassSpringModel& model,
+                                       const std::vector<Constraint>& constraints,
+                                       double most_factor_entries) {
+  if (model.tet_springs) return false;  // rigid motions are all that tetrahedra leave free
   BlockMatrix K = simple_stiffness(model, initial_state(model));
+  if (has_loose_node(K, constraints)) return true;
   if (n_factor_entries(K) > most_factor_entries) return {};
   const auto n_free = zero_energy_motions(std::move(K), constraints).cols();
-  return static_cast<int>(n_free - free_rigid_motions_of(model.network.X, constraints).cols());
+  return n_free > free_rigid_motions_of(model.network.X, constraints).cols();
 }
 
 QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces& forces, double tolerance)

@@ -100,9 +100,9 @@ class QuasiStaticSolver {
   LoadHistory rest_;  ///< of a state at rest
 };
 
-/// Motions other than rigid ones that the constraints leave free and that cost no energy at rest. None where a factor
-/// of the stiffness, by which they are found, would have more entries than that.
-std::optional<int> n_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints,
-                                    double most_factor_entries = kMostFactorEntries);
+/// Whether the constraints leave motions free, other than rigid ones, that cost no energy at rest. None where a factor
+/// of the stiffness, which tells it if no single node does, would have more entries than that.
+std::optional<bool> has_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+                                       double most_factor_entries = kMostFactorEntries);
 
 }  // namespace testbed::massspring

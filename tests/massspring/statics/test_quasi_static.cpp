@@ -73,18 +73,36 @@ TEST(QuasiStatic, SaysThatALoadDrownsInTheRoundingOfTheLengthsOfSprings) {
   }
 }
 
-TEST(QuasiStatic, CountsMoreMotionsThatCostNoEnergyThanItLooksForAtFirst) {
-  constexpr int kBodies = 10, kOfOne = 6 + 2;  // moves as a rigid body, and its tied node in two directions
-  const TetMesh one = tied_node(1).network;
-  const Eigen::Matrix2Xi E = tied_node(1).springs->E;
-  Eigen::Matrix3Xd X(3, kBodies * one.X.cols());
-  Eigen::Matrix2Xi all(2, kBodies * E.cols());
-  for (int k = 0; k < kBodies; ++k) {
+/// Bodies of tied_node side by side.
+MassSpringModel tied_nodes(int n_ties, int n_bodies) {
+  const TetMesh one = tied_node(n_ties).network;
+  const Eigen::Matrix2Xi E = tied_node(n_ties).springs->E;
+  Eigen::Matrix3Xd X(3, n_bodies * one.X.cols());
+  Eigen::Matrix2Xi all(2, n_bodies * E.cols());
+  for (int k = 0; k < n_bodies; ++k) {
     X.middleCols(k * one.X.cols(), one.X.cols()) = one.X.colwise() + Eigen::Vector3d(3 * k, 0, 0);
     all.middleCols(k * E.cols(), E.cols()) = E.array() + static_cast<int>(k * one.X.cols());
   }
-  const MassSpringModel model = springs_between(X, all);
-  EXPECT_EQ(n_floppy_motions(model, {}), kBodies * kOfOne - 6);
+  return springs_between(X, all);
+}
+
+TEST(QuasiStatic, CountsMoreMotionsThatCostNoEnergyThanItLooksForAtFirst) {
+  constexpr int kBodies = 10, kOfOne = 6 + 2;  // moves as a rigid body, and its tied node in two directions
+  const MassSpringModel model = tied_nodes(1, kBodies);
+  EXPECT_EQ(QuasiStaticSolver(model, no_load(model)).n_floppy_motions(), kBodies * kOfOne - 6);
+}
+
+TEST(HasFloppyMotions, OfNodesAloneOfBodiesAndOfNone) {
+  constexpr double kNoFactor = 10;
+  EXPECT_EQ(has_floppy_motions(tied_node(2), {}, kNoFactor), true) << "a node's own springs tell it";
+  EXPECT_EQ(has_floppy_motions(tied_node(3), {}), false);
+  EXPECT_EQ(has_floppy_motions(tied_node(3), {}, kNoFactor), std::nullopt);
+  EXPECT_EQ(has_floppy_motions(tied_nodes(3, 2), {}), true) << "one body moves beside the other";
+  const Eigen::Vector3d free = Eigen::Vector3d(1, 0, 0);  // across the ties
+  const std::vector<Constraint> held{{4, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()}};
+  EXPECT_EQ(has_floppy_motions(tied_node(2), held, kNoFactor), std::nullopt) << "no node is loose";
+  const std::vector<Constraint> sliding{{4, free * free.transpose(), Eigen::Vector3d::Zero()}};
+  EXPECT_EQ(has_floppy_motions(tied_node(1), sliding, kNoFactor), true);
 }
 
 TEST(QuasiStatic, SpringCarriesTheLoadAlongItAndFloppyMotionsAreConstrained) {
