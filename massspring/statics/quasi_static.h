@@ -102,7 +102,8 @@ class QuasiStaticSolver {
 
 /// Whether the constraints leave motions free, other than rigid ones, that cost no energy at rest. None where a factor
 /// of the stiffness, which tells it if no single node does, would have more entries than that.
-std::optional<bool> has_floppy_motions(const MassSpringModel& model, const std::vector<Constraint>& constraints,
+std::optional<bool> has_floppy_motions(const MassSpringModel& model,
+                                       const std::vector<Constraint>& constraints,
                                        double most_factor_entries = kMostFactorEntries);
 
 }  // namespace testbed::massspring
