@@ -119,9 +119,9 @@ def test_scaling_fills_bodies_with_the_nodes_asked_for(tmp_path):
     vertices = [int(request.overrides[0].partition("=")[2]) for request in store.requests]
     n = len(scaling.LINES)
     huge = round(900 * (2e6 / 1400) ** (2 / 3))
-    # All methods by turns, what failed only once, and of the largest body the explicit step alone.
-    assert vertices == [900] * n + [3600] * n + [huge] + [900] * n + [huge]
-    assert [request.repetition for request in store.requests] == [0] * (2 * n + 1) + [1] * (n + 1)
+    # All methods by turns, what failed only once, and of the largest body an explicit step and the statics alone.
+    assert vertices == [900] * n + [3600] * n + [huge] * 2 + [900] * n + [huge] * 2
+    assert [request.repetition for request in store.requests] == [0] * (2 * n + 2) + [1] * (n + 2)
     assert [size.message for size in measured if size.message] == ["failed: too large"] * n
     assert {len(size.outcomes) for size in measured} == {0, 2}
 
