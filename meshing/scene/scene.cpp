@@ -78,8 +78,9 @@ class Reader {
               const char* meaning) {
     const toml::node* node = find(key);
     if (!node) return;
+    const bool may_be_empty = value.empty();
     read(*node, full(key), value, kAny, meaning);
-    if (!value.empty()) expect_one_of(names, *node, full(key), value);
+    if (!value.empty() || !may_be_empty) expect_one_of(names, *node, full(key), value);
   }
   void choice(const char* key, std::vector<std::string>& values, const std::vector<std::string>& names,
               const char* meaning) {

@@ -367,6 +367,8 @@ TEST(Scene, ErrorsNameFileLineKeyValueAndWhatIsAllowed) {
             "scene.toml:3: materials = table: unknown key, did you mean materi");
   EXPECT_EQ(error_of(ball + "[time]\nmode = \"slow\"\n"),
             "scene.toml:4: time.mode = \"slow\": unknown name (known: static, dynamic)");
+  EXPECT_EQ(error_of(ball + "[network]\nsampling = \"\"\n"),
+            "scene.toml:4: network.sampling = \"\": unknown name (known: darts, relaxed, graded, mesher)");
   EXPECT_EQ(error_of("[surface]\nshape = \"bal\"\n"),
             "scene.toml:2: surface.shape = \"bal\": unknown name, did you mean ball? (known: ball, "
             "hollow_ball, torus, bar, "
