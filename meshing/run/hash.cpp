@@ -1,9 +1,5 @@
 #include "meshing/run/hash.h"
 
-#define TOML_HEADER_ONLY 1
-#define TOML_ASSERT(expr) static_assert(true)  // it also asserts what a text may be
-#include <toml++/toml.h>
-
 #include <array>
 #include <cstdint>
 #include <cstdio>
@@ -13,6 +9,7 @@
 #include <vector>
 
 #include "meshing/base/files.h"
+#include "meshing/base/toml.h"
 
 namespace testbed::meshing {
 

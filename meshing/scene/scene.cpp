@@ -1,9 +1,5 @@
 #include "meshing/scene/scene.h"
 
-#define TOML_HEADER_ONLY 1
-#define TOML_ASSERT(expr) static_assert(true)  // it also asserts what a text may be
-#include <toml++/toml.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -14,6 +10,7 @@
 
 #include "meshing/base/files.h"
 #include "meshing/base/names.h"
+#include "meshing/base/toml.h"
 #include "meshing/scene/scene_keys.h"
 
 namespace testbed::meshing {
