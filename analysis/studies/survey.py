@@ -101,7 +101,7 @@ class Bench:
             scene: Path = SCENES / "sag.toml"
             overrides: tuple[str, ...] = (*_SAG, f"surface.file={file}")
             if load == "free":
-                scene, overrides = file.with_suffix(".toml"), ()
+                scene, overrides = file.with_suffix(".toml"), ("network.estimate=true",)
                 write_text(scene, scene_of("gravity", case.name, file, X, F))
             for program in _PROGRAMS:
                 options = ("--no-diagnostics",) if program == "massspring" else ()

@@ -1,4 +1,5 @@
 // Equilibrium at small strain: one linear solve, and none where a load step is proportional to the last.
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -16,6 +17,15 @@ bool QuasiStaticSolver::turn_to_factor() {
   is_exact_ = true;
   solver_ = LinearSolver::of_factor("multigrid stood still");
   return true;
+}
+
+/// Makes u orthogonal to the free rigid motions over the body's mass, wherever its nodes are dense.
+void QuasiStaticSolver::remove_rigid_motion(Matrix3Xd& u) const {
+  if (free_rigid_motions_.cols() == 0) return;
+  const Eigen::VectorXd masses = model_.mass.transpose().replicate<3, 1>().reshaped();
+  const Eigen::MatrixXd momenta = masses.asDiagonal() * free_rigid_motions_;
+  const Eigen::MatrixXd inertia = momenta.transpose() * free_rigid_motions_;
+  u.reshaped() -= free_rigid_motions_ * inertia.llt().solve(momenta.transpose() * u.reshaped());
 }
 
 StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
@@ -69,6 +79,7 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
     }
     solve(std::numeric_limits<int>::max());
   }
+  remove_rigid_motion(u);
   displace(u, state);
   state.loading->path.last = {{load_factor, u}};
   if (!std::isfinite(report.residual))

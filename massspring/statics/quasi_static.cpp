@@ -123,14 +123,14 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
     : model_(model),
       forces_(forces),
       tolerance_(tolerance),
-      zero_energy_motions_(is_invariant(forces.surface)
-                               ? free_rigid_motions_of(model.network.X, forces.constraints)
-                               : Eigen::MatrixXd(model.network.X.size(), 0)),
+      free_rigid_motions_(is_invariant(forces.surface)
+                              ? free_rigid_motions_of(model.network.X, forces.constraints)
+                              : Eigen::MatrixXd(model.network.X.size(), 0)),
+      zero_energy_motions_(free_rigid_motions_),
       K_(model.linear ? BlockMatrix() : stiffness_pattern(model)),
       solver_(LinearSolver::of_stiffness(!model.tet_springs)),
       rest_{LoadPath(Matrix3Xd::Zero(3, model.network.X.cols())), {}, {}, 0, memories_of(forces.surface)} {
-  n_free_rigid_motions_ = static_cast<int>(zero_energy_motions_.cols());
-  check_balance(model.network.X, zero_energy_motions_, forces.load, "more supports or balanced loads");
+  check_balance(model.network.X, free_rigid_motions_, forces.load, "more supports or balanced loads");
   const State rest = initial_state(model);
   rest_.rest_length = rest.rest_length;
   rest_.patch_scale = rest.patch_scale;

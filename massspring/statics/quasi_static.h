@@ -54,10 +54,10 @@ class QuasiStaticSolver {
   /// Whether it has turned to a factor in double precision, as for tetrahedra that are nearly flat.
   bool is_exact() const { return is_exact_; }
 
-  int n_free_rigid_motions() const { return n_free_rigid_motions_; }
+  int n_free_rigid_motions() const { return static_cast<int>(free_rigid_motions_.cols()); }
   /// Motions besides the rigid ones that cost no energy at rest.
   int n_floppy_motions() const {
-    return static_cast<int>(zero_energy_motions_.cols()) - n_free_rigid_motions_;
+    return static_cast<int>(zero_energy_motions_.cols() - free_rigid_motions_.cols());
   }
   /// |part of the load on floppy motions| / |load|: what the solution does not carry.
   double floppy_load_share() const { return floppy_load_share_; }
@@ -76,13 +76,14 @@ class QuasiStaticSolver {
   Eigen::Matrix3Xd residual(const State& state, double load_factor, double& size) const;
   void project(Eigen::Matrix3Xd& y) const;
   void project(PaddedField& y) const;
+  void remove_rigid_motion(Eigen::Matrix3Xd& u) const;
 
   const MassSpringModel& model_;
   const Forces& forces_;
   double tolerance_;
+  Eigen::MatrixXd free_rigid_motions_;          ///< orthonormal, 3n x m
   Eigen::MatrixXd zero_energy_motions_;         ///< orthonormal basis of the motions without energy, 3n x m
   Eigen::MatrixXf single_zero_energy_motions_;  ///< as padded fields
-  int n_free_rigid_motions_ = 0;
   double floppy_load_share_ = 0;
   double largest_stiffness_;  ///< on the diagonal of the stiffness at rest (N/m)
 
