@@ -16,6 +16,7 @@ import subprocess
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -205,9 +206,9 @@ def interval(n_good: int, n: int) -> tuple[float, float]:
 
 def table_of_agreement(rows: list[Row]) -> Table:
     """By how much the springs' largest displacement differs from the elements', with an estimate of theirs and without."""
-    head = ["springs' estimate", "bodies", "within 10 %", "median", "90 %", "largest"]
+    head = ["load", "springs' estimate", "surfaces", "within 10 %", "median", "90 %", "largest"]
     good = {_place_of(row, row["program"]): row for row in rows if row["end"] == "ok"}
-    apart: dict[str, list[float]] = defaultdict(list)
+    apart: dict[tuple[str, str], list[float]] = defaultdict(list)
     for place, row in good.items():
         elements = good.get((*place[:-1], "fem_reference"))
         if row["program"] == "massspring" and elements:
@@ -218,12 +219,12 @@ def table_of_agreement(rows: list[Row]) -> Table:
                 if float(row["estimate"]) <= 0.1
                 else "above 10 %"
             )
-            apart[kind].append(abs(float(row["displacement"]) / float(elements["displacement"]) - 1))
+            apart[row["load"], kind].append(abs(float(row["displacement"]) / float(elements["displacement"]) - 1))
     lines = []
-    for kind in ("up to 10 %", "above 10 %", "none"):
-        if of := apart[kind]:
+    for group in product(_LOADS, ("up to 10 %", "above 10 %", "none")):
+        if of := apart[group]:
             parts = (percent(float(np.quantile(of, part)), 2) for part in (0.5, 0.9, 1))
-            lines.append([kind, str(len(of)), str(sum(part <= 0.1 for part in of)), *parts])
+            lines.append([*group, str(len(of)), str(sum(part <= 0.1 for part in of)), *parts])
     return head, lines
 
 
