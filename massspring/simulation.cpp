@@ -234,7 +234,7 @@ std::string Simulation::saved() const {
   SimulationReport counts = report_;
   to(state, counts);
   stepper_->archive_kept(to);
-  return to.bytes();
+  return std::move(to).bytes();
 }
 
 void Simulation::restore(const std::string& saved) {

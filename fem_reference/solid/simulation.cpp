@@ -180,7 +180,7 @@ std::string Simulation::saved() const {
   State state = this->state();
   StepCounts counts = integrator_->counts();
   to(state.n_done, state.motion, state.length, counts);
-  return to.bytes();
+  return std::move(to).bytes();
 }
 
 void Simulation::restore(const std::string& saved) {

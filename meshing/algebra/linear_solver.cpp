@@ -228,7 +228,7 @@ SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, cons
   };
   SolveReport report;
   if (b.cols() < kSmallest || is_floppy_) {
-    report = conjugate_gradients(A.product, exactly, b, x, tolerance, kMaxIterations);
+    report = conjugate_gradients(A.product, exactly, b, x, tolerance, kMaxWithFactor);
     n += report.iterations;
   } else {
     const auto apply = [&](const PaddedField& r, PaddedField& z) { factor.single.solve(r, z); };

@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -20,16 +21,18 @@ namespace testbed::meshing {
 /// names the members.
 class Archive {
  public:
-  Archive() = default;                                                                  ///< writes
-  explicit Archive(std::string bytes) : bytes_(std::move(bytes)), is_reading_(true) {}  ///< reads
+  Archive() = default;                                                           ///< writes
+  explicit Archive(std::string_view bytes) : read_(bytes), is_reading_(true) {}  ///< reads what outlives it
 
   /// @throws std::runtime_error where there are fewer bytes to read than the values take
   template <class... Values>
   void operator()(Values&... values) {
     (visit(values), ...);
   }
-  const std::string& bytes() const { return bytes_; }
+  const std::string& bytes() const& { return bytes_; }
+  std::string bytes() && { return std::move(bytes_); }
   bool is_reading() const { return is_reading_; }
+  std::string_view rest() const { return read_; }  ///< left to read
 
  private:
   void copy(void* value, std::size_t n) {
@@ -39,13 +42,13 @@ class Archive {
       return;
     }
     expect(n);
-    std::memcpy(value, bytes_.data() + at_, n);
-    at_ += n;
+    std::memcpy(value, read_.data(), n);
+    read_.remove_prefix(n);
   }
 
   void expect(std::size_t n) const {
-    if (is_reading_ && n > bytes_.size() - at_)
-      throw std::runtime_error(std::to_string(bytes_.size()) + " bytes, expected more");
+    if (is_reading_ && n > read_.size())
+      throw std::runtime_error(std::to_string(read_.size()) + " bytes, expected " + std::to_string(n));
   }
 
   /// Of a list whose entries take a byte at least.
@@ -122,8 +125,8 @@ class Archive {
     if (is_reading_) value = std::move(copied);
   }
 
-  std::string bytes_;
-  std::size_t at_ = 0;
+  std::string bytes_;      ///< written
+  std::string_view read_;  ///< the rest
   bool is_reading_ = false;
 };
 

@@ -19,10 +19,14 @@ std::string read_file(const std::filesystem::path& file) {
 }
 
 void write_file(const std::filesystem::path& file, const std::string& text) {
+  write_file(file, std::vector<std::string_view>{text});
+}
+
+void write_file(const std::filesystem::path& file, const std::vector<std::string_view>& parts) {
   const std::filesystem::path temporary = file.string() + ".tmp";
   errno = 0;
   std::ofstream out(temporary, std::ios::binary);
-  out << text;
+  for (const std::string_view part : parts) out << part;
   out.close();
   if (!out) throw std::runtime_error(temporary.string() + ": cannot be written: " + std::strerror(errno));
   std::filesystem::rename(temporary, file);

@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "meshing/base/namespace.h"
 
@@ -15,5 +17,7 @@ std::string read_file(const std::filesystem::path& file);
 /// renames it, so that a half-written file is never found.
 /// @throws std::runtime_error when it cannot be written.
 void write_file(const std::filesystem::path& file, const std::string& text);
+/// Likewise one part after the other.
+void write_file(const std::filesystem::path& file, const std::vector<std::string_view>& parts);
 
 }  // namespace testbed::meshing

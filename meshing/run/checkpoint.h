@@ -1,6 +1,6 @@
 // What a killed run goes on from, beside its frames.
 //
-//   checkpoint.bin   a mark, the run's input hash, the bytes of a Checkpoint, their CRC-32
+//   checkpoint.bin   a mark, the run's input hash, the bytes of a Checkpoint, those of the simulation last, their CRC-32
 #pragma once
 
 #include <filesystem>

@@ -53,7 +53,7 @@ std::string hash_of_nodes(const Eigen::Matrix3Xd& X) {
   return hash_of({reinterpret_cast<const char*>(X.data()), X.size() * sizeof(double)});
 }
 
-std::string crc32_of(const std::string& bytes) {
+std::string crc32_of(const std::vector<std::string_view>& parts) {
   // Eight bytes at a time: tables[k][b] is what byte b becomes k bytes later.
   static const auto kTables = [] {
     std::array<std::array<std::uint32_t, 256>, 8> tables{};
@@ -68,14 +68,15 @@ std::string crc32_of(const std::string& bytes) {
     return tables;
   }();
   std::uint32_t crc = 0xffffffffu;
-  size_t at = 0;
-  const auto byte = [&](size_t i) { return static_cast<unsigned char>(bytes[at + i]); };
-  for (; at + 8 <= bytes.size(); at += 8) {
-    std::uint32_t next = 0;
-    for (size_t i = 0; i < 8; ++i) next ^= kTables[7 - i][byte(i) ^ (i < 4 ? (crc >> (8 * i)) & 255 : 0)];
-    crc = next;
+  for (std::string_view bytes : parts) {
+    const auto byte = [&](size_t i) { return static_cast<unsigned char>(bytes[i]); };
+    for (; bytes.size() >= 8; bytes.remove_prefix(8)) {
+      std::uint32_t next = 0;
+      for (size_t i = 0; i < 8; ++i) next ^= kTables[7 - i][byte(i) ^ (i < 4 ? (crc >> (8 * i)) & 255 : 0)];
+      crc = next;
+    }
+    for (; !bytes.empty(); bytes.remove_prefix(1)) crc = kTables[0][(crc ^ byte(0)) & 255] ^ (crc >> 8);
   }
-  for (; at < bytes.size(); ++at) crc = kTables[0][(crc ^ byte(0)) & 255] ^ (crc >> 8);
   char text[9];
   std::snprintf(text, sizeof text, "%08x", ~crc);
   return text;

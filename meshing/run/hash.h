@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "meshing/scene/scene.h"
@@ -14,9 +15,9 @@ std::string hash_of(const std::string& bytes);
 /// That of nodes' coordinates.
 std::string hash_of_nodes(const Eigen::Matrix3Xd& X);
 
-/// 8 hex digits of the CRC-32 of bytes, which zlib of other languages computes, too: of files that are read
-/// again, at a gigabyte in a second or two.
-std::string crc32_of(const std::string& bytes);
+/// 8 hex digits of the CRC-32 of bytes in parts, which zlib of other languages computes, too: of files that are
+/// read again, at a gigabyte in a second or two.
+std::string crc32_of(const std::vector<std::string_view>& parts);
 
 /// Hash of the running program's executable file and of its workers' beside it, which need not be there: a
 /// rebuilt program is a different one.

@@ -31,7 +31,7 @@ bool is_frame(const std::string& name) {
 
 /// What run.json says of a file.
 nlohmann::ordered_json stamp_of(const std::string& bytes) {
-  return {{"bytes", bytes.size()}, {"crc32", crc32_of(bytes)}};
+  return {{"bytes", bytes.size()}, {"crc32", crc32_of({bytes})}};
 }
 
 bool is_as_written(const fs::path& file, const nlohmann::ordered_json& stamp) {

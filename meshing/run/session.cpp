@@ -8,6 +8,7 @@
 #include <iostream>
 #include <sstream>
 
+#include "meshing/algebra/status.h"
 #include "meshing/base/child_process.h"
 #include "meshing/base/files.h"
 #include "meshing/run/hash.h"
@@ -333,6 +334,20 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
   recorder_->add_frame(snapshot.time, X_, snapshot.u, all);
 }
 
+/// Adds to the reason why a run has not converged that a tetrahedron is flat, and what helps.
+void blame_flat_tetrahedra(nlohmann::ordered_json& record) {
+  constexpr double kFlat = 1e-6;
+  const auto tetrahedra = record.find("tetrahedra");
+  if (tetrahedra == record.end() || record.value("status", "") != name_of(Status::NotConverged)) return;
+  const double ratio = tetrahedra->at("min_radius_ratio");
+  if (ratio >= kFlat) return;
+  std::ostringstream reason;
+  reason << record.value("reason", "it has not converged")
+         << "; the flattest tetrahedron has a radius ratio of " << ratio << ", expected " << kFlat
+         << " or more: ./testbed run --remesh makes an even surface";
+  record["reason"] = reason.str();
+}
+
 ExitStatus Session::finish() {
   const std::scoped_lock guard(writing_);
   may_end_ = false;
@@ -343,6 +358,7 @@ ExitStatus Session::finish() {
     record["status"] = kStoppedEarly;
     record["reason"] = stopped_early_;
   }
+  blame_flat_tetrahedra(record);
   if (const double least = record.value(kLeastJacobian, 1.); least <= 0 && is_first_ && !is_quiet_)
     std::cerr << "warning: tetrahedra were turned inside out: det F down to " << least << " at their nodes\n";
   if (recorder_ && is_first_) recorder_->finish(record);

@@ -1,6 +1,7 @@
 #include "meshing/surface_energies/enclosed_volume.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 
 #include "meshing/surface/surface.h"

@@ -2,8 +2,10 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <limits>
 
 #include "massspring/statics/quasi_static.h"
+#include "meshing/algebra/rigid_motion.h"
 #include "tests/massspring/dense.h"
 #include "tests/massspring/flat_tetrahedra.h"
 #include "tests/massspring/linear_box.h"
@@ -90,6 +92,31 @@ TEST(LinearEquilibrium, WhereSupportsOnlyMoveTheBodyIsReachedAtEveryStep) {
     const Eigen::Vector3d shift = load_factor * Eigen::Vector3d(1, 2, 3);
     EXPECT_LT(((state.x - model.network.X).colwise() - shift).norm(), 1e-8);
   }
+}
+
+// Nodes of half the body lie ten times as dense.
+TEST(LinearEquilibrium, OfAFreeBodyHasNoMomentaWhereverItsNodesAreDense) {
+  TetMesh box = meshing::box_tets(8, 3, 3, 0.1);
+  for (double& x : box.X.row(0)) x = x < 0.4 ? x / 10 : x - 0.36;
+  SpringNetwork network;
+  network.X = box.X;
+  network.F = box.F;
+  network.T = box.T;
+  network.n_surface = static_cast<int>(network.X.cols());
+  MassSpringModel model = calibrate(network, {1e6, 0.25, 1000, 0}, find_calibration("node_averaged"));
+  linearise(model);
+  Forces forces = no_forces(model);
+  forces.load = meshing::without_rigid_motion(hanging(model).load.cwiseProduct(network.X), network.X,
+                                              VectorXd::Ones(network.X.cols()));
+  const Matrix3Xd u = solve(model, forces), momenta = u * model.mass.asDiagonal();
+  Eigen::Vector3d angular = Eigen::Vector3d::Zero(), of_sizes = angular;
+  for (Eigen::Index i = 0; i < u.cols(); ++i) {
+    angular += network.X.col(i).cross(momenta.col(i));
+    of_sizes += network.X.col(i).cwiseAbs().cross(momenta.col(i)).cwiseAbs();
+  }
+  EXPECT_LT(momenta.rowwise().sum().norm(), kClose * momenta.cwiseAbs().sum());
+  EXPECT_LT(angular.norm(), kClose * of_sizes.norm());
+  EXPECT_GT(u.rowwise().sum().norm(), 0.01 * u.cwiseAbs().sum()) << "else nodes would do as well";
 }
 
 TEST(LinearEquilibrium, OfAStiffBodyIsAsCloseAsThatOfASoftOne) {
@@ -181,6 +208,16 @@ TEST(LinearEquilibrium, IsThatOfFullGeometryAsTheLoadVanishes) {
     return (solve(linear, forces) - solve(full, forces, 1e-12)).norm();
   };
   EXPECT_NEAR(difference(0.8) / difference(0.4), 4, 0.1);
+}
+
+TEST(LinearEquilibrium, ThatDivergesLeavesTheBodyWhereItWas) {
+  const MassSpringModel model = linear_box("node_averaged");
+  Forces forces = hanging(model);
+  forces.load(1, forces.load.cols() - 1) = std::numeric_limits<double>::infinity();
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  EXPECT_EQ(solver.solve(1, state).status, Status::Diverged);
+  EXPECT_EQ(state.x, model.network.X);
 }
 
 TEST(LinearEquilibrium, HoldsFloppyMotionsAndCountsThem) {

@@ -41,6 +41,31 @@ TEST(TetVolume, IsASixthOfTheDeterminantOfTheEdges) {
   EXPECT_NEAR(tet_volume(X, {2, 1, 3, 4}), -2 * 3 * 5 / 6., kRounding);
 }
 
+TEST(BarycentricGradients, TellTheCoordinatesOfTheCorners) {
+  Random random(1);
+  const Eigen::Matrix3Xd X = Eigen::Matrix3Xd::NullaryExpr(3, 4, [&] { return random.uniform(); });
+  const Eigen::Matrix<double, 3, 4> g = barycentric_gradients(X, {0, 1, 2, 3});
+  for (int i = 0; i < 4; ++i)
+    for (int k = 1; k < 4; ++k)
+      EXPECT_NEAR(g.col(k).dot(X.col(i) - X.col(0)), i == k, 1e-10) << i << ' ' << k;
+  EXPECT_LT(g.rowwise().sum().norm(), 1e-10);
+}
+
+// Elimination finds a determinant of zero for some of these.
+TEST(BarycentricGradients, AreFiniteWhereverTheVolumeIsNotZero) {
+  Random random(1);
+  int n_flat = 0;
+  for (int n = 0; n < 20'000; ++n) {
+    Eigen::Matrix3Xd X(3, 4);
+    X.leftCols<3>() = random_corners(random);
+    X.col(3) = X.leftCols<3>() * Vector3d(0.25, 0.5, 0.25);  // within the first three, but for rounding
+    if (tet_volume(X, {0, 1, 2, 3}) == 0) continue;
+    ++n_flat;
+    ASSERT_TRUE(barycentric_gradients(X, {0, 1, 2, 3}).allFinite()) << n;
+  }
+  EXPECT_GT(n_flat, 1000);
+}
+
 TEST(NearestOnTriangle, NoPointOfAFineGridOnItIsNearer) {
   for_random_points([](const Vector3d& p, const Matrix3d& corners, const OnTriangle& nearest) {
     constexpr int n = 20;

@@ -131,7 +131,7 @@ TEST(Archive, GivesBackWhatWasWrittenAndRefusesWhatIsCut) {
   EXPECT_EQ(*shared2, *shared);
   EXPECT_FALSE(null2);
   for (size_t n = 0; n < to.bytes().size(); ++n) {
-    Archive cut(to.bytes().substr(0, n));
+    Archive cut(std::string_view(to.bytes()).substr(0, n));
     EXPECT_THROW(cut(list2, some2, none2, empty2, values2, shared2, null2), std::runtime_error) << n;
   }
 }

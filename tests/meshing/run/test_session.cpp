@@ -12,18 +12,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
-TEST(Session, GoesOnWithTheLeastJacobianOfBefore) {
+class SessionOfABall : public testing::Test {
+ protected:
   const fs::path folder = fs::temp_directory_path() / ("session_" + std::to_string(getpid()));
-  fs::remove_all(folder);
   Scene scene;
-  scene.surface.shape = "ball";
-  scene.surface.n_vertices = 42;
-  scene.time.mode = TimeMode::Dynamic;
-  scene.initial.emplace_back().velocity = {1, 0, 0};
   SessionOptions options;
-  options.scene = "scene.toml";
-  options.out = folder;
-  options.is_quiet = options.is_checked = true;
+
+  void SetUp() override {
+    fs::remove_all(folder);
+    scene.surface.shape = "ball";
+    scene.surface.n_vertices = 42;
+    scene.time.mode = TimeMode::Dynamic;
+    scene.initial.emplace_back().velocity = {1, 0, 0};
+    options.scene = "scene.toml";
+    options.out = folder;
+    options.is_quiet = options.is_checked = true;
+  }
+  void TearDown() override { fs::remove_all(folder); }
+};
+
+TEST_F(SessionOfABall, GoesOnWithTheLeastJacobianOfBefore) {
   const auto begin = [](Session& session) {
     EXPECT_FALSE(session.stored_status({}, ""));
     session.open(session.surface.X, session.surface, {}, 1);
@@ -46,7 +54,22 @@ TEST(Session, GoesOnWithTheLeastJacobianOfBefore) {
   session.record["status"] = "ok";
   EXPECT_EQ(session.finish(), kSolved);
   EXPECT_EQ(nlohmann::json::parse(read_file(folder / "run.json"))["min_J_nodes"], 0.25);
-  fs::remove_all(folder);
+}
+
+TEST_F(SessionOfABall, BlamesAFlatTetrahedronWhereNothingConverges) {
+  const auto reason_of = [&](double ratio, const char* status) {
+    Session session("massspring", options, scene);
+    session.record["tetrahedra"]["min_radius_ratio"] = ratio;
+    session.record["status"] = status;
+    session.record["reason"] = "it stands still";
+    session.finish();
+    return session.record["reason"].get<std::string>();
+  };
+  EXPECT_EQ(reason_of(1e-9, "not_converged"),
+            "it stands still; the flattest tetrahedron has a radius ratio of 1e-09, expected 1e-06 or more: "
+            "./testbed run --remesh makes an even surface");
+  EXPECT_EQ(reason_of(1e-5, "not_converged"), "it stands still");
+  EXPECT_EQ(reason_of(1e-9, "diverged"), "it stands still");
 }
 
 }  // namespace
