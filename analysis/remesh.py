@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections import defaultdict
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -39,8 +40,8 @@ class Remeshed:
     """What has become of a surface; lengths in its own unit.
 
     before, after: what `meshing check --json` says of the surface mended exactly and of the new one; to_old, to_new: the
-    largest distance of vertices and middles of triangles of the one surface to the other; n_parted: vertices at which parts
-    touched that have been set apart.
+    largest distance of vertices and middles of triangles of the one surface to the other; n_parted: vertices and edges at
+    which parts touched that have been set apart.
     """
 
     before: dict[str, Any]
@@ -68,7 +69,7 @@ class Remeshed:
                 row("area", "area"),
                 f"edge wanted {self.edge:.4g}, tolerance {self.tolerance:.4g}",
                 f"new surface from old at most {self.to_old:.4g}, old from new at most {self.to_new:.4g}",
-                *([f"set apart at {self.n_parted} vertices"] if self.n_parted else []),
+                *([f"set apart at {self.n_parted} vertices and edges"] if self.n_parted else []),
             ]
         )
 
@@ -103,11 +104,12 @@ def remesh(
         edge = edge or default_edge(X, F)
         tolerance = tolerance or TOLERANCE * float(np.linalg.norm(np.ptp(X, axis=0)))
         before = _checked(old)
-        x, f = _tetwild(surface, folder, X, F, edge, tolerance, limit)
+        x, f, n_parted = opened(*_tetwild(surface, folder, X, F, edge, tolerance, limit), tolerance)
         new = folder / f"new{out.suffix}"
         write_surface(new, x, f)
         after = _checked(new)
-        if n_parted := after["split_vertices"]:
+        if n_split := after["split_vertices"]:
+            n_parted += n_split
             x, f = parted(x, f, tolerance)
             write_surface(new, x, f)
             after = _checked(new)
@@ -118,6 +120,49 @@ def remesh(
             )
         write_text(out, new.read_text())
     return Remeshed(before, after, edge, tolerance, _distance(x, f, X, F), _distance(X, F, x, f), n_parted)
+
+
+def opened(X: Array, F: Array, most: float) -> tuple[Array, Array, int]:
+    """Points (n, 3) and triangles (m, 3), outward, whose edges have two each, and at how many they had more.
+
+    Each wedge of the body at such an edge gets a middle of its own, drawn into the wedge by `most` at most.
+    """
+    points, triangles = list(X), F.tolist()
+    n_opened = 0
+    while sides := _shared_edge(triangles):
+        n_opened += 1
+        a, b = sides[0][1:3]
+        along = points[b] - points[a]
+        across = points[sides[0][3]] - points[a]
+        across = across - along * (across @ along) / (along @ along)
+        up = np.cross(along, across) / np.linalg.norm(along)
+        angle = [math.atan2(d @ up, d @ across) for d in (points[side[3]] - points[a] for side in sides)]
+        normals = [np.cross(points[q] - points[p], points[r] - points[p]) for _, p, q, r in sides]
+        forward = [k for k, side in enumerate(sides) if side[1] == a]
+        backward = [k for k, side in enumerate(sides) if side[1] == b]
+        for k in forward:  # the body lies at lesser angles, up to the next triangle
+            other = min(backward, key=lambda j: (angle[k] - angle[j]) % (2 * math.pi))
+            inward = -sum(normals[j] / np.linalg.norm(normals[j]) for j in (k, other))
+            size = float(np.linalg.norm(inward)) or 1.0
+            way = min(_APART * float(np.linalg.norm(along)), most) / size * inward
+            for f, p, q, r in (sides[k], sides[other]):
+                triangles[f] = [p, len(points), r]
+                triangles.append([len(points), q, r])
+            points.append((points[a] + points[b]) / 2 + way)
+    return np.array(points), np.array(triangles), n_opened
+
+
+def _shared_edge(triangles: list[list[int]]) -> list[tuple[int, int, int, int]]:
+    """Of an edge between more than two triangles, as many one way as the other, each with its corners from the edge on."""
+    at: dict[tuple[int, int], list[tuple[int, int, int, int]]] = defaultdict(list)
+    for f, t in enumerate(triangles):
+        for c in range(3):
+            p, q, r = t[c], t[(c + 1) % 3], t[(c + 2) % 3]
+            at[min(p, q), max(p, q)].append((f, p, q, r))
+    for (low, _), sides in at.items():
+        if len(sides) > 2 and 2 * sum(side[1] == low for side in sides) == len(sides):
+            return sides
+    return []
 
 
 def parted(X: Array, F: Array, most: float) -> tuple[Array, Array]:
@@ -180,7 +225,9 @@ def sentence_of(scene: dict[str, Any], folder: Path) -> str:
         return ""
     record = json.loads(file.with_suffix(".json").read_text())
     done = Remeshed(**record["done"])
-    apart = f" Parts that touched were set apart, at {done.n_parted} vertices." if done.n_parted else ""
+    apart = (
+        f" Parts that touched were set apart, at {done.n_parted} vertices and edges." if done.n_parted else ""
+    )
     return (
         f"Both methods solved a remeshed surface of {done.after['vertices']} vertices. It lies at most "
         f"{significant(done.to_old)} from {record['wanted']['surface']}, and that at most {significant(done.to_new)} "

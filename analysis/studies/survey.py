@@ -219,7 +219,9 @@ def table_of_agreement(rows: list[Row]) -> Table:
                 if float(row["estimate"]) <= 0.1
                 else "above 10 %"
             )
-            apart[row["load"], kind].append(abs(float(row["displacement"]) / float(elements["displacement"]) - 1))
+            apart[row["load"], kind].append(
+                abs(float(row["displacement"]) / float(elements["displacement"]) - 1)
+            )
     lines = []
     for group in product(_LOADS, ("up to 10 %", "above 10 %", "none")):
         if of := apart[group]:

@@ -1,7 +1,9 @@
 """Surfaces made anew from CAD and from broken scans."""
 
+import itertools
 import json
 import sys
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -80,7 +82,7 @@ def test_parts_that_touch_in_a_vertex_are_set_apart(tmp_path, ball, monkeypatch)
     monkeypatch.setattr(remeshing, "_tetwild", lambda *_: TWO_TETRAHEDRA)
     file = write_obj(tmp_path / "ball.obj", *ball)
     done = remesh(file, tmp_path / "new.off", tolerance=0.01)
-    assert done.n_parted == 1 and "set apart at 1 vertices" in done.text
+    assert done.n_parted == 1 and "set apart at 1 vertices and edges" in done.text
     assert (done.after["vertices"], done.after["components"], done.after["usable"]) == (8, 2, True)
     X, F = read_off(tmp_path / "new.off")
     moved = np.delete(X, range(1, 7), axis=0)
@@ -91,6 +93,46 @@ def test_parts_that_touch_in_a_vertex_are_set_apart(tmp_path, ball, monkeypatch)
         [[0, 1, 2, 3], [4, 5, 6, 7]],
         [[1, 2, 3, 7], [0, 4, 5, 6]],
     )
+
+
+def boxes(cells):
+    """The hull of unit cubes at whole coordinates: points, and triangles that face outward."""
+    points, triangles = {}, []
+    for cell in cells:
+        for axis, side in itertools.product(range(3), (0, 1)):
+            step = [0, 0, 0]
+            step[axis] = 2 * side - 1
+            if tuple(np.add(cell, step)) in cells:
+                continue
+            corners = []
+            for u, v in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                corner = [0, 0, 0]
+                corner[axis], corner[(axis + 1) % 3], corner[(axis + 2) % 3] = side, u, v
+                corners.append(points.setdefault(tuple(np.add(cell, corner)), len(points)))
+            a, b, c, d = corners if side else corners[::-1]
+            triangles += [[a, b, c], [a, c, d]]
+    return np.array(list(points), dtype=float), np.array(triangles)
+
+
+@pytest.mark.parametrize(
+    "cells, n_edges, n_parts",
+    [
+        ([(0, 0, 0), (1, 1, 0)], 1, 2),
+        ([(0, 0, 0), (1, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1), (1, 1, 1)], 1, 1),
+        ([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)], 3, 2),
+    ],
+)
+def test_parts_that_touch_along_edges_are_set_apart(tmp_path, ball, monkeypatch, cells, n_edges, n_parts):
+    X, F = boxes(cells)
+    _, opened_F, n_opened = remeshing.opened(X, F, 0.01)
+    assert n_opened == n_edges
+    directed = Counter((t[c], t[(c + 1) % 3]) for t in opened_F.tolist() for c in range(3))
+    assert set(directed.values()) == {1} and all((b, a) in directed for a, b in directed)
+    monkeypatch.setattr(remeshing, "_tetwild", lambda *_: (X, F))
+    done = remesh(write_obj(tmp_path / "ball.obj", *ball), tmp_path / "new.off", tolerance=0.01)
+    assert done.after["usable"] and done.after["components"] == n_parts
+    assert done.after["volume"] == pytest.approx(len(cells), abs=0.02 * n_edges)
+    assert done.after["volume"] < len(cells)  # each middle is drawn into the body
 
 
 def test_a_surface_of_single_fans_stays_as_it_is(ball):
@@ -138,7 +180,7 @@ def test_a_run_remeshes_the_same_surface_once_and_says_so(tmp_path, ball, monkey
     sentence = sentence_of({"surface": {"file": str(new)}}, folder)
     assert "642 vertices" in sentence
     assert f"It lies at most 0.004 from {file}, and that at most 0.002 from it" in sentence
-    assert "Parts that touched were set apart, at 2 vertices." in sentence
+    assert "Parts that touched were set apart, at 2 vertices and edges." in sentence
     for other in (file, tmp_path / "another" / new.name):
         assert sentence_of({"surface": {"file": str(other)}}, folder) == ""
     file.write_text(file.read_text() + "\n# changed\n")
