@@ -193,19 +193,19 @@ double ElasticSolid::max_strain(const Matrix3Xd& displacement) const {
 
 bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double residual) {
   constexpr double kLinear = 1e-13, kNewton = 1e-10;
-  constexpr double kMostRounding =
-      1e-6;  // of the forces: where it is more, flat tetrahedra leave nothing right
+  constexpr double kMostOfFlat = 1e-6;  // of the forces, that rounding in flat tetrahedra may leave
   report.tolerance = tolerance.value_or(law == ElasticLaw::SmallStrain ? kLinear : kNewton);
   report.residual = size > 0 ? residual / size : 0;
   // Forces at nodes are sums of stresses on the faces of elements, of differences of displacements. Rounding of
   // these is what no solver makes less [Rigal & Gaches 1967].
   const double h = std::cbrt(share.volume / static_cast<double>(share.is_whole ? at.cols() : share.n_nodes));
-  const double rounding = share.norm(at) * std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h,
-                                                    std::numeric_limits<double>::epsilon() * stiffness_norm);
+  const double u = share.norm(at);
+  const double of_flat =
+      std::min(std::numeric_limits<double>::epsilon() * stiffness_norm * u, kMostOfFlat * size);
+  const double rounding = std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h * u, of_flat);
   const double of_surface =
       surface.empty() ? 0 : largest_over_processes(meshing::rounding(surface, nodes.X + at));
-  report.is_converged =
-      residual <= std::max(report.tolerance * size, std::min(rounding + of_surface, kMostRounding * size));
+  report.is_converged = residual <= std::max(report.tolerance * size, rounding + of_surface);
   return report.is_converged;
 }
 

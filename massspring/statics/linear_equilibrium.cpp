@@ -44,8 +44,6 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   f = Matrix3Xd::Zero(3, u.cols());
   add_shrinkage_forces(model_, state, f);
   constexpr double kRounding = std::numeric_limits<double>::epsilon();
-  constexpr double kMostRounding =
-      1e-6;  // of the forces: where it is more, flat tetrahedra leave nothing right
   double scale = f.norm();
   const auto measure = [&] {
     f.setZero();
@@ -53,9 +51,8 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
     r = f + load_factor * forces_.load;
     project(r);
     // No solver does better than the rounding of its products [Rigal & Gaches 1967].
-    const double forces = load_factor * forces_.load.norm() + f.norm();
-    const double rounding = std::min(kRounding * largest_stiffness_ * u.norm(), kMostRounding * forces);
-    scale = std::max({scale, forces, r.norm(), rounding / tolerance_});
+    const double rounding = kRounding * largest_stiffness_ * u.norm() / tolerance_;
+    scale = std::max({scale, load_factor * forces_.load.norm() + f.norm(), r.norm(), rounding});
     report.residual = scale > 0 ? r.norm() / scale : 0;
   };
   const State rest = initial_state(model_);
@@ -64,13 +61,12 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
     measure();
     for (int n = 0;
          n < kMaxSolves && report.residual > tolerance_ && report.linear_iterations < max_iterations; ++n) {
-      const double before = report.residual, tolerance = tolerance_ / before / 2;
+      const double tolerance = tolerance_ / report.residual / 2;
       du = Matrix3Xd::Zero(3, u.cols());
       report.linear_iterations += solver_.solve(A, r, du, tolerance).iterations;
       u += du;
       ++report.newton_iterations;
       measure();
-      if (report.residual > before / 2) break;  // another would gain no more
     }
   };
   const Matrix3Xd first = u;

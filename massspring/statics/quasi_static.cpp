@@ -174,7 +174,12 @@ const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state)
     return P_;
   }
   const double shift = free_rigid_motions_.cols() > 0 ? kShiftOfFree : kShiftOfHeld;
-  for (const int k : P_.diagonal) P_.block[k].diagonal() *= 1 + shift;
+  for (const int k : P_.diagonal) {
+    Eigen::Matrix3d& block = P_.block[k];
+    if (block.isZero(0))
+      block = largest_stiffness_ * Eigen::Matrix3d::Identity();  // a node of no tetrahedron
+    block.diagonal() *= 1 + shift;
+  }
   filter(forces_.constraints, P_);
   return P_;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 
 #include "meshing/base/namespace.h"
 
@@ -22,11 +23,15 @@ inline double tet_volume(const Eigen::Matrix3Xd& X, const Eigen::Vector4i& tet) 
 /// Gradients (1/m) of its four barycentric coordinates, finite where its volume, as it rounds, is not zero.
 inline Eigen::Matrix<double, 3, 4> barycentric_gradients(const Eigen::Matrix3Xd& X,
                                                          const Eigen::Vector4i& tet) {
-  const Eigen::Vector3d a = X.col(tet[1]) - X.col(tet[0]), b = X.col(tet[2]) - X.col(tet[0]),
-                        c = X.col(tet[3]) - X.col(tet[0]);
+  Eigen::Matrix3d edges;
+  for (int k = 0; k < 3; ++k) edges.col(k) = X.col(tet[k + 1]) - X.col(tet[0]);
   Eigen::Matrix<double, 3, 4> g;
-  g.rightCols<3>() << b.cross(c), c.cross(a), a.cross(b);
-  g.rightCols<3>() /= 6 * tet_volume(X, tet);
+  g.rightCols<3>() = edges.inverse().transpose();
+  if (!g.rightCols<3>().allFinite()) {  // where the determinant rounds to zero and the volume does not
+    const auto a = edges.col(0), b = edges.col(1), c = edges.col(2);
+    g.rightCols<3>() << b.cross(c), c.cross(a), a.cross(b);
+    g.rightCols<3>() /= 6 * tet_volume(X, tet);
+  }
   g.col(0) = -g.rightCols<3>().rowwise().sum();
   return g;
 }

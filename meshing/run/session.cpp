@@ -8,7 +8,6 @@
 #include <iostream>
 #include <sstream>
 
-#include "meshing/algebra/status.h"
 #include "meshing/base/child_process.h"
 #include "meshing/base/files.h"
 #include "meshing/run/hash.h"
@@ -338,7 +337,7 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
 void blame_flat_tetrahedra(nlohmann::ordered_json& record) {
   constexpr double kFlat = 1e-6;
   const auto tetrahedra = record.find("tetrahedra");
-  if (tetrahedra == record.end() || record.value("status", "") != name_of(Status::NotConverged)) return;
+  if (tetrahedra == record.end() || record.value("status", "") != "not_converged") return;
   const double ratio = tetrahedra->at("min_radius_ratio");
   if (ratio >= kFlat) return;
   std::ostringstream reason;
