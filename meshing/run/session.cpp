@@ -21,6 +21,20 @@ namespace {
 constexpr const char* kLeastJacobian = "min_J_nodes";  ///< of snapshots; a record has the least of them
 const std::string kSeconds = "seconds.";               ///< of a stage, among the sums of a checkpoint
 
+/// Adds to the reason why a run has not converged that a tetrahedron is flat, and what helps.
+void blame_flat_tetrahedra(nlohmann::ordered_json& record) {
+  constexpr double kFlat = 1e-6;
+  const auto tetrahedra = record.find("tetrahedra");
+  if (tetrahedra == record.end() || record.value("status", "") != "not_converged") return;
+  const double ratio = tetrahedra->at("min_radius_ratio");
+  if (ratio >= kFlat) return;
+  std::ostringstream reason;
+  reason << record.value("reason", "it has not converged")
+         << "; the flattest tetrahedron has a radius ratio of " << ratio << ", expected " << kFlat
+         << " or more: ./testbed run --remesh makes an even surface";
+  record["reason"] = reason.str();
+}
+
 }  // namespace
 
 double cpu_time() {
@@ -331,20 +345,6 @@ void Session::add(const Snapshot& snapshot, int n, bool is_last) {
   std::vector<Field> all = snapshot.fields;
   all.insert(all.end(), fields.begin(), fields.end());
   recorder_->add_frame(snapshot.time, X_, snapshot.u, all);
-}
-
-/// Adds to the reason why a run has not converged that a tetrahedron is flat, and what helps.
-void blame_flat_tetrahedra(nlohmann::ordered_json& record) {
-  constexpr double kFlat = 1e-6;
-  const auto tetrahedra = record.find("tetrahedra");
-  if (tetrahedra == record.end() || record.value("status", "") != "not_converged") return;
-  const double ratio = tetrahedra->at("min_radius_ratio");
-  if (ratio >= kFlat) return;
-  std::ostringstream reason;
-  reason << record.value("reason", "it has not converged")
-         << "; the flattest tetrahedron has a radius ratio of " << ratio << ", expected " << kFlat
-         << " or more: ./testbed run --remesh makes an even surface";
-  record["reason"] = reason.str();
 }
 
 ExitStatus Session::finish() {
