@@ -410,18 +410,36 @@ void add_linear_forces(const TetSprings& springs, const Matrix3Xd& u, Matrix3Xd&
       u, f);
 }
 
-void add_diagonal(const TetSprings& springs, double factor, std::vector<Matrix3d>& blocks) {
-  const PatchBatches& batches = springs.batches;
+namespace {
+
+/// Calls visit(p, i, b) for each patch p and node i of it.
+template <class Visit>
+void for_each_entry(const PatchBatches& batches, const Visit& visit) {
   for (int batch = 0; batch < batches.n_batches(); ++batch)
     for (int p = batches.first[batch]; p < batches.first[batch + 1]; ++p)
       for (int e = batches.start[batch]; e < batches.start[batch + 1]; ++e) {
         const int lane = p - batches.first[batch];
         const double* const x = &batches.b[3 * kBatchSize * static_cast<std::size_t>(e) + lane];
-        const Vector3d b(x[0], x[kBatchSize], x[2 * kBatchSize]);
-        blocks[batches.node[kBatchSize * e + lane]] += factor * springs.volume[p] *
-                                                       ((springs.lambda[p] + springs.mu) * b * b.transpose() +
-                                                        springs.mu * b.squaredNorm() * Matrix3d::Identity());
+        visit(p, batches.node[kBatchSize * e + lane], Vector3d(x[0], x[kBatchSize], x[2 * kBatchSize]));
       }
+}
+
+}  // namespace
+
+void add_diagonal(const TetSprings& springs, double factor, std::vector<Matrix3d>& blocks) {
+  for_each_entry(springs.batches, [&](int p, int i, const Vector3d& b) {
+    blocks[i] += factor * springs.volume[p] *
+                 ((springs.lambda[p] + springs.mu) * b * b.transpose() +
+                  springs.mu * b.squaredNorm() * Matrix3d::Identity());
+  });
+}
+
+void add_row_sums(const TetSprings& springs, Eigen::VectorXd& sums) {
+  Eigen::VectorXd lengths = Eigen::VectorXd::Zero(springs.n_patches());
+  for_each_entry(springs.batches, [&](int p, int, const Vector3d& b) { lengths[p] += b.norm(); });
+  for_each_entry(springs.batches, [&](int p, int i, const Vector3d& b) {
+    sums[i] += springs.volume[p] * (springs.lambda[p] + 2 * springs.mu) * b.norm() * lengths[p];
+  });
 }
 
 SinglePatches single_precision(const TetSprings& springs) {

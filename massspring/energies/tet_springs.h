@@ -96,6 +96,9 @@ void add_linear_forces(const TetSprings& springs, const Eigen::Matrix3Xd& u, Eig
 /// Adds factor times the diagonal blocks of the Hessian at rest (N/m) to those of each node.
 void add_diagonal(const TetSprings& springs, double factor, std::vector<Eigen::Matrix3d>& blocks);
 
+/// Adds to each node i a bound on the sum over j of |K_ij| (N/m), K the Hessian at rest.
+void add_row_sums(const TetSprings& springs, Eigen::VectorXd& sums);
+
 /// The patches in single precision, and y += K p of them, K the Hessian at rest.
 SinglePatches single_precision(const TetSprings& springs);
 void add_product(const TetSprings& springs, const SinglePatches& single, const PaddedField& p,

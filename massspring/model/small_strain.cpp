@@ -85,6 +85,15 @@ void add_diagonal(const MassSpringModel& model, double factor, std::vector<Matri
   for (int i = 0; i < K.rows(); ++i) blocks[i] += factor * K.block[K.diagonal[i]];
 }
 
+Eigen::VectorXd row_sums(const MassSpringModel& model) {
+  Eigen::VectorXd sums = Eigen::VectorXd::Zero(model.network.X.cols());
+  if (model.tet_springs) add_row_sums(*model.tet_springs, sums);
+  const BlockMatrix& K = model.linear->K;
+  for (int i = 0; i < K.rows(); ++i)
+    for (int k = K.row_start[i]; k < K.row_start[i + 1]; ++k) sums[i] += K.block[k].norm();
+  return sums;
+}
+
 SingleStiffness single_stiffness(const MassSpringModel& model) {
   SingleStiffness single;
   if (model.linear->K.rows() > 0) single.K = single_precision(model.linear->K);

@@ -28,6 +28,9 @@ void multiply_stiffness(const MassSpringModel& model, const Eigen::Matrix3Xd& u,
 /// Adds factor times the diagonal blocks of K (N/m) to those of each node.
 void add_diagonal(const MassSpringModel& model, double factor, std::vector<Eigen::Matrix3d>& blocks);
 
+/// For each node i a bound on the sum over j of |K_ij| (N/m).
+Eigen::VectorXd row_sums(const MassSpringModel& model);
+
 /// K in single precision.
 struct SingleStiffness {
   std::vector<float> K;

@@ -137,6 +137,7 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
   rest_.target_volume = rest.target_volume;
   if (!model.linear) add_stiffness(model, rest, K_);
   largest_stiffness_ = model.linear ? largest_linear_diagonal(model) : largest_diagonal(K_);
+  if (model.linear) row_sums_ = row_sums(model);
   if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
     zero_energy_motions_ = zero_energy_motions(stiffness(), forces.constraints);
     if (!is_invariant(forces.surface))

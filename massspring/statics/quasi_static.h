@@ -76,6 +76,7 @@ class QuasiStaticSolver {
   Eigen::Matrix3Xd residual(const State& state, double load_factor, double& size) const;
   void project(Eigen::Matrix3Xd& y) const;
   void project(PaddedField& y) const;
+  double norm_beyond_rounding(const Eigen::Matrix3Xd& u, const Eigen::Matrix3Xd& f) const;
   void remove_rigid_motion(Eigen::Matrix3Xd& u) const;
 
   const MassSpringModel& model_;
@@ -86,6 +87,7 @@ class QuasiStaticSolver {
   Eigen::MatrixXf single_zero_energy_motions_;  ///< as padded fields
   double floppy_load_share_ = 0;
   double largest_stiffness_;  ///< on the diagonal of the stiffness at rest (N/m)
+  Eigen::VectorXd row_sums_;  ///< of a linear model, per node (N/m)
 
   // The matrix at hand: K and what acts on the surface, at x.
   BlockMatrix K_;                          ///< empty for a linear model, which has its own

@@ -59,6 +59,19 @@ TEST(SmallStrain, ForcesAreTheNegativeGradientOfTheEnergyAtAnySize) {
   EXPECT_NEAR(slope, -elastic_forces(model, state).cwiseProduct(d).sum(), 1e-10 * std::abs(slope));
 }
 
+TEST(SmallStrain, RowSumsBoundThoseOfTheStiffnessFromNear) {
+  MassSpringModel model = mixed();
+  linearise(model);
+  const Eigen::MatrixXd K = dense_stiffness(model);
+  const Eigen::VectorXd bounds = row_sums(model);
+  for (Eigen::Index i = 0; i < bounds.size(); ++i) {
+    double sum = 0;
+    for (Eigen::Index j = 0; j < bounds.size(); ++j) sum += K.block<3, 3>(3 * i, 3 * j).operatorNorm();
+    EXPECT_GE(bounds[i], sum * (1 - 1e-12));
+    EXPECT_LE(bounds[i], 10 * sum);
+  }
+}
+
 TEST(SmallStrain, StiffnessOfIndependentSpringsIsTheSumOfTheirDirections) {
   MassSpringModel model = small_model();
   model.springs->law = SpringLaw::Definite;

@@ -300,6 +300,18 @@ TEST(LinearSolver, ChoosesByIterationsSummedOverTheRun) {
 }
 
 // Groups of nodes that lie all in one place cannot follow the bends of a chain.
+TEST(LinearSolver, EndsAfterAThousandIterationsWithAnUnsuitedFactor) {
+  constexpr int n = 1000;
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  const BlockMatrix A = chain(n, 1e9), unsuited = chain(n, 1);
+  LinearSystem system = system_of(A, none, none);
+  system.matrix = [&]() -> const BlockMatrix& { return unsuited; };
+  Matrix3Xd x = Matrix3Xd::Zero(3, n);
+  const SolveReport report = LinearSolver::of_factor("").solve(system, b, x, kSolverTolerance);
+  EXPECT_EQ(report.iterations, 1000);
+  EXPECT_FALSE(report.is_converged);
+}
+
 TEST(LinearSolver, FactorisesWhereMultigridStandsStillAndSaysSo) {
   constexpr int n = 4000;
   const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
