@@ -7,9 +7,9 @@
 #include "massspring/statics/quasi_static.h"
 #include "meshing/algebra/rigid_motion.h"
 #include "tests/massspring/dense.h"
+#include "tests/massspring/flat_tetrahedra.h"
 #include "tests/massspring/linear_box.h"
 #include "tests/massspring/small_network.h"
-#include "tests/meshing/flat_tetrahedra.h"
 
 namespace testbed::massspring {
 namespace {
@@ -185,7 +185,7 @@ MassSpringModel with_flat_tetrahedra(const char* calibration, double part_of_vol
   network.X = box.X;
   network.F = box.F;
   network.T = box.T;
-  meshing::add_flat_tetrahedra(network, part_of_volume);
+  add_flat_tetrahedra(network, part_of_volume);
   network.n_surface = static_cast<int>(network.X.cols());
   MassSpringModel model = calibrate(network, {1e6, 0.25, 1000, 0}, find_calibration(calibration));
   linearise(model);

@@ -299,7 +299,6 @@ TEST(LinearSolver, ChoosesByIterationsSummedOverTheRun) {
   EXPECT_NE(solver.choice().find("in sum"), std::string::npos) << solver.choice();
 }
 
-// Groups of nodes that lie all in one place cannot follow the bends of a chain.
 TEST(LinearSolver, EndsAfterAThousandIterationsWithAnUnsuitedFactor) {
   constexpr int n = 1000;
   const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
@@ -312,6 +311,7 @@ TEST(LinearSolver, EndsAfterAThousandIterationsWithAnUnsuitedFactor) {
   EXPECT_FALSE(report.is_converged);
 }
 
+// Groups of nodes that lie all in one place cannot follow the bends of a chain.
 TEST(LinearSolver, FactorisesWhereMultigridStandsStillAndSaysSo) {
   constexpr int n = 4000;
   const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
