@@ -59,14 +59,6 @@ double largest_diagonal(const BlockMatrix& A) {
   return largest;
 }
 
-double largest_linear_diagonal(const MassSpringModel& model) {
-  std::vector<Eigen::Matrix3d> blocks(model.network.X.cols(), Eigen::Matrix3d::Zero());
-  add_diagonal(model, 1, blocks);
-  double largest = 0;
-  for (const Eigen::Matrix3d& block : blocks) largest = std::max(largest, block.diagonal().maxCoeff());
-  return largest;
-}
-
 /// Whether the springs of a node alone let it move along a direction that is not constrained.
 bool has_loose_node(const BlockMatrix& K, const std::vector<Constraint>& constraints) {
   std::vector<Eigen::Matrix3d> held(K.rows(), Eigen::Matrix3d::Zero());
@@ -136,8 +128,8 @@ QuasiStaticSolver::QuasiStaticSolver(const MassSpringModel& model, const Forces&
   rest_.patch_scale = rest.patch_scale;
   rest_.target_volume = rest.target_volume;
   if (!model.linear) add_stiffness(model, rest, K_);
-  largest_stiffness_ = model.linear ? largest_linear_diagonal(model) : largest_diagonal(K_);
   if (model.linear) row_sums_ = row_sums(model);
+  largest_stiffness_ = model.linear ? row_sums_.maxCoeff() : largest_diagonal(K_);
   if (!model.tet_springs) {  // rigid motions are all that tetrahedra leave free
     zero_energy_motions_ = zero_energy_motions(stiffness(), forces.constraints);
     if (!is_invariant(forces.surface))

@@ -86,7 +86,7 @@ class QuasiStaticSolver {
   Eigen::MatrixXd zero_energy_motions_;         ///< orthonormal basis of the motions without energy, 3n x m
   Eigen::MatrixXf single_zero_energy_motions_;  ///< as padded fields
   double floppy_load_share_ = 0;
-  double largest_stiffness_;  ///< on the diagonal of the stiffness at rest (N/m)
+  double largest_stiffness_;  ///< at rest (N/m): a sum of a row's if linear, else an entry on the diagonal
   Eigen::VectorXd row_sums_;  ///< of a linear model, per node (N/m)
 
   // The matrix at hand: K and what acts on the surface, at x.

@@ -101,19 +101,23 @@ double largest_eigenvalue(const BlockRows<D>& A) {
 }
 
 /// Group of each row: a row with all its neighbours where none is in a group yet; what is left joins the
-/// neighbour that it is tied to most. Rows that are constrained are in none.
+/// neighbour that it is tied to most. Rows that are constrained are in none. Ties count that are no weaker than a part
+/// of the strongest of either row: groups of all that touch would be too large to move as one.
 template <int D>
 std::vector<int> group(const Equations<D>& A, const std::vector<bool>& is_constrained, int& n_groups) {
-  constexpr double kWeak = D == 3 ? 0.02 : 0;
-  std::vector<double> size(A.n_rows());
+  constexpr double kWeak = 0.1;
+  std::vector<double> size(A.n_rows()), strongest(A.n_rows(), 0), tie(A.column.size(), -1);
   for (int i = 0; i < A.n_rows(); ++i) size[i] = A.block[A.diagonal[i]].norm();
-  std::vector<double> tie(A.column.size(), -1);  // of neighbours
   for (int i = 0; i < A.n_rows(); ++i)
     for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k) {
       const int j = A.column[k];
-      const double t = A.block[k].norm() / std::sqrt(size[i] * size[j]);
-      if (!is_constrained[i] && !is_constrained[j] && (t > kWeak || i == j)) tie[k] = t;
+      if (is_constrained[i] || is_constrained[j]) continue;
+      tie[k] = A.block[k].norm() / std::sqrt(size[i] * size[j]);
+      if (i != j) strongest[i] = std::max(strongest[i], tie[k]);
     }
+  for (int i = 0; i < A.n_rows(); ++i)
+    for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
+      if (tie[k] < kWeak * std::min(strongest[i], strongest[A.column[k]])) tie[k] = -1;
   std::vector<int> group(A.n_rows(), -1);
   n_groups = 0;
   for (int i = 0; i < A.n_rows(); ++i) {

@@ -143,6 +143,27 @@ TEST_P(MultigridOf, IterationsHardlyGrowWithTheNodesWhereBlockJacobisDo) {
   EXPECT_LT(iterations[1][1], 30);
 }
 
+// Groups of all that touch would be too long, and take more than twice the iterations.
+TEST(Multigrid, GroupsFollowTheBendingOfASlenderBar) {
+  const TetMesh mesh = box_tets(2, 2, 1600, 1, 0.1);
+  const MassSpringModel model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface},
+                                          {1e6, 0.25, 1000, 0}, find_calibration("edge_coupled"));
+  std::vector<Constraint> held;
+  for (int i = 0; i < mesh.X.cols(); ++i)
+    if (mesh.X(2, i) < 0.5) held.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+  BlockMatrix A = stiffness_pattern(model);
+  add_stiffness(model, initial_state(model), A);
+  filter(held, A);
+  Multigrid multigrid(A, mesh.X, [&](Matrix3Xd& u) { filter(held, u); });
+  Matrix3Xd b = random_points(static_cast<int>(mesh.X.cols()), 1, 3), x = Matrix3Xd::Zero(3, b.cols());
+  filter(held, b);
+  const SolveReport report = conjugate_gradients(
+      [&](const Matrix3Xd& p, Matrix3Xd& y) { multiply(A, p, y); },
+      [&](const Matrix3Xd& r, Matrix3Xd& z) { apply(multigrid, r, z); }, b, x, 1e-4, 1000);
+  EXPECT_TRUE(report.is_converged);
+  EXPECT_LT(report.iterations, 90);
+}
+
 // A free body on soft ground: a rigid motion u meets the ground alone, A u = k u, and is found at once.
 TEST(Multigrid, MovesAFreeBodyRigidlyWhereOneOfPiecewiseShiftsWouldNot) {
   constexpr double kGround = 1e-6;  // of the largest stiffness
