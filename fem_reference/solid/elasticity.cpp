@@ -142,7 +142,7 @@ void ElasticSolid::assemble(const Material& material, ElasticLaw law, const Elas
   s.factor = 0;
   s.path.emplace(s.u);
   s.constant.reset();
-  s.stiffness_norm = 0;
+  s.row_sums.resize(0);
   s.shrunk_at = -1;
   s.is_constrained.assign(s.nodes.X.size(), false);
   for (const ConstrainedComponent& h : constrained) s.is_constrained[3 * h.node + h.component] = true;
@@ -193,23 +193,62 @@ double ElasticSolid::max_strain(const Matrix3Xd& displacement) const {
 
 bool ElasticSolid::Implementation::is_balanced(const Matrix3Xd& at, double residual) {
   constexpr double kLinear = 1e-13, kNewton = 1e-10;
-  constexpr double kMostOfFlat = 1e-6;  // of the forces, that rounding in flat tetrahedra may leave
   report.tolerance = tolerance.value_or(law == ElasticLaw::SmallStrain ? kLinear : kNewton);
   report.residual = size > 0 ? residual / size : 0;
   // Forces at nodes are sums of stresses on the faces of elements, of differences of displacements. Rounding of
   // these is what no solver makes less [Rigal & Gaches 1967].
   const double h = std::cbrt(share.volume / static_cast<double>(share.is_whole ? at.cols() : share.n_nodes));
   const double u = share.norm(at);
-  const double of_flat =
-      std::min(std::numeric_limits<double>::epsilon() * stiffness_norm * u, kMostOfFlat * size);
-  const double rounding = std::max(1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h * u, of_flat);
+  const double rounding = 1e-15 * (lame.lambda + 2 * lame.mu + lame.kappa) * h * u;
   const double of_surface =
       surface.empty() ? 0 : largest_over_processes(meshing::rounding(surface, nodes.X + at));
   report.is_converged = residual <= std::max(report.tolerance * size, rounding + of_surface);
   return report.is_converged;
 }
 
-/// Iterative refinement: the residual in double precision by the elements, corrections in single.
+/// Sums of the norms of blocks in each row of A, by node (N/m).
+Eigen::VectorXd ElasticSolid::Implementation::row_sums_of(const TwoLevelSolver::Stiffness& A) const {
+  const meshing::BlockMatrix& pattern = tets.pattern();
+  Eigen::VectorXd sums(u.cols());
+  for (Eigen::Index i = 0; i < u.cols(); ++i) {
+    const int row = tets.rank()[i];
+    sums[i] = 0;
+    for (int k = pattern.row_start[row]; k < pattern.row_start[row + 1]; ++k)
+      sums[i] += Eigen::Matrix3f::Map(&A.blocks[9 * static_cast<std::size_t>(k)]).norm();
+  }
+  return sums;
+}
+
+/// |r| of nodes where it is more than rounding leaves of forces, which is told node by node: that of flat tetrahedra may
+/// be more than all loads.
+double ElasticSolid::Implementation::norm_beyond_rounding(const Matrix3Xd& at, const Matrix3Xd& r) const {
+  if (row_sums.size() == 0) return share.norm(r);
+  constexpr double kRounding =
+      16 * std::numeric_limits<double>::epsilon();  // of sums of some hundred products at four points
+  const double largest = largest_over_processes(at.colwise().norm().maxCoeff());
+  const Eigen::RowVectorXd bound = kRounding * largest * row_sums.transpose();
+  return share.norm(r * (r.colwise().norm().array() <= bound.array())
+                            .select(0, Eigen::RowVectorXd::Ones(r.cols()))
+                            .matrix()
+                            .asDiagonal());
+}
+
+/// Takes what drives free rigid motions out of forces r at the nodes of flat tetrahedra, whose rounding it is.
+void ElasticSolid::Implementation::balance_beside_flat(Matrix3Xd& r) const {
+  if (rigid.cols() == 0) return;
+  Eigen::RowVectorXd weights = row_sums.transpose();
+  for (Eigen::Index i = 0; i < weights.size(); ++i)
+    if (!share.is_whole && share.is_ghost[i]) weights[i] = 0;
+  const Eigen::MatrixXd weighted = weights.replicate<3, 1>().reshaped().asDiagonal() * rigid;
+  Eigen::MatrixXd products = rigid.transpose() * weighted;
+  Eigen::VectorXd driven = rigid.transpose() * r.reshaped();
+  sum_over_processes(products.reshaped());
+  sum_over_processes(driven);
+  r.reshaped() -= weighted * products.ldlt().solve(driven);
+}
+
+/// Iterative refinement: the residual in double precision by the elements, corrections in single. Where these stand
+/// still, beside slivers, corrections in double precision as well.
 void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* timer) {
   constexpr int kMaxRefinements = 30;
   constexpr double kDeepest = 1e-5, kLost = 0.5;
@@ -224,30 +263,29 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
     find_residual(at, load_factor, r);
     if (given == 0) given = size;
   };
-  bool is_in_double = false;
+  bool is_in_double = solver.has_whole_factor(), is_still = false;
   for (int refinement = 0; refinement < kMaxRefinements; ++refinement) {
     stage("assemble");
     measure();
-    if (share.norm(r) > before) {
+    if (norm_beyond_rounding(at, r) > before) {
       at = last;
       measure();
     }
-    const double residual = share.norm(r);
+    const double residual = norm_beyond_rounding(at, r);
     if (is_balanced(at, residual)) break;
-    const double wanted = 0.5 * report.tolerance * size / residual;
+    const double wanted = 0.5 * report.tolerance * size / share.norm(r);
     if (!constant) {
       constant = stiffness_at(Matrix3Xd::Zero(3, u.cols()), 0, meshing::Curvature::Projected);
       hold(*constant);
-      stiffness_norm = std::sqrt(
-          sum_over_processes(Eigen::Map<const Eigen::VectorXf>(
-                                 constant->blocks.data(), static_cast<Eigen::Index>(constant->blocks.size()))
-                                 .cast<double>()
-                                 .squaredNorm()));
+      row_sums = row_sums_of(*constant);
     }
+    balance_beside_flat(r);
     stage("solve");
-    if (residual > kLost * before) {
+    if (is_still || residual > kLost * before) {
       if (is_in_double) break;
-      is_in_double = true;  // single precision is not enough
+      is_in_double = true;
+      is_still = false;
+      solver.turn_to_factor(*constant, rigid.cols() > 0);
     }
     before = residual;
     last = at;
@@ -255,7 +293,9 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
       iterate_in_double(r, wanted, at);
       continue;
     }
-    const LinearReport linear = solver.solve(*constant, rigid, r, std::max(kDeepest, wanted), at);
+    const LinearReport linear =
+        solver.solve(*constant, rigid, r, std::max(kDeepest, wanted), at, /*may_turn=*/false);
+    is_still = !linear.is_converged;
     share.exchange.update(at);
     if (!linear.is_definite)
       throw std::runtime_error(
@@ -263,6 +303,7 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
     report.solver = linear.solver;
     report.linear_iterations += linear.iterations;
   }
+  report.residual = size > 0 ? share.norm(r) / size : 0;
   if (!report.is_converged) return;
   remove_rigid_motion(at);  // a small rotation would strain a body that has moved far
   u = at;
@@ -299,8 +340,7 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
       },
       [&](const Matrix3Xd& q, Matrix3Xd& z) { solver.precondition(*constant, rigid, q, z); }, rest,
       share.norm(r), solution, relative, kMaxIterations);
-  const std::string in_double = ", double precision";
-  if (report.solver.find(in_double) == std::string::npos) report.solver += in_double;
+  report.solver = solver.name() + ", double precision";
   report.linear_iterations += done.iterations;
   x += solution;
   share.exchange.update(x);

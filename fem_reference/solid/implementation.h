@@ -48,7 +48,7 @@ struct ElasticSolid::Implementation {
   double factor = 0;  // load factor of u
   std::optional<meshing::LoadPath> path;
   std::optional<TwoLevelSolver::Stiffness> constant;  // the stiffness of small strain, once it is needed
-  double stiffness_norm = 0;                          // of `constant` (N/m)
+  Eigen::VectorXd row_sums;                           // of `constant`, per node (N/m)
   double shrunk_at = -1;                              // load factor of the shrinkage in use
   double size = 0;                                    // largest load plus elastic forces met in a solve (N)
   ElasticReport report;                               // of the solve at hand
@@ -70,6 +70,9 @@ struct ElasticSolid::Implementation {
   void keep_out(Matrix3Xd& x) const;
   /// Whether forces of this size out of balance are none.
   bool is_balanced(const Matrix3Xd& at, double residual);
+  Eigen::VectorXd row_sums_of(const TwoLevelSolver::Stiffness& A) const;
+  void balance_beside_flat(Matrix3Xd& r) const;
+  double norm_beyond_rounding(const Matrix3Xd& at, const Matrix3Xd& r) const;
   /// The tangent, nothing constrained; blocks are zero. Projected: that of the surface alone. What the pattern has no
   /// place for is returned, over ranks.
   template <class Real>

@@ -151,7 +151,7 @@ void TwoLevelSolver::hold(const std::vector<char>& is_constrained) {
   mask(fine_, free_);
   if (corners_) mask(*corners_, free_corners_);
   multigrid_.reset();
-  is_ready_ = false;
+  is_ready_ = is_whole_ = false;
 }
 
 void TwoLevelSolver::pad(const Matrix3Xd& u, double factor, PaddedField& result) const {
@@ -198,6 +198,17 @@ bool TwoLevelSolver::factorise_whole(const Stiffness& A, bool is_singular) {
   return factorise(A, is_singular);
 }
 
+bool TwoLevelSolver::may_factorise() const {
+  return share_.is_whole && !is_whole_ && (corners_ || multigrid_) &&
+         memory_needed(fine_.n_tetrahedra(), corners_ ? 2 : 1, Memory::FactorAndCopy) < memory_available();
+}
+
+void TwoLevelSolver::turn_to_factor(const Stiffness& A, bool is_singular) {
+  if (!may_factorise() || factorise_whole(A, is_singular)) return;
+  is_whole_ = false;
+  factorise(A, is_singular);
+}
+
 bool TwoLevelSolver::factorise(const Stiffness& A, bool is_singular) {
   const bool is_of_corners = corners_ && !is_whole_;
   const TetBatches& tets = is_of_corners ? *corners_ : fine_;
@@ -234,7 +245,7 @@ std::string TwoLevelSolver::name() const {
 }
 
 LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& rigid, const Matrix3Xd& r,
-                                   double tolerance, Matrix3Xd& x) {
+                                   double tolerance, Matrix3Xd& x, bool may_turn) {
   LinearReport report;
   const double size = share_.norm(r);
   if (size == 0) {
@@ -292,12 +303,9 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
     report.is_definite = false;
     return end();
   }
-  const auto n_tets = fine_.n_tetrahedra();
-  const bool may_factorise =
-      share_.is_whole && !is_whole_ && (corners_ || multigrid_) &&
-      memory_needed(n_tets, corners_ ? 2 : 1, Memory::FactorAndCopy) < memory_available();
-  n_iterations_ = iterate(may_factorise ? kPatience : kMaxIterations);
-  if (report.is_converged || is_stopped || !may_factorise) return end();
+  const bool is_first_try = may_factorise();
+  n_iterations_ = iterate(is_first_try ? kPatience : kMaxIterations);
+  if (report.is_converged || is_stopped || !is_first_try || !may_turn) return end();
   if (!find_factor(true)) {
     report.is_definite = false;
     return end();
@@ -334,6 +342,14 @@ void TwoLevelSolver::clear_ghosts(PaddedField& u) const {
 
 void TwoLevelSolver::precondition(const Stiffness& A, const Eigen::MatrixXd& rigid, const Matrix3Xd& r,
                                   Matrix3Xd& z) const {
+  if (!multigrid_ && (is_whole_ || !corners_)) {
+    const auto by_rank = Eigen::PermutationMatrix<Eigen::Dynamic>(Eigen::Map<const Eigen::VectorXi>(
+        fine_.rank().data(), static_cast<Eigen::Index>(fine_.rank().size())));
+    cholesky_->solve(r * by_rank.transpose(), z);
+    z = z * by_rank;
+    z.reshaped() -= rigid * (rigid.transpose() * z.reshaped()).eval();
+    return;
+  }
   Summed<PaddedField> rest, solution;
   const double size = share_.norm(r);
   const Pass pass(*this, A, rigid);

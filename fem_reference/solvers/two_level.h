@@ -76,14 +76,19 @@ class TwoLevelSolver {
   void hold(const std::vector<char>& is_constrained);
 
   /// Adds to x the solution of A x = r, both 3 x n over nodes; those of `rigid` (3 node + component,
-  /// orthonormal) are kept out of it.
+  /// orthonormal) are kept out of it. Where iterations stand still, turns to a factor of the whole matrix or, if
+  /// that is left to the caller, returns.
   LinearReport solve(const Stiffness& A, const Eigen::MatrixXd& rigid, const Eigen::Matrix3Xd& r,
-                     double tolerance, Eigen::Matrix3Xd& x);
+                     double tolerance, Eigen::Matrix3Xd& x, bool may_turn = true);
   /// y += factor A x, fields over nodes.
   void add_product(const Stiffness& A, double factor, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const;
-  /// z = the last preconditioner times r.
+  /// Makes a Cholesky factor of the whole matrix for what follows, if memory allows.
+  void turn_to_factor(const Stiffness& A, bool is_singular);
+  /// z = the last preconditioner times r, a factor of the whole matrix in double precision.
   void precondition(const Stiffness& A, const Eigen::MatrixXd& rigid, const Eigen::Matrix3Xd& r,
                     Eigen::Matrix3Xd& z) const;
+  bool has_whole_factor() const { return is_whole_; }
+  std::string name() const;
 
  private:
   using PaddedField = meshing::PaddedField;
@@ -97,7 +102,7 @@ class TwoLevelSolver {
   void clear_ghosts(PaddedField& u) const;
   void pad(const Eigen::Matrix3Xd& u, double factor, PaddedField& result) const;
   void add_unpadded(const PaddedField& w, double factor, Eigen::Matrix3Xd& u) const;
-  std::string name() const;
+  bool may_factorise() const;
 
   const Share& share_;
   const Eigen::Matrix3Xd& X_;

@@ -38,8 +38,7 @@ void QuasiStaticSolver::remove_rigid_motion(Matrix3Xd& u) const {
 }
 
 StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
-  constexpr int kMaxSolves = 5;    // later ones take what rounding left to the first
-  constexpr int kPatience = 1000;  // iterations, before another factor is tried
+  constexpr int kMaxSolves = 5;  // later ones take what rounding left to the first
   // Displacements are kept on their own: beside the positions of a stiff body they would lose their digits.
   const LoadPath::Equilibrium& last = state.loading->path.last.back();
   Matrix3Xd u = last.x;
@@ -64,13 +63,17 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   };
   const State rest = initial_state(model_);
   const LinearSystem A = system(rest);
-  const auto solve = [&](int max_iterations) {
+  const auto solve = [&](int max_iterations, bool is_last_try) {
     measure();
-    for (int n = 0;
-         n < kMaxSolves && report.residual > tolerance_ && report.linear_iterations < max_iterations; ++n) {
+    bool is_solved = true;
+    for (int n = 0; n < kMaxSolves && report.residual > tolerance_ &&
+                    report.linear_iterations < max_iterations && (is_solved || is_last_try);
+         ++n) {
       const double tolerance = tolerance_ * scale / r.norm() / 2;
       du = Matrix3Xd::Zero(3, u.cols());
-      report.linear_iterations += solver_.solve(A, r, du, tolerance).iterations;
+      const SolveReport linear = solver_.solve(A, r, du, tolerance);
+      report.linear_iterations += linear.iterations;
+      is_solved = linear.is_converged;
       u += du;
       ++report.newton_iterations;
       measure();
@@ -78,13 +81,14 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   };
   const Matrix3Xd first = u;
   const double first_scale = scale;
-  solve(has_coarser_ ? LinearSolver::kMostAbove : kPatience);
+  constexpr int kNoBound = std::numeric_limits<int>::max();
+  solve(has_coarser_ ? LinearSolver::kMostAbove : kNoBound, has_coarser_);
   if (!(report.residual <= tolerance_) && !has_coarser_) {
     if (turn_to_factor()) {
       u = first;
       scale = first_scale;
     }
-    solve(std::numeric_limits<int>::max());
+    solve(kNoBound, true);
   }
   if (!std::isfinite(report.residual)) {  // the state stays what it was
     report.status = Status::Diverged;

@@ -22,6 +22,7 @@ constexpr int kWornOut = 12;       // iterations more than at first, at which a 
 constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried,
 constexpr double kSlowest = 12;    // or of each digit, if these are more
 constexpr int kMaxIterations = 5000, kMaxWithFactor = 1000;
+constexpr int kMaxInSingle = 200;  // with a factor in single precision: more means slivers, beyond it
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
 
 double digits(double tolerance) {
@@ -232,7 +233,7 @@ SolveReport LinearSolver::solve_with(Factor& factor, const LinearSystem& A, cons
     n += report.iterations;
   } else {
     const auto apply = [&](const PaddedField& r, PaddedField& z) { factor.single.solve(r, z); };
-    report = iterate(A, OfSystem{apply, A}, b, x, tolerance, is_hard_ ? kMaxWithFactor : kMaxIterations, n);
+    report = iterate(A, OfSystem{apply, A}, b, x, tolerance, is_hard_ ? kMaxInSingle : kMaxIterations, n);
   }
   Service& service = factor.service;
   if (is_new) service = {report.iterations / digits(tolerance)};

@@ -6,7 +6,7 @@
 #include "meshing/scene/surface_problem.h"
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/surface.h"
-#include "tests/massspring/flat_tetrahedra.h"
+#include "tests/meshing/flat_tetrahedra.h"
 
 namespace testbed::massspring {
 namespace {
@@ -255,7 +255,7 @@ TEST(ErrorEstimate, IsNotTriedOnManyNodesWhereFlatTetrahedraNeedAFactor) {
     scene.material.law = MaterialLaw::SmallStrain;
     scene.gravity = Eigen::Vector3d(0, -1e-8, 0);  // flat tetrahedra strain by far more than the bar
     SpringNetwork network = network_of(scene);
-    add_flat_tetrahedra(network, 1e-10);
+    meshing::add_flat_tetrahedra(network, 1e-10);
     Simulation coarse(scene, network);
     coarse.advance();
     ASSERT_EQ(coarse.status(), Status::Ok);

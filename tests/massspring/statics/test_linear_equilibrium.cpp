@@ -7,9 +7,9 @@
 #include "massspring/statics/quasi_static.h"
 #include "meshing/algebra/rigid_motion.h"
 #include "tests/massspring/dense.h"
-#include "tests/massspring/flat_tetrahedra.h"
 #include "tests/massspring/linear_box.h"
 #include "tests/massspring/small_network.h"
+#include "tests/meshing/flat_tetrahedra.h"
 
 namespace testbed::massspring {
 namespace {
@@ -185,7 +185,7 @@ MassSpringModel with_flat_tetrahedra(const char* calibration, double part_of_vol
   network.X = box.X;
   network.F = box.F;
   network.T = box.T;
-  add_flat_tetrahedra(network, part_of_volume);
+  meshing::add_flat_tetrahedra(network, part_of_volume);
   network.n_surface = static_cast<int>(network.X.cols());
   MassSpringModel model = calibrate(network, {1e6, 0.25, 1000, 0}, find_calibration(calibration));
   linearise(model);
@@ -219,6 +219,18 @@ TEST(LinearEquilibrium, BesideFlatTetrahedraIsFoundFromElsewhere) {
     EXPECT_EQ(solver.solve(1, state).status, Status::Ok);
     EXPECT_LT((displacement(model, state) - u).norm(), 1e-7 * u.norm()) << part_of_volume;
   }
+}
+
+// Solves after one that stood still would spend as many iterations each.
+TEST(LinearEquilibrium, TurnsToAFactorAfterOneSolveThatStoodStill) {
+  const MassSpringModel model = with_flat_tetrahedra("node_averaged", 1e-14);
+  const Forces forces = hanging(model);
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  const StepReport report = solver.solve(1, state);
+  EXPECT_EQ(report.status, Status::Ok);
+  EXPECT_TRUE(solver.is_exact());
+  EXPECT_LT(report.linear_iterations, 400);
 }
 
 TEST(LinearEquilibrium, IsThatOfFullGeometryAsTheLoadVanishes) {
