@@ -65,15 +65,15 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   const LinearSystem A = system(rest);
   const auto solve = [&](int max_iterations, bool is_last_try) {
     measure();
-    bool is_solved = true;
+    bool is_still = false;
     for (int n = 0; n < kMaxSolves && report.residual > tolerance_ &&
-                    report.linear_iterations < max_iterations && (is_solved || is_last_try);
+                    report.linear_iterations < max_iterations && (is_last_try || !is_still);
          ++n) {
       const double tolerance = tolerance_ * scale / r.norm() / 2;
       du = Matrix3Xd::Zero(3, u.cols());
       const SolveReport linear = solver_.solve(A, r, du, tolerance);
       report.linear_iterations += linear.iterations;
-      is_solved = linear.is_converged;
+      is_still = !linear.is_converged;
       u += du;
       ++report.newton_iterations;
       measure();
