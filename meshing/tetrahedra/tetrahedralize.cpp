@@ -108,7 +108,7 @@ TetMesh tetrahedralize(const SurfaceMesh& surface, const TetOptions& options, Te
   TetReport& said = report ? *report : own;
   said = {};
   const bool is_cut = surface.cuts.F.size() > 0;
-  constexpr double kLongestCut = 15;  // s
+  constexpr double kLongestCut = 10;  // s
   const double most = time_limit(surface.F.cols(), options.interior.cols());
   const double limit = options.time_limit.value_or(is_cut ? std::min(kLongestCut, most) : most);
   std::vector<Attempt> attempts(kAttempts.begin(), kAttempts.end() - (is_cut ? 1 : 0));

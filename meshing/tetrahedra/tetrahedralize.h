@@ -15,7 +15,7 @@ struct TetOptions {
   /// Longest edge wanted inside (m). Absent: edges as `size` says, longer far from the surface.
   std::optional<double> interior_size;
   Eigen::Matrix3Xd interior;  ///< points to keep as nodes n_surface, n_surface + 1, ... (3 x k)
-  /// For each attempt, of the mesher's own computing (s); absent: time_limit(), of a cut surface 15 s at most.
+  /// For each attempt, of the mesher's own computing (s); absent: time_limit(), of a cut surface 10 s at most.
   std::optional<double> time_limit{};
   /// Edge length wanted inside, at each surface vertex (m):
   /// interior_size() and the like. Empty: the surface's.
