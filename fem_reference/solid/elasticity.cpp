@@ -258,9 +258,13 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
   Matrix3Xd at = Matrix3Xd::Zero(3, u.cols()), last = at, r;
   prescribe(load_factor, at);
   double before = std::numeric_limits<double>::infinity(), given = 0;
+  Matrix3Xd balanced = load.reshaped(3, u.cols());
+  remove_rigid(balanced);
+  const Matrix3Xd driving = load.reshaped(3, u.cols()) - balanced;
   const auto measure = [&] {
     size = given;  // and not what a lost correction led to
     find_residual(at, load_factor, r);
+    r -= load_factor * driving;
     if (given == 0) given = size;
   };
   bool is_in_double = solver.has_whole_factor(), is_still = false;
