@@ -206,6 +206,22 @@ TEST(ElasticSolid, SolvesBesideFlatTetrahedraInDoublePrecision) {
   }
 }
 
+TEST(ElasticSolid, MakesAnotherFactorBesideFlatTetrahedraForOtherSupports) {
+  TetMesh mesh = box_tets(8, 3, 3, 0.5, 0.1);
+  meshing::add_flat_tetrahedra(mesh, 1e-8);
+  const ElasticLoads pressure =
+      tractions([](const Vector3d&) -> Matrix3d { return -2 * Matrix3d::Identity(); }, mesh);
+  ElasticSolid used(mesh, 2), fresh(mesh, 2);
+  solve(used, pressure);
+  std::set<int> end;
+  for (int i = 0; i < used.X().cols(); ++i)
+    if (used.X()(0, i) < 0.2) end.insert(i);
+  const auto held = hold(used, end, [](const Vector3d&) -> Vector3d { return Vector3d::Zero(); });
+  const ElasticReport after = solve(used, pressure, held), alone = solve(fresh, pressure, held);
+  EXPECT_EQ(after.linear_iterations, alone.linear_iterations);
+  EXPECT_TRUE(used.displacement() == fresh.displacement());
+}
+
 TEST(ElasticSolid, SolvesAFreeBodyWhoseLoadsBalanceToNineDigits) {
   const TetMesh mesh = box_tets(8, 3, 3, 0.5, 0.1);
   ElasticLoads loads = tractions([](const Vector3d&) -> Matrix3d { return -2 * Matrix3d::Identity(); }, mesh);
