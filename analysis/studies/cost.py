@@ -21,15 +21,15 @@ from ..run_store import RunRequest, Store, say
 from .result import Figures, Result, Section
 
 _VALGRIND = ("valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null")
-_STEP = 1e-4  # s
+STEP = 1e-4  # s
 _N_STEPS = 20
-_SCENE = f"""name = "cost"
+SCENE = f"""name = "cost"
 [surface]
 shape = "ball"
 n_vertices = 642
 [time]
 mode = "dynamic"
-step = {_STEP}
+step = {STEP}
 integrator = "symplectic_euler"
 [network]
 calibration = "uniform"
@@ -56,7 +56,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "skin, bending": ("skin.bending=0.1",),
     "skin, relaxation": ("skin.bending=0.1", "skin.relaxation=0.1"),
     "floor, far away": ("obstacles=[{ plane = { point = [0, -9, 0], normal = [0, 1, 0] } }]",),
-    "floor, touched": ("obstacles=[{ plane = { point = [0, -0.9, 0], normal = [0, 1, 0] } }]",),
+    "ceiling, touched": ("obstacles=[{ plane = { point = [0, 1, 0], normal = [0, -1, 0] } }]",),
     "self-contact": ("self_contact.on=true",),
     "curves": ("output.curves=true",),
     "a frame every step": ("output.frames_every=1",),
@@ -85,14 +85,14 @@ def measure(folder: Path, store: Store, is_quiet: bool) -> list[Cost]:
     """Instructions of a step with each part."""
     folder.mkdir(parents=True, exist_ok=True)
     scene = folder / "cost.toml"
-    write_text(scene, _SCENE)
+    write_text(scene, SCENE)
     costs = []
     for part, overrides in PARTS.items():
         counts = []
         message = ""
         for n in (_N_STEPS, 2 * _N_STEPS):
             request = RunRequest(
-                "massspring", scene, (f"time.end={n * _STEP}", *overrides), ("--no-diagnostics",), _VALGRIND
+                "massspring", scene, (f"time.end={n * STEP}", *overrides), ("--no-diagnostics",), _VALGRIND
             )
             outcome = store.run(request)
             if outcome.status != "ok":
