@@ -233,20 +233,6 @@ double ElasticSolid::Implementation::norm_beyond_rounding(const Matrix3Xd& at, c
                             .asDiagonal());
 }
 
-/// Takes what drives free rigid motions out of forces r at the nodes of flat tetrahedra, whose rounding it is.
-void ElasticSolid::Implementation::balance_beside_flat(Matrix3Xd& r) const {
-  if (rigid.cols() == 0) return;
-  Eigen::RowVectorXd weights = row_sums.transpose();
-  for (Eigen::Index i = 0; i < weights.size(); ++i)
-    if (!share.is_whole && share.is_ghost[i]) weights[i] = 0;
-  const Eigen::MatrixXd weighted = weights.replicate<3, 1>().reshaped().asDiagonal() * rigid;
-  Eigen::MatrixXd products = rigid.transpose() * weighted;
-  Eigen::VectorXd driven = rigid.transpose() * r.reshaped();
-  sum_over_processes(products.reshaped());
-  sum_over_processes(driven);
-  r.reshaped() -= weighted * products.ldlt().solve(driven);
-}
-
 /// Iterative refinement: the residual in double precision by the elements, corrections in single. Where these stand
 /// still, beside slivers, corrections in double precision as well.
 void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* timer) {
@@ -283,7 +269,6 @@ void ElasticSolid::Implementation::solve_linear(double load_factor, StageTimer* 
       hold(*constant);
       row_sums = row_sums_of(*constant);
     }
-    balance_beside_flat(r);
     stage("solve");
     if (is_still || residual > kLost * before) {
       if (is_in_double) break;

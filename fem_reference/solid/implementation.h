@@ -71,7 +71,6 @@ struct ElasticSolid::Implementation {
   /// Whether forces of this size out of balance are none.
   bool is_balanced(const Matrix3Xd& at, double residual);
   Eigen::VectorXd row_sums_of(const TwoLevelSolver::Stiffness& A) const;
-  void balance_beside_flat(Matrix3Xd& r) const;
   double norm_beyond_rounding(const Matrix3Xd& at, const Matrix3Xd& r) const;
   /// The tangent, nothing constrained; blocks are zero. Projected: that of the surface alone. What the pattern has no
   /// place for is returned, over ranks.

@@ -75,6 +75,7 @@ struct TwoLevelSolver::Pass {
   const Stiffness& A;
   std::vector<Summed<PaddedField>> rigid;
   std::optional<meshing::GaussSeidel> sweeps;
+  std::optional<meshing::StrongCouplings> strong;  // of one process
   PaddedField added;  // to the diagonal in sweeps of several processes, without which these may diverge
 
   Pass(const TwoLevelSolver& solver, const Stiffness& A, const Eigen::MatrixXd& motions)
@@ -84,6 +85,7 @@ struct TwoLevelSolver::Pass {
     for (PaddedField& motion : rigid) solver.clear_ghosts(motion);
     if (!solver.corners_ || solver.is_whole_) return;
     const BlockMatrix& pattern = solver.fine_.pattern();
+    if (solver.share_.is_whole) strong.emplace(pattern, A.blocks, solver.by_rank_);
     const int n_own = solver.fine_.first_row().back();
     if (!solver.share_.is_whole) added.setZero(4, meshing::padded(pattern.rows()));
     for (int i = 0; i < n_own; ++i)
@@ -105,22 +107,25 @@ struct TwoLevelSolver::Pass {
   /// z += (D + L^T)^-1 (r - A z), which is symmetric and positive definite. Of several processes each has an L
   /// of its own, and half the sums of what it leaves out are added to D [Baker, Falgout, Kolev & Yang 2011].
   void precondition(const PaddedField& r, Summed<PaddedField>& z) const {
-    if (sweeps) {
+    if (strong) {
+      const auto two_levels = [&](const PaddedField& b, PaddedField& x) {
+        PaddedField d;
+        sweeps->sweep_down(b, x);
+        sweeps->residual_of_sweep(x, d);
+        solver.correct_corners(d, x);
+        sweeps->sweep_up(b, x);
+      };
+      strong->around(two_levels, r, z);
+    } else if (sweeps) {
       PaddedField d;
       sweeps->sweep_down(r, z);
-      if (solver.share_.is_whole) {
-        sweeps->residual_of_sweep(z, d);
-        solver.correct_corners(d, z);
-        sweeps->sweep_up(r, z);
-      } else {
-        solver.exchange_.update(z);
-        sweeps->residual_of_sweep(z, d);
-        d += added.cwiseProduct(z);
-        solver.exchange_.update(d);
-        solver.correct_corners(d, z);
-        sweeps->sweep_up(r + added.cwiseProduct(z), z);
-        solver.clear_ghosts(z);
-      }
+      solver.exchange_.update(z);
+      sweeps->residual_of_sweep(z, d);
+      d += added.cwiseProduct(z);
+      solver.exchange_.update(d);
+      solver.correct_corners(d, z);
+      sweeps->sweep_up(r + added.cwiseProduct(z), z);
+      solver.clear_ghosts(z);
     } else {
       solver.solve_degree_1(r, z);
     }
@@ -132,6 +137,8 @@ TwoLevelSolver::TwoLevelSolver(const Share& share, const Matrix3Xd& X, const Eig
                                const TetBatches& fine, const TetBatches* corners)
     : share_(share), X_(X), fine_(fine), corners_(corners), exchange_(share.exchange.over(fine.rank())) {
   if (!corners) return;
+  by_rank_.resizeLike(X);
+  for (Eigen::Index i = 0; i < X.cols(); ++i) by_rank_.col(fine_.rank()[i]) = X.col(i);
   exchange_corners_ = share.exchange.over(corners->rank());
   const Eigen::Index n_corners = X.cols() - edges.cols();
   ends_.resize(2, X.cols());

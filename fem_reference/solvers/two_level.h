@@ -12,6 +12,7 @@
 #include "meshing/algebra/cholesky.h"
 #include "meshing/algebra/conjugate_gradients.h"
 #include "meshing/algebra/gauss_seidel.h"
+#include "meshing/algebra/strong_couplings.h"
 
 namespace testbed::fem {
 
@@ -45,7 +46,7 @@ void aypx(typename Field::Scalar beta, const Summed<Field>& z, Summed<Field>& p)
 
 /// Conjugate gradients, preconditioned on degree 1 by a Cholesky factor, of large systems by algebraic
 /// multigrid with rigid motions as near-null space; on degree 2 by two levels, Gauss-Seidel sweeps and a
-/// correction of the corners by the same. Where these stand still, by a Cholesky factor of the whole matrix,
+/// correction of the corners by the same; nodes of flat tetrahedra are corrected together. Where these stand still, by a Cholesky factor of the whole matrix,
 /// if memory allows. Several processes sweep over their rows at once, each with what the others had before
 /// [Baker, Falgout, Kolev & Yang 2011], and take multigrid alone for degree 1. Factors are kept from one solve
 /// to the next while they serve. Entries outside the pattern are in products and factors, and not in sweeps;
@@ -107,6 +108,7 @@ class TwoLevelSolver {
   const Share& share_;
   const Eigen::Matrix3Xd& X_;
   const TetBatches &fine_, *corners_;
+  Eigen::Matrix3Xd by_rank_;              // nodes, on degree 2
   Exchange exchange_, exchange_corners_;  // over ranks
   Eigen::Matrix2Xi ends_;                 // ranks among the corners of each row's edge, or twice its corner's
   PaddedField free_, free_corners_;       // 1, and 0 where constrained

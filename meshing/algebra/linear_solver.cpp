@@ -21,6 +21,7 @@ constexpr double kFactor = 0.4, kFactorSolve = 0.01;
 constexpr int kWornOut = 12;       // iterations more than at first, at which a factor is made anew
 constexpr int kStandsStill = 100;  // iterations with multigrid, after which a factor is tried,
 constexpr double kSlowest = 12;    // or of each digit, if these are more
+constexpr int kGoesOn = 4;         // times as many, foreseen by the digits gained, that are still worth it
 constexpr int kMaxIterations = 5000, kMaxWithFactor = 1000;
 constexpr int kMaxInSingle = 200;  // with a factor in single precision: more means slivers, beyond it
 constexpr int kFewEnough = 30000;  // nodes, to try double precision where single is spent
@@ -270,6 +271,9 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
   const double n_digits = digits(tolerance);
   const int patience = std::max(kStandsStill, static_cast<int>(kSlowest * n_digits));
   SolveReport report = iterate(A, precondition, b, x, tolerance, patience, n);
+  const double gained = -std::log10(report.residual);
+  if (is_new && !report.is_converged && kGoesOn * gained >= n_digits)
+    report = iterate(A, precondition, b, x, tolerance, kGoesOn * patience, n);
   if (!report.is_converged && report.iterations >= patience) {
     if (!is_new) {
       wear_out(groups);
@@ -292,7 +296,7 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
 SolveReport LinearSolver::solve_with(HalvedEdges& halved, const LinearSystem& A, const Matrix3Xd& b,
                                      Matrix3Xd& x, double tolerance, int& n) {
   if (!halved.two_grid)
-    halved.two_grid = std::make_unique<TwoGrid>(A.matrix(), halved.between, halved.coarser);
+    halved.two_grid = std::make_unique<TwoGrid>(A.matrix(), *A.positions, halved.between, halved.coarser);
   const OfSystem precondition{[&](const PaddedField& r, PaddedField& z) { halved.two_grid->apply(r, z); }, A};
   return iterate(A, precondition, b, x, tolerance, kMostAbove, n);
 }

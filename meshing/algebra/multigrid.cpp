@@ -283,7 +283,8 @@ Prolongation<D> fill(const Equations<D>& A, const Matrix3Xd& X, const std::vecto
 }  // namespace
 
 Multigrid::Multigrid(const BlockMatrix& A, const Matrix3Xd& X,
-                     const std::function<void(Matrix3Xd&)>& constrain) {
+                     const std::function<void(Matrix3Xd&)>& constrain)
+    : strong_(A, meshing::single_precision(A), X) {
   constexpr Eigen::Index kCoarsest = 20;  // bodies whose matrix is inverted
   std::vector<Eigen::Matrix3d> free(A.rows());
   for (int c = 0; c < 3; ++c) {
@@ -338,31 +339,41 @@ void Multigrid::cycle(size_t l) {
 }
 
 double Multigrid::apply(const PaddedField& r, PaddedField& z) {
-  sweep_down(nodes_.A, r, z);
-  rest_of_sweep(nodes_.A, z, nodes_.rest);
-  gather(nodes_.P, nodes_.rest, bodies_.front().b);
-  cycle(0);
-  add_motion(nodes_.P, bodies_.front().x, z);
-  sweep_up(nodes_.A, r, z);
+  const auto v_cycle = [this](const PaddedField& b, PaddedField& x) {
+    sweep_down(nodes_.A, b, x);
+    rest_of_sweep(nodes_.A, x, nodes_.rest);
+    gather(nodes_.P, nodes_.rest, bodies_.front().b);
+    cycle(0);
+    add_motion(nodes_.P, bodies_.front().x, x);
+    sweep_up(nodes_.A, b, x);
+  };
+  strong_.around(v_cycle, r, z);
   return dot(r, z);
 }
 
-TwoGrid::TwoGrid(const BlockMatrix& A, const Eigen::Matrix2Xi& between, SinglePreconditioner coarser)
-    : between_(between), coarser_(std::move(coarser)), coarse_rest_(4, padded(between.maxCoeff() + 1)) {
+TwoGrid::TwoGrid(const BlockMatrix& A, const Matrix3Xd& X, const Eigen::Matrix2Xi& between,
+                 SinglePreconditioner coarser)
+    : strong_(A, meshing::single_precision(A), X),
+      between_(between),
+      coarser_(std::move(coarser)),
+      coarse_rest_(4, padded(between.maxCoeff() + 1)) {
   const Equations<3> nodes{A.row_start, A.column, A.diagonal, A.block};
   A_ = single_precision(nodes, inverse_diagonal(nodes));
 }
 
 double TwoGrid::apply(const PaddedField& r, PaddedField& z) {
-  sweep_down(A_, r, z);
-  rest_of_sweep(A_, z, rest_);
-  coarse_rest_.setZero();
-  for (Eigen::Index i = 0; i < between_.cols(); ++i)
-    for (const int node : between_.col(i)) coarse_rest_.col(node) += 0.5F * rest_.col(i);
-  coarser_(coarse_rest_, coarse_);
-  for (Eigen::Index i = 0; i < between_.cols(); ++i)
-    for (const int node : between_.col(i)) z.col(i) += 0.5F * coarse_.col(node);
-  sweep_up(A_, r, z);
+  const auto two_grids = [this](const PaddedField& b, PaddedField& x) {
+    sweep_down(A_, b, x);
+    rest_of_sweep(A_, x, rest_);
+    coarse_rest_.setZero();
+    for (Eigen::Index i = 0; i < between_.cols(); ++i)
+      for (const int node : between_.col(i)) coarse_rest_.col(node) += 0.5F * rest_.col(i);
+    coarser_(coarse_rest_, coarse_);
+    for (Eigen::Index i = 0; i < between_.cols(); ++i)
+      for (const int node : between_.col(i)) x.col(i) += 0.5F * coarse_.col(node);
+    sweep_up(A_, b, x);
+  };
+  strong_.around(two_grids, r, z);
   return dot(r, z);
 }
 

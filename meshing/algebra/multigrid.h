@@ -6,6 +6,7 @@
 
 #include "meshing/algebra/block_matrix.h"
 #include "meshing/algebra/block_rows.h"
+#include "meshing/algebra/strong_couplings.h"
 
 namespace testbed::meshing {
 
@@ -15,7 +16,7 @@ using SinglePreconditioner = std::function<void(const PaddedField& r, PaddedFiel
 /// Preconditioner of elastic systems: groups of neighbouring nodes move as rigid bodies, groups of groups
 /// likewise, and so on. These motions are smoothed by one step of damped block Jacobi, so that bodies blend
 /// into each other [Vanek, Mandel & Brezina 1996]. A V-cycle with a sweep of block Gauss-Seidel down and one,
-/// backwards, up, in single precision.
+/// backwards, up, in single precision; nodes of flat tetrahedra are corrected together.
 class Multigrid {
  public:
   /// @param A          symmetric positive definite, in constrained directions regular and without coupling
@@ -27,7 +28,7 @@ class Multigrid {
   Multigrid() = default;  ///< to be read from an archive
   friend void archive(Archive& a, Multigrid& multigrid) {
     archive_level(a, multigrid.nodes_);
-    a(multigrid.bodies_, multigrid.coarsest_inverse_);
+    a(multigrid.bodies_, multigrid.coarsest_inverse_, multigrid.strong_);
   }
 
   /// z = a symmetric positive definite approximation of A^-1 r; r . z.
@@ -58,22 +59,26 @@ class Multigrid {
   Level<3> nodes_;
   std::vector<Bodies> bodies_;
   Eigen::MatrixXf coarsest_inverse_;
+  StrongCouplings strong_;
 };
 
 /// Preconditioner of an elastic system whose nodes halve the edges of another one's: a sweep of block Gauss-Seidel down,
-/// the other's preconditioner on what is left, and a sweep backwards, up, in single precision [Brandt 1977].
+/// the other's preconditioner on what is left, and a sweep backwards, up, in single precision [Brandt 1977]. Nodes of flat
+/// tetrahedra are corrected together.
 class TwoGrid {
  public:
-  /// @param A        as for Multigrid
+  /// @param A, X     as for Multigrid
   /// @param between  2 x n: the other's nodes in whose middle each node lies; the same twice where it is one of them
   /// @param coarser  of the other system; keeps its constrained directions at rest
-  TwoGrid(const BlockMatrix& A, const Eigen::Matrix2Xi& between, SinglePreconditioner coarser);
+  TwoGrid(const BlockMatrix& A, const Eigen::Matrix3Xd& X, const Eigen::Matrix2Xi& between,
+          SinglePreconditioner coarser);
 
   /// z = a symmetric positive definite approximation of A^-1 r; r . z.
   double apply(const PaddedField& r, PaddedField& z);
 
  private:
   BlockRows<3> A_;
+  StrongCouplings strong_;
   Eigen::Matrix2Xi between_;
   SinglePreconditioner coarser_;
   PaddedField rest_, coarse_rest_, coarse_;

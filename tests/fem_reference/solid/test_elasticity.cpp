@@ -188,6 +188,23 @@ TEST(ElasticSolid, SolvesQuadraticElementsByTwoLevelsInFewIterations) {
   EXPECT_LT(largest_error(solid.X(), solid.displacement(), linear), kSolverTolerance);
 }
 
+// Without correcting their nodes together it takes several times as many.
+TEST(ElasticSolid, SolvesByTwoLevelsBesideFlatTetrahedraInFewIterations) {
+  const auto iterations_with = [](double part_of_volume) {
+    TetMesh mesh = box_tets(8, 3, 3, 0.5, 0.1);
+    if (part_of_volume < 1) meshing::add_flat_tetrahedra(mesh, part_of_volume);
+    ElasticSolid solid(mesh, 2);
+    const ElasticReport report = solve(
+        solid,
+        tractions([](const Vector3d& x) -> Matrix3d { return Vector3d(x.y() - 0.7, 0, 0).asDiagonal(); },
+                  mesh));
+    EXPECT_NE(report.solver.find("two levels"), std::string::npos) << report.solver;
+    return report.linear_iterations;
+  };
+  const int even = iterations_with(1);
+  for (const double part_of_volume : {1e-2, 1e-3}) EXPECT_LT(iterations_with(part_of_volume), 1.5 * even);
+}
+
 // Their stiffness is beyond single precision, in which iterations stand still with any factor, and the rounding of their
 // forces beyond a tolerance that others meet.
 TEST(ElasticSolid, SolvesBesideFlatTetrahedraInDoublePrecision) {

@@ -328,6 +328,22 @@ TEST(LinearSolver, FactorisesWhereMultigridStandsStillAndSaysSo) {
   EXPECT_LT((x - exact).norm(), kAgreement * exact.norm());
 }
 
+// A preconditioner of a far softer chain takes more iterations than a good one, and fewer than a factor is worth.
+TEST(LinearSolver, GoesOnWithMultigridWhereThatGains) {
+  constexpr int n = 4000;
+  const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
+  Matrix3Xd line = none, x = none;
+  line.row(0) = Eigen::RowVectorXd::LinSpaced(n, 0, n - 1);
+  const BlockMatrix A = chain(n, 1e5), softer = chain(n, 2000);
+  LinearSystem system = system_of(A, none, line);
+  system.matrix = [&]() -> const BlockMatrix& { return softer; };
+  LinearSolver solver = LinearSolver::of_stiffness(false);
+  const SolveReport report = solver.solve(system, b, x, kSolverTolerance);
+  EXPECT_TRUE(report.is_converged);
+  EXPECT_GT(report.iterations, 150);
+  EXPECT_EQ(solver.choice().rfind("multigrid", 0), 0u) << solver.choice();
+}
+
 class HalvedEdges : public testing::Test {
  protected:
   static constexpr int n = 1999, kCoarse = 1000;
