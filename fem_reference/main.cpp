@@ -9,6 +9,7 @@
 #include "fem_reference/solid/simulation.h"
 #include "meshing/algebra/status.h"
 #include "meshing/base/child_process.h"
+#include "meshing/network/network.h"
 #include "meshing/run/hash.h"
 #include "meshing/run/session.h"
 #include "meshing/scene/check.h"
@@ -52,6 +53,30 @@ nlohmann::ordered_json study_convergence(Session& session, const SurfaceMesh& su
           {"is_ratio_observed", error.is_ratio_observed},
           {"estimated_error_l2", error.of_first},
           {"estimated_error_l2_finest", error.of_last}};
+}
+
+/// Tetrahedra of the surface, whose nodes inside a mesher chooses. A whole surface that none fills so is filled around points
+/// as the springs have, from which meshers recover some; one that is cut may be cut less.
+TetMesh fill(const SurfaceMesh& surface, const Scene& scene, TetReport& attempts) {
+  TetOptions options;
+  options.interior_size = scene.reference.interior_size;
+  try {
+    return tetrahedralize(surface, options, &attempts);
+  } catch (const std::runtime_error&) {
+    if (surface.cuts.F.size() > 0) throw;
+    options.interior = meshing::sample_interior(surface, {});
+    options.size = Eigen::VectorXd::Constant(
+        surface.X.cols(), (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm());
+    options.ends_when_stopped = true;
+    TetReport around_points;
+    try {
+      TetMesh mesh = tetrahedralize(surface, options, &around_points);
+      attempts.mesher = around_points.mesher + ", around points";
+      return mesh;
+    } catch (const std::runtime_error&) {
+    }
+    throw;
+  }
 }
 
 void describe(const Simulation& simulation, const Scene& scene, nlohmann::ordered_json& record) {
@@ -148,8 +173,6 @@ ExitStatus run(const Arguments& arguments) {
         arguments.out + ": a run was stopped there, expected the one process that it began with, or --force");
 
   session.start("mesh");
-  TetOptions tets;
-  tets.interior_size = scene.reference.interior_size;
   TetReport attempts;
   TetMesh mesh;  // of the first process
   int n_tetrahedra = 0;
@@ -158,7 +181,7 @@ ExitStatus run(const Arguments& arguments) {
     int found = kRefused;
     std::string refused;
     try {
-      mesh = is_first ? tetrahedralize(cut, tets, &attempts) : TetMesh();
+      mesh = is_first ? fill(cut, scene, attempts) : TetMesh();
       found = static_cast<int>(mesh.T.cols());
     } catch (const std::runtime_error& error) {
       refused = error.what();

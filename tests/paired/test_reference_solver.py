@@ -1,12 +1,16 @@
 """What the reference solves its equations with, and how well."""
 
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 import pyvista as pv
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from analysis.paths import SCENES
+from analysis.execute import solver
+from analysis.paths import PROGRAMS, SCENES
 from analysis.run_store import RunRequest, Store
 from analysis.runs import load_run
 
@@ -102,3 +106,32 @@ def _by_factor(X, tets, u):
     x = factor.solve(rest)
     exact[is_free] = x + factor.solve(rest - free @ x)
     return exact.reshape(u.shape)
+
+
+_FAILS_THREE_TIMES = """#!/bin/sh
+# gmsh, tetgen and gmsh's HXT: nodes that these choose themselves.
+echo call >> {folder}/calls
+[ $(wc -l < {folder}/calls) -gt 3 ] || {{ echo "Error   : not recovered"; exit 1; }}
+exec {real} "$@"
+"""
+
+
+def test_a_surface_that_no_mesher_fills_is_filled_around_points(tmp_path):
+    program = tmp_path / "fem_reference"
+    shutil.copy(PROGRAMS / program.name, program)
+    for name in ("gmsh_worker", "tetgen_worker"):
+        worker = tmp_path / name
+        worker.write_text(_FAILS_THREE_TIMES.format(folder=tmp_path, real=PROGRAMS / "gmsh_worker"))
+        worker.chmod(0o755)
+    words = solver(
+        program,
+        SCENES / "bar_sag.toml",
+        tmp_path / "out",
+        ("surface.across=0", "surface.n_vertices=100"),
+        ("--quiet",),
+    )
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    run = load_run(tmp_path / "out")
+    assert run.record["mesher"] == "gmsh, Delaunay, around points"
+    assert len(run.record["meshers_failed"]) == 3
