@@ -216,7 +216,7 @@ def test_of_a_run_that_waited_the_record_says_how_long(program, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "program, megabytes", [("massspring", (110, 150, 190)), ("fem_reference", (650, 700, 750))]
+    "program, megabytes", [("massspring", (110, 150, 190)), ("fem_reference", (670, 700, 750))]
 )
 def test_of_a_run_without_memory_for_a_factor_is_1_and_one_line(tmp_path, program, megabytes):
     (tmp_path / "scene.toml").write_text(SCENE)
