@@ -327,8 +327,7 @@ void ElasticSolid::Implementation::iterate_in_double(const Matrix3Xd& r, double 
         tets.forces(moved, y);
         restrict_to_free(y);
       },
-      [&](const Matrix3Xd& q, Matrix3Xd& z) { solver.precondition(*constant, rigid, q, z); }, rest,
-      share.norm(r), solution, relative, kMaxIterations);
+      solver.preconditioner(*constant, rigid), rest, share.norm(r), solution, relative, kMaxIterations);
   report.solver = solver.name() + ", double precision";
   report.linear_iterations += done.iterations;
   x += solution;

@@ -347,23 +347,25 @@ void TwoLevelSolver::clear_ghosts(PaddedField& u) const {
   u.rightCols(u.cols() - fine_.first_row().back()).setZero();
 }
 
-void TwoLevelSolver::precondition(const Stiffness& A, const Eigen::MatrixXd& rigid, const Matrix3Xd& r,
-                                  Matrix3Xd& z) const {
-  if (!multigrid_ && (is_whole_ || !corners_)) {
-    const auto by_rank = Eigen::PermutationMatrix<Eigen::Dynamic>(Eigen::Map<const Eigen::VectorXi>(
-        fine_.rank().data(), static_cast<Eigen::Index>(fine_.rank().size())));
-    cholesky_->solve(r * by_rank.transpose(), z);
-    z = z * by_rank;
-    z.reshaped() -= rigid * (rigid.transpose() * z.reshaped()).eval();
-    return;
-  }
-  Summed<PaddedField> rest, solution;
-  const double size = share_.norm(r);
-  const Pass pass(*this, A, rigid);
-  pad(r, size > 0 ? 1 / size : 1, rest);
-  pass.precondition(rest, solution);
-  z = Matrix3Xd::Zero(3, r.cols());
-  add_unpadded(solution, size, z);
+std::function<void(const Matrix3Xd& r, Matrix3Xd& z)> TwoLevelSolver::preconditioner(
+    const Stiffness& A, const Eigen::MatrixXd& rigid) const {
+  if (!multigrid_ && (is_whole_ || !corners_))
+    return [this, &rigid,
+            by_rank = Eigen::PermutationMatrix<Eigen::Dynamic>(Eigen::Map<const Eigen::VectorXi>(
+                fine_.rank().data(), static_cast<Eigen::Index>(fine_.rank().size())))](const Matrix3Xd& r,
+                                                                                       Matrix3Xd& z) {
+      cholesky_->solve(r * by_rank.transpose(), z);
+      z = z * by_rank;
+      z.reshaped() -= rigid * (rigid.transpose() * z.reshaped()).eval();
+    };
+  return [this, pass = std::make_shared<const Pass>(*this, A, rigid)](const Matrix3Xd& r, Matrix3Xd& z) {
+    Summed<PaddedField> rest, solution;
+    const double size = share_.norm(r);
+    pad(r, size > 0 ? 1 / size : 1, rest);
+    pass->precondition(rest, solution);
+    z = Matrix3Xd::Zero(3, r.cols());
+    add_unpadded(solution, size, z);
+  };
 }
 
 }  // namespace testbed::fem

@@ -85,9 +85,10 @@ class TwoLevelSolver {
   void add_product(const Stiffness& A, double factor, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& y) const;
   /// Makes a Cholesky factor of the whole matrix for what follows, if memory allows.
   void turn_to_factor(const Stiffness& A, bool is_singular);
-  /// z = the last preconditioner times r, a factor of the whole matrix in double precision.
-  void precondition(const Stiffness& A, const Eigen::MatrixXd& rigid, const Eigen::Matrix3Xd& r,
-                    Eigen::Matrix3Xd& z) const;
+  /// z = the last preconditioner times r, fields over nodes, as long as this and A live; a factor of the whole matrix is in
+  /// double precision.
+  std::function<void(const Eigen::Matrix3Xd& r, Eigen::Matrix3Xd& z)> preconditioner(
+      const Stiffness& A, const Eigen::MatrixXd& rigid) const;
   bool has_whole_factor() const { return is_whole_; }
   std::string name() const;
 

@@ -11,8 +11,8 @@
 namespace testbed::meshing {
 
 /// The nodes of a stiffness that are coupled to another far more strongly than others at such a distance, and a
-/// Cholesky factor of their part of it. Around a preconditioner, correcting them by that factor before and after, it is a
-/// multiplicative Schwarz method of two subspaces [Xu 1992].
+/// Cholesky factor of their part of it. Around a preconditioner B, correcting them by that factor, S, before and after, it is
+/// a multiplicative Schwarz method of two subspaces: (1 - S A)(1 - B A)(1 - S A) of an error is left [Xu 1992].
 class StrongCouplings {
  public:
   StrongCouplings() = default;  ///< of no node
