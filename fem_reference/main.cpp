@@ -13,6 +13,7 @@
 #include "meshing/run/hash.h"
 #include "meshing/run/session.h"
 #include "meshing/scene/check.h"
+#include "meshing/tetrahedra/interior_size.h"
 #include "meshing/tetrahedra/tetrahedralize.h"
 
 namespace testbed::fem {
@@ -65,8 +66,7 @@ TetMesh fill(const SurfaceMesh& surface, const Scene& scene, TetReport& attempts
   } catch (const std::runtime_error&) {
     if (surface.cuts.F.size() > 0) throw;
     options.interior = meshing::sample_interior(surface, {});
-    options.size = Eigen::VectorXd::Constant(
-        surface.X.cols(), (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm());
+    options.size = meshing::largest_size(surface);
     options.ends_when_stopped = true;
     TetReport around_points;
     try {

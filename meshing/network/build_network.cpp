@@ -25,8 +25,7 @@ TetMesh place_nodes(const SurfaceMesh& surface, const NetworkOptions& options, b
   tets.interior =
       sample_interior(surface, {options.phi, options.psi, options.k, options.seed, *sampling}, &said.samples);
   if (needs_tetrahedra) {
-    const double body = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm();
-    tets.size = Eigen::VectorXd::Constant(surface.X.cols(), body);  // no more nodes than the mesher needs
+    tets.size = largest_size(surface);
     tets.ends_when_stopped =
         !options.k && !options.phi;  // nodes inside are what takes the time: on with fewer
     try {

@@ -50,4 +50,9 @@ Eigen::VectorXd interior_size(const SurfaceMesh& surface, double part) {
   return size;
 }
 
+Eigen::VectorXd largest_size(const SurfaceMesh& surface) {
+  const double diagonal = (surface.X.rowwise().maxCoeff() - surface.X.rowwise().minCoeff()).norm();
+  return Eigen::VectorXd::Constant(surface.X.cols(), diagonal);
+}
+
 }  // namespace testbed::meshing

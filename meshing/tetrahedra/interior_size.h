@@ -14,4 +14,7 @@ Eigen::VectorXd vertex_spacing(const SurfaceMesh& surface);
 /// @param part  > 0
 Eigen::VectorXd interior_size(const SurfaceMesh& surface, double part);
 
+/// The body's diagonal at every vertex, with which a mesher adds no more nodes than it needs (m).
+Eigen::VectorXd largest_size(const SurfaceMesh& surface);
+
 }  // namespace testbed::meshing

@@ -215,6 +215,7 @@ def test_of_a_run_that_waited_the_record_says_how_long(program, tmp_path):
     assert 0 < record["cpu"] < record["wall"] - 0.9
 
 
+# Below 670 MB deal.II's own tasks abort where a thread cannot be started.
 @pytest.mark.parametrize(
     "program, megabytes", [("massspring", (110, 150, 190)), ("fem_reference", (670, 700, 750))]
 )
