@@ -1,5 +1,6 @@
 // The reference program: scene in, frames, curves and a record out.
 #include <algorithm>
+#include <optional>
 
 #include "fem_reference/base/memory.h"
 #include "fem_reference/base/processes.h"
@@ -56,8 +57,24 @@ nlohmann::ordered_json study_convergence(Session& session, const SurfaceMesh& su
           {"estimated_error_l2_finest", error.of_last}};
 }
 
-/// Tetrahedra of the surface, whose nodes inside a mesher chooses. A whole surface that none fills so is filled around points
-/// as the springs have, from which meshers recover some; one that is cut may be cut less.
+/// Tetrahedra of a whole surface around points as the springs have, from which meshers recover some surfaces that they
+/// refuse without; none where they refuse it so, too.
+std::optional<TetMesh> fill_around_points(const SurfaceMesh& surface, TetOptions options,
+                                          TetReport& attempts) {
+  options.interior = meshing::sample_interior(surface, {});
+  options.size = meshing::largest_size(surface);
+  options.ends_when_stopped = true;
+  TetReport around_points;
+  try {
+    TetMesh mesh = tetrahedralize(surface, options, &around_points);
+    attempts.mesher = around_points.mesher + ", around points";
+    return mesh;
+  } catch (const std::runtime_error&) {
+    return std::nullopt;
+  }
+}
+
+/// Tetrahedra of the surface, whose nodes inside a mesher chooses. A surface that is cut may be cut less where none fills it.
 TetMesh fill(const SurfaceMesh& surface, const Scene& scene, TetReport& attempts) {
   TetOptions options;
   options.interior_size = scene.reference.interior_size;
@@ -65,17 +82,9 @@ TetMesh fill(const SurfaceMesh& surface, const Scene& scene, TetReport& attempts
     return tetrahedralize(surface, options, &attempts);
   } catch (const std::runtime_error&) {
     if (surface.cuts.F.size() > 0) throw;
-    options.interior = meshing::sample_interior(surface, {});
-    options.size = meshing::largest_size(surface);
-    options.ends_when_stopped = true;
-    TetReport around_points;
-    try {
-      TetMesh mesh = tetrahedralize(surface, options, &around_points);
-      attempts.mesher = around_points.mesher + ", around points";
-      return mesh;
-    } catch (const std::runtime_error&) {
-    }
-    throw;
+    std::optional<TetMesh> mesh = fill_around_points(surface, options, attempts);
+    if (!mesh) throw;
+    return *std::move(mesh);
   }
 }
 
