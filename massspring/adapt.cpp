@@ -23,9 +23,10 @@ using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::VectorXd;
 
-constexpr Eigen::Index kMostEstimated = 50000;  // nodes: eight times as many take some six gigabytes
-// Nodes: of more, iterations without a factor may stand still for a minute.
-constexpr Eigen::Index kMostFlat = 5000;
+/// Nodes of which eight times as many take some six gigabytes.
+Eigen::Index most_estimated(const Scene& scene) {
+  return law_of(scene) == MaterialLaw::SmallStrain ? 100000 : 50000;
+}
 
 SpringNetwork network_on(const SurfaceMesh& surface, const Scene& scene) {
   return build_network(surface, scene.network, false, true);
@@ -114,13 +115,10 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
                              const Simulation* coarse) {
   // Of the finer network's forces, and of its load alone: an error of a hundredth to two digits.
   constexpr double kResidual = 1e-4, kOfLoad = 1e-3;
-  if (network.X.cols() > kMostEstimated)
-    throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " +
-                             std::to_string(kMostEstimated) + " whose error is estimated");
-  if (coarse && coarse->equilibrium()->is_exact() && network.X.cols() > kMostFlat)
-    throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " +
-                             std::to_string(kMostFlat) +
-                             " where tetrahedra are so flat that only a factor in double precision solves");
+  const Eigen::Index most = most_estimated(scene);
+  if (network.X.cols() > most)
+    throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " + std::to_string(most) +
+                             " whose error is estimated");
   const auto [finer, between] = split_in_eight(network);
   Scene loosely = in_one_step(scene);
   loosely.time.residual = kResidual;
@@ -167,7 +165,7 @@ AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, dou
     if (adapted.is_reached) return adapted;
     SurfaceMesh finer = cut_where_strain_jumps(adapted.surface, jumps(adapted.network, u));
     SpringNetwork network = network_on(finer, scene);
-    if (network.X.cols() > kMostEstimated) return adapted;
+    if (network.X.cols() > most_estimated(scene)) return adapted;
     adapted.surface = std::move(finer);
     adapted.network = std::move(network);
   }

@@ -21,8 +21,7 @@ struct ErrorEstimate {
 /// needs.
 /// @param u       displacements (m), 3 x n
 /// @param coarse  simulation that found them, whose solver serves the finer network's; null: that has its own
-/// @throws std::runtime_error when the finer network finds no equilibrium or is too large or too ill-conditioned to be
-/// tried, and where nothing deforms.
+/// @throws std::runtime_error when the finer network finds no equilibrium or is too large, and where nothing deforms.
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Eigen::Matrix3Xd& u,
                              const Simulation* coarse = nullptr);
 

@@ -63,12 +63,10 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   };
   const State rest = initial_state(model_);
   const LinearSystem A = system(rest);
-  const auto solve = [&](int max_iterations, bool is_last_try) {
+  const auto solve = [&](bool is_last_try) {
     measure();
     bool is_still = false;
-    for (int n = 0; n < kMaxSolves && report.residual > tolerance_ &&
-                    report.linear_iterations < max_iterations && (is_last_try || !is_still);
-         ++n) {
+    for (int n = 0; n < kMaxSolves && report.residual > tolerance_ && (is_last_try || !is_still); ++n) {
       const double tolerance = tolerance_ * scale / r.norm() / 2;
       du = Matrix3Xd::Zero(3, u.cols());
       const SolveReport linear = solver_.solve(A, r, du, tolerance);
@@ -81,14 +79,13 @@ StepReport QuasiStaticSolver::solve_linear(double load_factor, State& state) {
   };
   const Matrix3Xd first = u;
   const double first_scale = scale;
-  constexpr int kNoBound = std::numeric_limits<int>::max();
-  solve(has_coarser_ ? LinearSolver::kMostAbove : kNoBound, has_coarser_);
+  solve(false);
   if (!(report.residual <= tolerance_) && !has_coarser_) {
     if (turn_to_factor()) {
       u = first;
       scale = first_scale;
     }
-    solve(kNoBound, true);
+    solve(true);
   }
   if (!std::isfinite(report.residual)) {  // the state stays what it was
     report.status = Status::Diverged;

@@ -51,9 +51,6 @@ class QuasiStaticSolver {
   /// How linear systems are solved, and why.
   const std::string& solver_choice() const { return solver_.choice(); }
 
-  /// Whether it has turned to a factor in double precision, as for tetrahedra that are nearly flat.
-  bool is_exact() const { return is_exact_; }
-
   int n_free_rigid_motions() const { return static_cast<int>(free_rigid_motions_.cols()); }
   /// Motions besides the rigid ones that cost no energy at rest.
   int n_floppy_motions() const {

@@ -29,8 +29,7 @@ class LinearSolver {
   static LinearSolver of_stiffness(bool is_floppy);
   /// One by a factor in double precision from the first system on; why: of the choice.
   static LinearSolver of_factor(const std::string& why);
-  static constexpr int kMostAbove = 300;  ///< iterations with halved edges, after which nothing else is tried
-  /// One for a stiffness matrix whose nodes halve the edges of another one's, as TwoGrid.
+  /// One for a stiffness matrix whose nodes halve the edges of another one's, as TwoGrid; nothing else is tried.
   static LinearSolver of_halved_edges(const Eigen::Matrix2Xi& between, SinglePreconditioner coarser);
 
   /// @param x  the first guess, then the solution
