@@ -150,7 +150,10 @@ def row_of(outcome: Outcome) -> Row:
         row[key] = str(record.get(key, ""))
     ratio = record.get("tetrahedra", {}).get("min_radius_ratio")
     row["min_radius_ratio"] = "" if ratio is None else f"{ratio:.2g}"
-    row["estimate"] = f"{record['estimated_error']:.5g}" if "estimated_error" in record else ""
+    row["estimate"] = row["price"] = ""
+    if "estimated_error" in record:
+        row["estimate"] = f"{record['estimated_error']:.5g}"
+        row["price"] = f"{record['seconds']['estimate'] / record['seconds']['solve']:.3g}"
     if row["end"] == "ok":
         with (outcome.folder / "curves.csv").open(newline="") as lines:
             *_, last = csv.DictReader(lines)
@@ -208,29 +211,45 @@ def interval(n_good: int, n: int) -> tuple[float, float]:
 
 
 def table_of_agreement(rows: list[Row]) -> Table:
-    """By how much the springs' largest displacement differs from the elements', with an estimate of theirs and without."""
-    head = ["load", "springs' estimate", "surfaces", "within 10 %", "median", "90 %", "largest"]
+    """By how much the springs' largest displacement differs from the elements', with an estimate of theirs and without; the
+    estimate's seconds over the solve's."""
+    head = [
+        "load",
+        "springs' estimate",
+        "surfaces",
+        "within 10 %",
+        "median",
+        "90 %",
+        "largest",
+        "price",
+        "90 %",
+    ]
     good = {_place_of(row, row["program"]): row for row in rows if row["end"] == "ok"}
-    apart: dict[tuple[str, str], list[float]] = defaultdict(list)
+    pairs: dict[tuple[str, str], list[tuple[Row, Row]]] = defaultdict(list)
     for place, row in good.items():
         elements = good.get((*place[:-1], "fem_reference"))
         if row["program"] == "massspring" and elements:
-            kind = (
-                "none"
-                if not row["estimate"]
-                else "up to 10 %"
-                if float(row["estimate"]) <= 0.1
-                else "above 10 %"
-            )
-            apart[row["load"], kind].append(
-                abs(float(row["displacement"]) / float(elements["displacement"]) - 1)
-            )
+            pairs[row["load"], _kind_of(row["estimate"])].append((row, elements))
     lines = []
     for group in product(_LOADS, ("up to 10 %", "above 10 %", "none")):
-        if of := apart[group]:
-            parts = (percent(float(np.quantile(of, part)), 2) for part in (0.5, 0.9, 1))
-            lines.append([*group, str(len(of)), str(sum(part <= 0.1 for part in of)), *parts])
+        if of := pairs[group]:
+            apart = [
+                abs(float(springs["displacement"]) / float(elements["displacement"]) - 1)
+                for springs, elements in of
+            ]
+            parts = (percent(float(np.quantile(apart, part)), 2) for part in (0.5, 0.9, 1))
+            line = [*group, str(len(of)), str(sum(part <= 0.1 for part in apart)), *parts]
+            prices = [float(springs["price"]) for springs, _ in of if springs["price"]]
+            lines.append(
+                line + [f"{np.quantile(prices, part):.2g}" if prices else "-" for part in (0.5, 0.9)]
+            )
     return head, lines
+
+
+def _kind_of(estimate: str) -> str:
+    if not estimate:
+        return "none"
+    return "up to 10 %" if float(estimate) <= 0.1 else "above 10 %"
 
 
 def far_slower(rows: list[Row]) -> list[Row]:
@@ -311,7 +330,7 @@ def sections_of(rows: list[Row], sources: dict[str, Row]) -> list[Section]:
 
 _AGREE = (
     "Where both programs end ok, the largest displacement of the springs is compared with that of quadratic elements of the same "
-    "body, by the error that the springs expect of themselves."
+    "body, by the error that the springs expect of themselves. The price is the seconds of the estimate over those of the solve."
 )
 
 _HOW = (

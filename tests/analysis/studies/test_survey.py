@@ -85,7 +85,14 @@ def test_a_run_ends_as_its_time_status_and_message_say(outcome, end):
 
 def row(body, program, end, seconds, **more):
     place = {"body": body, "program": program, "surface": "as it is", "load": "sag", "half": "development"}
-    return {**place, "end": end, "seconds": str(seconds), "estimate": "", "message": "why"} | more
+    return {
+        **place,
+        "end": end,
+        "seconds": str(seconds),
+        "estimate": "",
+        "price": "",
+        "message": "why",
+    } | more
 
 
 ROWS = [
@@ -145,12 +152,13 @@ def test_what_does_not_end_ok_is_named_with_its_source():
 
 def test_programs_agree_where_their_displacements_do_by_what_springs_expect():
     rows = [
-        row(name, program, "ok", 1, estimate=estimate if program == "massspring" else "", displacement=size)
-        for name, estimate, sizes in [
-            ("a", "0.05", ("0.9", "1")),
-            ("b", "0.1", ("3", "2.5")),
-            ("c", "0.2", ("1", "2")),
-            ("d", "", ("0.25", "1")),
+        row(name, program, "ok", 1, displacement=size)
+        | ({"estimate": estimate, "price": price} if program == "massspring" else {})
+        for name, estimate, price, sizes in [
+            ("a", "0.05", "1", ("0.9", "1")),
+            ("b", "0.1", "2", ("3", "2.5")),
+            ("c", "0.2", "0.5", ("1", "2")),
+            ("d", "", "", ("0.25", "1")),
         ]
         for program, size in zip(("massspring", "fem_reference"), sizes, strict=True)
     ]
@@ -161,10 +169,10 @@ def test_programs_agree_where_their_displacements_do_by_what_springs_expect():
     ]
     _, lines = table_of_agreement(rows)
     assert lines == [
-        ["sag", "up to 10 %", "2", "1", "15 %", "19 %", "20 %"],
-        ["sag", "above 10 %", "1", "0", "50 %", "50 %", "50 %"],
-        ["sag", "none", "1", "0", "75 %", "75 %", "75 %"],
-        ["free", "none", "1", "1", "0 %", "0 %", "0 %"],
+        ["sag", "up to 10 %", "2", "1", "15 %", "19 %", "20 %", "1.5", "1.9"],
+        ["sag", "above 10 %", "1", "0", "50 %", "50 %", "50 %", "0.5", "0.5"],
+        ["sag", "none", "1", "0", "75 %", "75 %", "75 %", "-", "-"],
+        ["free", "none", "1", "1", "0 %", "0 %", "0 %", "-", "-"],
     ]
 
 
@@ -178,6 +186,7 @@ class Recording:
     def run(self, request):
         self.requests.append(request)
         record = {"n_nodes": 7, "tetrahedra": {"min_radius_ratio": 0.25}}
+        record |= {"estimated_error": 0.02, "seconds": {"solve": 4, "estimate": 3}}
         return Outcome("ok", "", 3, 2, 0, self.folder, record)
 
 
@@ -196,6 +205,7 @@ def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_
     ]
     assert rows[0]["min_radius_ratio"] == "0.25" and rows[0]["half"] == "held-out"
     assert rows[0]["displacement"] == "0.5"
+    assert rows[0]["estimate"] == "0.02" and rows[0]["price"] == "0.75"
     assert {request.prefix for request in store.requests} == {("prlimit", "--cpu=60")}
     new, points, _ = bench.surface_of(Case(file, "0123456789abcdef", is_remeshed=False))
     assert f"surface.file={new}" in store.requests[0].overrides
