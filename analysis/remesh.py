@@ -103,16 +103,16 @@ def remesh(
             raise RunError(f"{surface}: no triangle, expected a surface")
         edge = edge or default_edge(X, F)
         tolerance = tolerance or TOLERANCE * float(np.linalg.norm(np.ptp(X, axis=0)))
-        before = _checked(old)
+        before = checked(old)
         x, f, n_parted = opened(*_tetwild(surface, folder, X, F, edge, tolerance, limit), tolerance)
         new = folder / f"new{out.suffix}"
         write_surface(new, x, f)
-        after = _checked(new)
+        after = checked(new)
         if n_split := after["split_vertices"]:
             n_parted += n_split
             x, f = parted(x, f, tolerance)
             write_surface(new, x, f)
-            after = _checked(new)
+            after = checked(new)
         if after["problems"]:
             raise RunError(
                 f"{surface}: remeshed within {tolerance:.3g}, it is no surface of a body: {after['problems'][0]}; "
@@ -265,7 +265,8 @@ def _meshing(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([str(PROGRAMS / "meshing"), *words], check=False, capture_output=True, text=True)
 
 
-def _checked(file: Path) -> dict[str, Any]:
+def checked(file: Path) -> dict[str, Any]:
+    """What `meshing check --json` says of a surface."""
     return json.loads(_meshing("check", str(file), "--json").stdout)
 
 

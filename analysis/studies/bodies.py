@@ -14,11 +14,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pyacvd
 import pyvista as pv
 
+from ..remesh import checked
 from ..runs import Array
 
 SEEDS = (1, 2, 3)
@@ -89,7 +91,7 @@ def triangulate(raw: pv.PolyData, way: str) -> pv.PolyData:
                 found = _normalised(fine.decimate(1 - 2 * n / fine.n_cells, volume_preservation=True))
             else:
                 found = _even(fine, n)
-            if _is_closed(found) and abs(found.volume / raw.volume - 1) < _MISSED:
+            if _is_usable(found) and abs(found.volume / raw.volume - 1) < _MISSED:
                 return found
             n = 3 * n // 2
     return raw
@@ -99,8 +101,14 @@ def _cut(surface: pv.PolyData, edge: float) -> pv.PolyData:
     return surface.subdivide_adaptive(max_edge_len=edge, max_n_passes=12).clean()
 
 
-def _is_closed(surface: pv.PolyData) -> bool:
-    return surface.is_manifold and surface.n_open_edges == 0
+def _is_usable(surface: pv.PolyData) -> bool:
+    """Closed, and crosses itself nowhere."""
+    if not surface.is_manifold or surface.n_open_edges > 0:
+        return False
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "surface.ply"
+        surface.save(file)
+        return bool(checked(file)["usable"])
 
 
 def _even(surface: pv.PolyData, n: int) -> pv.PolyData:

@@ -42,7 +42,7 @@ def test_a_plate_of_needles_becomes_an_even_surface_of_the_same_volume(tmp_path)
 
 
 def test_the_generated_plate_is_as_thin_in_its_triangles_as_exported_cad(tmp_path):
-    report = remeshing._checked(write_obj(tmp_path / "plate.obj", *plate(4, 48)))
+    report = remeshing.checked(write_obj(tmp_path / "plate.obj", *plate(4, 48)))
     assert report["worst_aspect"] > 1000 and report["usable"]
 
 
