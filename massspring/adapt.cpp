@@ -152,6 +152,19 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   return {norm(error) / size, error};
 }
 
+double edges_over_thickness(const SpringNetwork& network) {
+  const SurfaceMesh surface{network.X.leftCols(network.n_surface), network.F};
+  const VectorXd ratios = meshing::longest_edges(surface).cwiseQuotient(meshing::edges_across(surface, 1));
+  const VectorXd areas = area_vectors(surface.X, surface.F).colwise().norm();
+  std::vector<int> order(ratios.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return ratios[a] < ratios[b]; });
+  double below = 0;
+  for (const int f : order)
+    if ((below += areas[f]) >= areas.sum() / 2) return ratios[f];
+  return 0;
+}
+
 AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, double target) {
   AdaptedSurface adapted{surface, network_on(surface, scene), {}, {}, {}, false};
   while (true) {

@@ -25,6 +25,10 @@ struct ErrorEstimate {
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Eigen::Matrix3Xd& u,
                              const Simulation* coarse = nullptr);
 
+/// The median over the surface of the longest edge over the thickness beneath it. Where it is large, springs bend so little,
+/// and those of halved edges, too, that their distance tells nothing.
+double edges_over_thickness(const SpringNetwork& network);
+
 struct AdaptedSurface {
   SurfaceMesh surface;
   SpringNetwork network;

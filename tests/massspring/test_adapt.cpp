@@ -248,6 +248,26 @@ TEST(ErrorEstimate, OfWhatDoesNotMoveIsRefused) {
   EXPECT_THROW(estimate_error(scene, network, Matrix3Xd::Zero(3, network.X.cols())), std::runtime_error);
 }
 
+TEST(EdgesOverThickness, AreThoseOfAPlateAndOfABall) {
+  SpringNetwork network;
+  for (const double thickness : {0.01, 0.002}) {
+    // A plate of a square's two triangles on either side.
+    network.X = Matrix3Xd(3, 8);
+    network.X << 0, 1, 1, 0, 0, 1, 1, 0,  //
+        0, 0, 1, 1, 0, 0, 1, 1,           //
+        0, 0, 0, 0, thickness, thickness, thickness, thickness;
+    network.F = Eigen::Matrix3Xi(3, 12);
+    network.F << 0, 0, 4, 4, 0, 0, 1, 1, 2, 2, 3, 3,  //
+        2, 3, 5, 6, 1, 5, 2, 6, 3, 7, 0, 4,           //
+        1, 2, 6, 7, 5, 4, 6, 5, 7, 6, 4, 7;
+    network.n_surface = 8;
+    EXPECT_NEAR(edges_over_thickness(network), std::sqrt(2) / thickness, 0.02 * std::sqrt(2) / thickness);
+  }
+  Scene ball = bent_bar(300);
+  ball.surface.shape = "ball";
+  EXPECT_LT(edges_over_thickness(network_of(ball)), 2);
+}
+
 TEST(ErrorEstimate, OfTooManyNodesIsRefused) {
   Scene scene;
   for (const auto& [law, most] :

@@ -229,6 +229,22 @@ def test_a_bar_of_twelve_triangles_is_cut_until_it_bends(tmp_path):
     assert sags[1] == pytest.approx(sag, rel=0.015)
 
 
+@pytest.mark.parametrize("thickness, is_estimated", [(0.004, False), (0.1, True)])
+def test_of_a_plate_whose_edges_are_far_longer_than_it_is_thick_no_error_is_estimated(
+    tmp_path, thickness, is_estimated
+):
+    """Springs lock there on a finer network, too, and their distance is a part of the error."""
+    keys = ["surface.n_vertices=60", f"surface.size=[1, 1, {thickness}]", "surface.across=0"]
+    words = [word for key in keys for word in ("--set", key)]
+    scene = ROOT / "analysis" / "scenes" / "bar_sag.toml"
+    command = [str(PROGRAMS / "massspring"), str(scene), *words, "--no-diagnostics", "--out", str(tmp_path)]
+    subprocess.run(command, check=True, capture_output=True)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert ("estimated_error" in record) == is_estimated
+    if not is_estimated:
+        assert "times as long as the body is thick" in record["not_estimated"]
+
+
 def test_a_beam_whose_corners_are_all_clamped_is_compared_between_them(tmp_path):
     """Its file has no vertex that moves."""
     surface, scene = tmp_path / "beam.ply", tmp_path / "beam.toml"
