@@ -271,7 +271,7 @@ TEST(EdgesOverThickness, AreThoseOfAPlateAndOfABall) {
 TEST(ErrorEstimate, OfTooManyNodesIsRefused) {
   Scene scene;
   for (const auto& [law, most] :
-       {std::pair(MaterialLaw::SmallStrain, 80000), {MaterialLaw::NeoHookean, 50000}}) {
+       {std::pair(MaterialLaw::SmallStrain, 60000), {MaterialLaw::NeoHookean, 50000}}) {
     scene.material.law = law;
     SpringNetwork network;
     network.X.resize(3, most + 1);
