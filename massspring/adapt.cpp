@@ -174,7 +174,8 @@ AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, dou
     adapted.estimate = estimate_error(scene, adapted.network, u, &simulation);
     adapted.errors.push_back(adapted.estimate.error);
     adapted.n_nodes.push_back(static_cast<int>(adapted.network.X.cols()));
-    adapted.is_reached = adapted.estimate.error <= target;
+    adapted.is_reached =
+        adapted.estimate.error <= target && edges_over_thickness(adapted.network) <= kTooThin;
     if (adapted.is_reached) return adapted;
     SurfaceMesh finer = cut_where_strain_jumps(adapted.surface, jumps(adapted.network, u));
     SpringNetwork network = network_on(finer, scene);

@@ -25,8 +25,9 @@ struct ErrorEstimate {
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Eigen::Matrix3Xd& u,
                              const Simulation* coarse = nullptr);
 
-/// The median over the surface of the longest edge over the thickness beneath it. Where it is large, springs bend so little,
-/// and those of halved edges, too, that their distance tells nothing.
+/// Edges over thickness beyond which springs bend so little, and those of halved edges, too, that their distance tells nothing.
+constexpr double kTooThin = 20;
+/// The median over the surface of the longest edge over the thickness beneath it.
 double edges_over_thickness(const SpringNetwork& network);
 
 struct AdaptedSurface {

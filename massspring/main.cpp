@@ -107,10 +107,9 @@ void estimate(const Simulation& simulation, const Scene& scene, const SpringNetw
   if (why_not.empty() && arguments.budget) why_not = "a budget of time is spent on solutions alone";
   if (why_not.empty() && has_friction(scene))
     why_not = "friction hangs on all load steps, which finer springs would take anew";
-  constexpr double kLocks = 20;
-  if (const double ratio = why_not.empty() ? edges_over_thickness(network) : 0; ratio > kLocks)
+  if (const double ratio = why_not.empty() ? edges_over_thickness(network) : 0; ratio > kTooThin)
     why_not = "edges are " + std::to_string(std::lround(ratio)) +
-              " times as long as the body is thick, of at most " + std::to_string(std::lround(kLocks)) +
+              " times as long as the body is thick, of at most " + std::to_string(std::lround(kTooThin)) +
               ": finer springs bend as little";
   if (!why_not.empty()) {
     session.record["not_estimated"] = why_not;

@@ -307,6 +307,18 @@ TEST(AdaptSurface, AddsNothingWhereTheFirstEstimateMeetsTheTarget) {
   EXPECT_EQ(adapted.surface.X, surface.X);
 }
 
+TEST(AdaptSurface, DoesNotEndWhereSpringsLock) {
+  Scene scene = bent_bar(60);
+  scene.surface.size = {1, 1, 0.01};
+  const SurfaceMesh surface = load_surface(scene.surface);
+  EXPECT_GT(edges_over_thickness(network_of(scene)), kTooThin);
+  constexpr double kAnyError = 1e3;
+  const AdaptedSurface adapted = adapt_surface(scene, surface, kAnyError);
+  EXPECT_TRUE(adapted.is_reached);
+  EXPECT_GT(adapted.n_nodes.size(), 1u);
+  EXPECT_LE(edges_over_thickness(adapted.network), kTooThin);
+}
+
 TEST(AdaptSurface, CutsNearTheClampFirst) {
   const Scene scene = bent_bar(500);
   const SurfaceMesh surface = load_surface(scene.surface);
