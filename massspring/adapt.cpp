@@ -160,8 +160,10 @@ double edges_over_thickness(const SpringNetwork& network) {
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return ratios[a] < ratios[b]; });
   double below = 0;
-  for (const int f : order)
-    if ((below += areas[f]) >= areas.sum() / 2) return ratios[f];
+  for (const int f : order) {
+    below += areas[f];
+    if (below >= areas.sum() / 2) return ratios[f];
+  }
   return 0;
 }
 
