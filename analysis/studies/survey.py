@@ -222,7 +222,7 @@ def table_of_agreement(rows: list[Row]) -> Table:
         "90 %",
         "largest",
         "price",
-        "90 %",
+        "price, 90 %",
     ]
     good = {_place_of(row, row["program"]): row for row in rows if row["end"] == "ok"}
     pairs: dict[tuple[str, str], list[tuple[Row, Row]]] = defaultdict(list)

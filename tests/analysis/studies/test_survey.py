@@ -167,7 +167,8 @@ def test_programs_agree_where_their_displacements_do_by_what_springs_expect():
         row("d", program, "ok", 1, load="free", displacement="2")
         for program in ("massspring", "fem_reference")
     ]
-    _, lines = table_of_agreement(rows)
+    head, lines = table_of_agreement(rows)
+    assert len(set(head)) == len(head) == len(lines[0])
     assert lines == [
         ["sag", "up to 10 %", "2", "1", "15 %", "19 %", "20 %", "1.5", "1.9"],
         ["sag", "above 10 %", "1", "0", "50 %", "50 %", "50 %", "0.5", "0.5"],
