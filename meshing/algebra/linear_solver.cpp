@@ -30,6 +30,11 @@ double digits(double tolerance) {
   return std::max(1., -std::log10(tolerance));
 }
 
+/// Whether iterations that have not converged gained so many digits that going on is worth it.
+bool promises_an_end(const SolveReport& report, double tolerance) {
+  return !report.is_converged && kGoesOn * -std::log10(report.residual) >= digits(tolerance);
+}
+
 void set_inverse_diagonal(const LinearSystem& A, std::vector<Eigen::Matrix3d>& inverse) {
   A.diagonal(inverse);
   for (Eigen::Matrix3d& block : inverse) block = block.inverse().eval();
@@ -271,8 +276,7 @@ SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A,
   const double n_digits = digits(tolerance);
   const int patience = std::max(kStandsStill, static_cast<int>(kSlowest * n_digits));
   SolveReport report = iterate(A, precondition, b, x, tolerance, patience, n);
-  const double gained = -std::log10(report.residual);
-  if (is_new && !report.is_converged && kGoesOn * gained >= n_digits)
+  if (is_new && promises_an_end(report, tolerance))
     report = iterate(A, precondition, b, x, tolerance, kGoesOn * patience, n);
   if (!report.is_converged && report.iterations >= patience) {
     if (!is_new) {
@@ -299,7 +303,7 @@ SolveReport LinearSolver::solve_with(HalvedEdges& halved, const LinearSystem& A,
     halved.two_grid = std::make_unique<TwoGrid>(A.matrix(), *A.positions, halved.between, halved.coarser);
   const OfSystem precondition{[&](const PaddedField& r, PaddedField& z) { halved.two_grid->apply(r, z); }, A};
   SolveReport report = iterate(A, precondition, b, x, tolerance, kStandsStill, n);
-  if (!report.is_converged && kGoesOn * -std::log10(report.residual) >= digits(tolerance))
+  if (promises_an_end(report, tolerance))
     report = iterate(A, precondition, b, x, tolerance, (kGoesOn - 1) * kStandsStill, n);
   return report;
 }
