@@ -9,6 +9,7 @@ import argparse
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -28,7 +29,7 @@ from .wording import significant
 FOLDER = "remeshed"  #: in that of a run: surfaces of their body's name, and beside each what was done
 N_VERTICES = 2000  #: that a surface gets where no edge is asked for, about
 TOLERANCE = 2e-3  #: of the diagonal of the body's box, where none is asked for
-SECONDS = 120.0  #: after which fTetWild is stopped: what is no body is worked on for minutes
+SECONDS = 120  #: of computing, after which fTetWild is stopped: what is no body is worked on for minutes
 
 _APART = 0.1  # of a fan's size, by which its vertex leaves that of another that it touches
 
@@ -79,12 +80,12 @@ def remesh(
     out: Path,
     edge: float | None = None,
     tolerance: float | None = None,
-    limit: float = SECONDS,
+    limit: int = SECONDS,
 ) -> Remeshed:
     """Writes an even, closed surface (.obj or .off) near any triangles; nothing is written unless it is usable.
 
-    edge, tolerance: in the file's unit; absent: of N_VERTICES and TOLERANCE; limit: seconds. Raises RunError naming file
-    and reason where the file cannot be read, fTetWild gives nothing, or `meshing check` refuses what it gives.
+    edge, tolerance: in the file's unit; absent: of N_VERTICES and TOLERANCE; limit: CPU seconds. Raises RunError naming
+    file and reason where the file cannot be read, fTetWild gives nothing, or `meshing check` refuses what it gives.
     """
     for name, value in (("--edge", edge), ("--tolerance", tolerance)):
         if value is not None and not (math.isfinite(value) and value > 0):
@@ -211,7 +212,7 @@ def remeshed_of(surface: Path, folder: Path) -> Path:
     if out.exists() and record.exists() and json.loads(record.read_text())["wanted"] == wanted:
         return out
     out.parent.mkdir(parents=True, exist_ok=True)
-    print(f"remeshing {surface}, which may take {SECONDS:.0f} s", file=sys.stderr)
+    print(f"remeshing {surface}, which may take {SECONDS} s", file=sys.stderr)
     done = remesh(surface, out)
     print(done.text, file=sys.stderr)
     write_text(record, json.dumps({"wanted": wanted, "done": asdict(done)}, indent=2) + "\n")
@@ -271,18 +272,18 @@ def checked(file: Path) -> dict[str, Any]:
 
 
 def _tetwild(
-    surface: Path, folder: Path, X: Array, F: Array, edge: float, tolerance: float, limit: float
+    surface: Path, folder: Path, X: Array, F: Array, edge: float, tolerance: float, limit: int
 ) -> tuple[Array, Array]:
     """The surface of fTetWild's tetrahedra, made in a process of its own, which can be stopped and may crash."""
     given, made = folder / "given.npz", folder / "made.npz"
     np.savez(given, X=X, F=F)
-    command = [sys.executable, "-m", __name__, str(given), str(made), repr(edge), repr(tolerance)]
-    try:
-        worker = subprocess.run(command, check=False, capture_output=True, text=True, timeout=limit)
-    except subprocess.TimeoutExpired:
+    command = ["prlimit", f"--cpu={limit}:{limit + 1}", "--core=0", sys.executable, "-m", __name__]
+    command += [str(given), str(made), repr(edge), repr(tolerance)]
+    worker = subprocess.run(command, check=False, capture_output=True, text=True)
+    if worker.returncode == -signal.SIGXCPU:
         raise RunError(
-            f"{surface}: no surface in {limit:g} s of remeshing; a longer --edge and a larger --tolerance take less"
-        ) from None
+            f"{surface}: no surface in {limit} s of remeshing; a longer --edge and a larger --tolerance take less"
+        )
     if not made.exists():
         said = worker.stderr.strip().splitlines() or [f"exit status {worker.returncode}"]
         raise RunError(f"{surface}: fTetWild makes no tetrahedra of it: {said[-1]}")

@@ -33,7 +33,7 @@ from .accuracy_loads import scene_of
 from .result import Result, Section
 
 SOURCES = PACKAGE / "survey.csv"
-LIMIT = 60.0  # s of computing, of a run and of remeshing
+LIMIT = 60  # s of computing, of a run and of remeshing
 _WALL = 600.0  # s, of a run that waits for others
 _SUFFIXES = (".obj", ".off", ".ply", ".stl")
 _PROGRAMS = ("massspring", "fem_reference")
@@ -108,7 +108,7 @@ class Bench:
                 write_text(scene, scene_of("gravity", case.name, file, X, F))
             for program in _PROGRAMS:
                 options = ("--no-diagnostics",) if program == "massspring" else ()
-                limit = ("prlimit", f"--cpu={LIMIT:.0f}")
+                limit = ("prlimit", f"--cpu={LIMIT}")
                 outcome = self.store.run(RunRequest(program, scene, overrides, options, limit))
                 rows.append({**place, "program": program, "load": load, **row_of(outcome)})
         return rows

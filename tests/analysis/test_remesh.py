@@ -64,8 +64,8 @@ def test_what_closes_a_hole_is_far_from_the_old_surface_all_of_which_is_near_the
 
 def test_what_takes_too_long_is_stopped_and_leaves_nothing(tmp_path, ball):
     file = write_obj(tmp_path / "ball.obj", *ball)
-    with pytest.raises(RunError, match=r"ball.obj: no surface in 0.01 s of remeshing"):
-        remesh(file, tmp_path / "new.obj", limit=0.01)
+    with pytest.raises(RunError, match=r"ball.obj: no surface in 1 s of remeshing"):
+        remesh(file, tmp_path / "new.obj", edge=0.05, tolerance=1e-4, limit=1)
     assert not (tmp_path / "new.obj").exists()
 
 
