@@ -106,7 +106,10 @@ struct TwoLevelSolver::Pass {
   /// One level: a factor or a cycle. Two: z = (D + L)^-1 r; z += P A_1^-1 P^T (r - A z);
   /// z += (D + L^T)^-1 (r - A z), which is symmetric and positive definite. Of several processes each has an L
   /// of its own, and half the sums of what it leaves out are added to D [Baker, Falgout, Kolev & Yang 2011].
-  void precondition(const PaddedField& r, Summed<PaddedField>& z) const {
+  void precondition(const PaddedField& of, Summed<PaddedField>& z) const {
+    Summed<PaddedField> r;
+    r = of;
+    remove_rigid(r);  // rounding, which would come back enlarged by what regularises degree 1
     if (strong) {
       const auto two_levels = [&](const PaddedField& b, PaddedField& x) {
         PaddedField d;

@@ -157,21 +157,18 @@ BlockMatrix QuasiStaticSolver::stiffness() const {
 }
 
 const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state) {
-  // Of what a node has, so that small tetrahedra leave large ones soft. Of a free body single precision leaves forces
-  // on rigid motions, which a smaller shift would turn into long ones.
-  constexpr double kShiftOfHeld = 1e-8, kShiftOfFree = 1e-6;
+  constexpr double kShift = 1e-8;  // of what a node has, so that small tetrahedra leave large ones soft
   P_ = is_exact_ || model_.material.nu > kLocks ? stiffness() : simple_stiffness(model_, state);
   surface_.add_within(P_);
   if (!model_.tet_springs) {
     P_ = shifted(std::move(P_), forces_.constraints);
     return P_;
   }
-  const double shift = free_rigid_motions_.cols() > 0 ? kShiftOfFree : kShiftOfHeld;
   for (const int k : P_.diagonal) {
     Eigen::Matrix3d& block = P_.block[k];
     if (block.isZero(0))
       block = largest_stiffness_ * Eigen::Matrix3d::Identity();  // a node of no tetrahedron
-    block.diagonal() *= 1 + shift;
+    block.diagonal() *= 1 + kShift;
   }
   filter(forces_.constraints, P_);
   return P_;

@@ -46,9 +46,12 @@ struct OfSystem {
   const LinearSystem& A;
 
   double operator()(const PaddedField& r, PaddedField& z) const {
-    apply(r, z);
+    // Rounding of r along motions without stiffness would come back enlarged by what regularises the preconditioner.
+    PaddedField filtered = r;
+    A.single_filter(filtered);
+    apply(filtered, z);
     A.single_filter(z);  // constraints may have come since
-    return dot(r, z);
+    return dot(filtered, z);
   }
   void operator()(const Matrix3Xd& r, Matrix3Xd& z) const {
     const double size = r.norm();
@@ -94,10 +97,10 @@ SolveReport LinearSolver::refine(const LinearSystem& A, const Precondition& prec
     const double before = report.residual, size = r.norm();
     pad(r, 1 / size, single);
     correction.setZero(4, single.cols());
-    const SolveReport inner =
-        conjugate_gradients(A.single_product, precondition, single, 1, correction,
-                            std::max(kDeepest, kBelow * tolerance / before),
-                            max_iterations - report.iterations, is_hard_ ? tolerance / before : kNoBound);
+    const SolveReport inner = conjugate_gradients(
+        A.single_product, precondition, single, 1, correction,
+        std::max(kDeepest, kBelow * tolerance / before), max_iterations - report.iterations,
+        is_hard_ ? std::max(kDeepest, tolerance / before) : kNoBound);
     report.iterations += inner.iterations;
     add_unpadded(correction, size, x);
     measure();

@@ -336,7 +336,7 @@ TEST(LinearSolver, GoesOnWithMultigridWhereThatGains) {
   const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
   Matrix3Xd line = none, x = none;
   line.row(0) = Eigen::RowVectorXd::LinSpaced(n, 0, n - 1);
-  const BlockMatrix A = chain(n, 1e5), softer = chain(n, 2000);
+  const BlockMatrix A = chain(n, 1e5), softer = chain(n, 1200);
   LinearSystem system = system_of(A, none, line);
   system.matrix = [&]() -> const BlockMatrix& { return softer; };
   LinearSolver solver = LinearSolver::of_stiffness(false);
@@ -371,7 +371,7 @@ TEST_F(HalvedEdges, TakeFewIterationsAboveTheSolutionOfTheOthers) {
       between, [&](const PaddedField& r, PaddedField& z) { coarser.solve(0.5F * r, z); });
   const SolveReport report = solve(solver);
   EXPECT_TRUE(report.is_converged);
-  EXPECT_LT(report.iterations, 30);
+  EXPECT_LT(report.iterations, 21) << "of single precision no more is asked than it has";
   EXPECT_LT((x - exact).norm(), kAgreement * exact.norm());
   EXPECT_EQ(solver.choice().rfind("multigrid: above that", 0), 0u) << solver.choice();
 }
@@ -379,7 +379,7 @@ TEST_F(HalvedEdges, TakeFewIterationsAboveTheSolutionOfTheOthers) {
 TEST_F(HalvedEdges, GoOnWhereTheDigitsGainedPromiseAnEnd) {
   const auto coarser = BlockCholesky(chain(kCoarse, 1e5 / 4)).single_precision();
   LinearSolver solver = LinearSolver::of_halved_edges(
-      between, [&](const PaddedField& r, PaddedField& z) { coarser.solve(0.01F * r, z); });
+      between, [&](const PaddedField& r, PaddedField& z) { coarser.solve(0.006F * r, z); });
   const SolveReport report = solve(solver);
   EXPECT_TRUE(report.is_converged);
   EXPECT_GT(report.iterations, 150);
