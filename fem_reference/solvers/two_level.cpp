@@ -75,7 +75,7 @@ struct TwoLevelSolver::Pass {
   const Stiffness& A;
   std::vector<Summed<PaddedField>> rigid;
   std::optional<meshing::GaussSeidel> sweeps;
-  std::optional<meshing::StrongCouplings> strong;  // of one process
+  const meshing::StrongCouplings* strong = nullptr;  // of one process
   PaddedField added;  // to the diagonal in sweeps of several processes, without which these may diverge
 
   Pass(const TwoLevelSolver& solver, const Stiffness& A, const Eigen::MatrixXd& motions)
@@ -85,7 +85,10 @@ struct TwoLevelSolver::Pass {
     for (PaddedField& motion : rigid) solver.clear_ghosts(motion);
     if (!solver.corners_ || solver.is_whole_) return;
     const BlockMatrix& pattern = solver.fine_.pattern();
-    if (solver.share_.is_whole) strong.emplace(pattern, A.blocks, solver.by_rank_);
+    if (solver.share_.is_whole) {
+      if (!A.strong) A.strong.emplace(pattern, A.blocks, solver.by_rank_);
+      strong = &*A.strong;
+    }
     const int n_own = solver.fine_.first_row().back();
     if (!solver.share_.is_whole) added.setZero(4, meshing::padded(pattern.rows()));
     for (int i = 0; i < n_own; ++i)

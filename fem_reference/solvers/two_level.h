@@ -65,6 +65,7 @@ class TwoLevelSolver {
     std::vector<float> blocks;  ///< of the fine pattern, and three numbers at the end
     Fill fill_fine, fill_corners;
     Outside outside;
+    mutable std::optional<meshing::StrongCouplings> strong = {};  ///< of one process, made by the first solve
   };
 
   /// @param X        3 x n nodes, the corners of tetrahedra first (m)
