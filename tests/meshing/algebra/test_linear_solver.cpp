@@ -247,7 +247,7 @@ TEST(LinearSolver, TriesBlockJacobiAgainWhereMultigridHasWornOut) {
   const Matrix3Xd b = random_points(n, 1, 2), none = Matrix3Xd::Zero(3, n);
   Matrix3Xd line = Matrix3Xd::Zero(3, n);
   line.row(0) = Eigen::RowVectorXd::LinSpaced(n, 0, n - 1);
-  const BlockMatrix weak = chain(n, 0.1), strong = chain(n, 1e5);
+  const BlockMatrix weak = chain(n, 0.1), softer = chain(n, 3e3), strong = chain(n, 1e5);
   LinearSolver worn, fresh;
   Matrix3Xd x;
   const auto iterations = [&](LinearSolver& solver, const BlockMatrix& A) {
@@ -259,7 +259,7 @@ TEST(LinearSolver, TriesBlockJacobiAgainWhereMultigridHasWornOut) {
   iterations(worn, strong);
   EXPECT_EQ(worn.choice().rfind("multigrid", 0), 0u) << worn.choice();
   for (int repeat = 0; repeat < 10 && worn.choice().rfind("multigrid", 0) == 0; ++repeat)
-    EXPECT_GT(iterations(worn, weak), 50);
+    EXPECT_LT(iterations(worn, softer), 100) << "else it stands still";
   EXPECT_EQ(worn.choice().rfind("block Jacobi", 0), 0u) << worn.choice();
   EXPECT_EQ(iterations(worn, weak), iterations(fresh, weak));
 }
