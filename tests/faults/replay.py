@@ -257,7 +257,10 @@ def main() -> int:
     parser.add_argument("--sample", type=int, help="so many of those that must be caught, chosen by --seed")
     parser.add_argument("--seed", default="", help="by default, the commit's hash")
     parser.add_argument(
-        "--folder", type=Path, default=ROOT / "build" / "faults", help="of the copies and the table"
+        "--folder",
+        type=lambda name: Path(name).resolve(),
+        default=ROOT / "build" / "faults",
+        help="of the copies and the table",
     )
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)))
     arguments = parser.parse_args()
