@@ -30,9 +30,12 @@ struct Step {
     model = calibrate({mesh.X, mesh.F, Eigen::Matrix2Xi(2, 0), mesh.T, mesh.n_surface}, {1e6, 0.25, 1000, 0},
                       find_calibration(calibration));
     forces = no_forces(model);
+    const Eigen::Matrix3d across = Eigen::Vector3d(1, 1, 0).asDiagonal();  // where the upper side slides
     for (int i = 0; i < mesh.X.cols(); ++i)
-      if (mesh.X(2, i) == mesh.X.row(2).minCoeff())
+      if (const double z = mesh.X(2, i); z == mesh.X.row(2).minCoeff())
         forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()});
+      else if (z == mesh.X.row(2).maxCoeff())
+        forces.constraints.push_back({i, across, Eigen::Vector3d::Zero()});
     motion.emplace(model, forces);
     A.emplace(*motion);
     const State state = initial_state(model);
@@ -74,7 +77,7 @@ TEST_P(MultigridOf, IsSymmetricPositiveDefiniteAndKeepsConstraints) {
   ASSERT_GT(std::abs(uMv), 1e-6 * size);
   EXPECT_NEAR(v.cwiseProduct(Mu).sum(), uMv, kSingleRounding * size);
   EXPECT_GT(u.cwiseProduct(Mu).sum(), 0);
-  for (const Constraint& c : step.forces.constraints) EXPECT_EQ(Mu.col(c.node), Eigen::Vector3d::Zero());
+  for (const Constraint& c : step.forces.constraints) EXPECT_EQ(c.S * Mu.col(c.node), Mu.col(c.node));
 }
 
 /// Stiffness of springs along the edges (N/m), and a mass that is as small beside them as in a long step.
