@@ -6,6 +6,7 @@
 #include "massspring/statics/quasi_static.h"
 #include "meshing/surface/surface.h"
 #include "meshing/surface_energies/follower_pressure.h"
+#include "tests/massspring/linear_box.h"
 #include "tests/meshing/box_tets.h"
 
 namespace testbed::massspring {
@@ -179,6 +180,22 @@ TEST(QuasiStatic, WithoutAnyLoadABodyStaysAtRest) {
           EXPECT_LT((state.x - model.network.X).norm(), kRounding * model.network.X.norm());
         }
       }
+}
+
+// Without a load only its internal forces tell how much of the rest is rounding.
+TEST(QuasiStatic, ABoxThatSupportsHoldStretchedIsInBalanceAgain) {
+  const MassSpringModel model = full_box("node_averaged");
+  Forces forces = no_load(model);
+  const double end = model.network.X.row(0).maxCoeff();
+  for (int i = 0; i < model.network.X.cols(); ++i)
+    if (const double x = model.network.X(0, i); x < 0.01 || x == end)
+      forces.constraints.push_back({i, Eigen::Matrix3d::Zero(), Eigen::Vector3d(0.2 * x, 0.1 * x, 0)});
+  QuasiStaticSolver solver(model, forces);
+  State state = initial_state(model);
+  ASSERT_EQ(solver.solve(1, state).status, Status::Ok);
+  const StepReport report = solver.solve(1, state);
+  EXPECT_EQ(report.status, Status::Ok) << report.reason;
+  EXPECT_EQ(report.newton_iterations, 0);
 }
 
 TEST(QuasiStatic, DivergesFromAStateThatIsNotFiniteAndRecovers) {
