@@ -27,11 +27,13 @@ double number_in(const char* file, const std::string& label, double unit) {
 }  // namespace
 
 double memory_needed(double n_tetrahedra, int degree, Memory kind, const Processes& processes) {
-  constexpr double kProgram = 0.25e9, kPerTetrahedron[] = {2950, 5900};  // algebraic multigrid; two levels
-  constexpr double kWithGhosts = 1.15, kWhole = 600;  // of several processes; on the first, per tetrahedron
+  constexpr double kProgram = 0.25e9, kPerTetrahedron[] = {1500, 5900};  // multigrid; two levels
+  constexpr double kOfShare[] = {3400, 6800},
+                   kWhole = 600;  // of several processes; on the first, per tetrahedron
   const double matrix = kPerTetrahedron[degree - 1] * n_tetrahedra;
   if (processes.n > 1)
-    return processes.n_here * (kProgram + kWithGhosts * matrix / processes.n) + kWhole * n_tetrahedra;
+    return processes.n_here * (kProgram + kOfShare[degree - 1] * n_tetrahedra / processes.n) +
+           kWhole * n_tetrahedra;
   if (kind == Memory::Iterations) return kProgram + matrix;
   constexpr double kDofs[] = {0.6, 4.4}, kFill[] = {280, 400};  // per tetrahedron; of nested dissection
   const double copies = kind == Memory::FactorAndCopy ? 1.5 : 1;

@@ -49,19 +49,15 @@ Matrix broadcast(Matrix values, MPI_Datatype type) {
 
 }  // namespace
 
-void start_mpi() {
-  static int argc = 0;
-  static char** argv = nullptr;
-  static dealii::Utilities::MPI::MPI_InitFinalize mpi(argc, argv, 1);
-}
-
 const Processes& processes() {
   static const Processes kResult = [] {
     const char* size = std::getenv("OMPI_COMM_WORLD_SIZE");
     Processes started;
     started.n_threads = static_cast<int>(dealii::MultithreadInfo::n_threads());
     if (!size || std::atoi(size) <= 1) return started;
-    start_mpi();
+    int argc = 0;
+    char** argv = nullptr;
+    static dealii::Utilities::MPI::MPI_InitFinalize mpi(argc, argv, 1);  // until the program ends
     MPI_Comm_size(MPI_COMM_WORLD, &started.n);
     MPI_Comm_rank(MPI_COMM_WORLD, &started.rank);
     started.n_threads = 1;

@@ -19,9 +19,6 @@ struct Processes {
 /// One, unless mpirun (Open MPI) started several: then MPI runs from the first call on.
 const Processes& processes();
 
-/// Starts MPI, if it does not run, until the program ends.
-void start_mpi();
-
 /// Ends all processes; the first to fail speaks for all.
 [[noreturn]] void abort_processes(const char* message);
 

@@ -8,30 +8,21 @@
 
 #include <stdexcept>
 
-#include "fem_reference/base/processes.h"
 
 namespace testbed::fem {
 namespace {
 
-/// ML speaks MPI even to itself.
-Epetra_MpiComm those_with(const std::vector<int>& number) {
-  start_mpi();
-  return Epetra_MpiComm(number.empty() ? MPI_COMM_SELF : MPI_COMM_WORLD);
-}
-
 /// Three unknowns of each of the first n numbers.
 Epetra_Map map_of(int n, const std::vector<int>& number) {
-  if (number.empty()) return Epetra_Map(3 * n, 0, those_with(number));
   std::vector<int> unknowns;
   for (int i = 0; i < n; ++i)
     for (int c = 0; c < 3; ++c) unknowns.push_back(3 * number[i] + c);
-  return Epetra_Map(-1, 3 * n, unknowns.data(), 0, those_with(number));
+  return Epetra_Map(-1, 3 * n, unknowns.data(), 0, Epetra_MpiComm(MPI_COMM_WORLD));
 }
 
 Epetra_CrsMatrix copy_of(const meshing::BlockMatrix& A, const Epetra_Map& map,
                          const std::vector<int>& number) {
   const int n = map.NumMyElements() / 3;
-  const auto number_of = [&](int i) { return number.empty() ? i : number[i]; };
   std::vector<int> n_entries, columns;
   std::vector<double> values;
   for (int i = 0; i < n; ++i) n_entries.insert(n_entries.end(), 3, 3 * (A.row_start[i + 1] - A.row_start[i]));
@@ -42,10 +33,10 @@ Epetra_CrsMatrix copy_of(const meshing::BlockMatrix& A, const Epetra_Map& map,
       values.clear();
       for (int k = A.row_start[i]; k < A.row_start[i + 1]; ++k)
         for (int d = 0; d < 3; ++d) {
-          columns.push_back(3 * number_of(A.column[k]) + d);
+          columns.push_back(3 * number[A.column[k]] + d);
           values.push_back(A.block[k](c, d));
         }
-      copy.InsertGlobalValues(3 * number_of(i) + c, static_cast<int>(values.size()), values.data(),
+      copy.InsertGlobalValues(3 * number[i] + c, static_cast<int>(values.size()), values.data(),
                               columns.data());
     }
   copy.FillComplete();

@@ -1,4 +1,4 @@
-// Algebraic multigrid by smoothed aggregation (Trilinos ML).
+// Algebraic multigrid of several processes, by smoothed aggregation (Trilinos ML).
 #pragma once
 
 #include <Eigen/Core>
@@ -15,9 +15,9 @@ class AlgebraicMultigrid {
  public:
   /// @param A          this process' rows come first, and count
   /// @param near_null  vectors that the matrix takes (nearly) to zero over these rows: rigid motions
-  /// @param number     of each row's node in all processes; empty: there is one
+  /// @param number     of each row's node in all processes
   AlgebraicMultigrid(const meshing::BlockMatrix& A, Eigen::MatrixXd near_null,
-                     const std::vector<int>& number = {});
+                     const std::vector<int>& number);
   ~AlgebraicMultigrid();
 
   /// Of this process' rows.

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "fem_reference/base/memory.h"
+#include "fem_reference/solvers/amg.h"
 #include "meshing/algebra/rigid_motion.h"
 
 namespace testbed::fem {
@@ -13,8 +14,9 @@ using Eigen::Matrix3Xd;
 using meshing::BlockMatrix;
 using meshing::PaddedField;
 
-constexpr int kLargestCholesky = 10000;  // nodes of degree 1; multigrid is faster beyond
-constexpr int kPatience = 120;           // iterations, four times those on good tetrahedra
+constexpr int kFew = 10000;     // nodes of degree 1 that are always factorised
+constexpr double kLean = 1000;  // entries of their factor for each, with which it is faster below degree 2
+constexpr int kPatience = 120;  // iterations, four times those on good tetrahedra
 constexpr int kMaxIterations = 2000;
 constexpr int kTurns = 20;
 constexpr double kNear = 1e-3;  // tolerance of the steps that end at an equilibrium
@@ -163,7 +165,7 @@ void TwoLevelSolver::hold(const std::vector<char>& is_constrained) {
   };
   mask(fine_, free_);
   if (corners_) mask(*corners_, free_corners_);
-  multigrid_.reset();
+  multigrid_ = {};
   is_ready_ = is_whole_ = false;
 }
 
@@ -193,20 +195,16 @@ void TwoLevelSolver::correct_corners(const PaddedField& d, PaddedField& z) const
 }
 
 void TwoLevelSolver::solve_degree_1(const PaddedField& r, PaddedField& z) const {
-  if (!multigrid_) {
+  if (multigrid_)
+    multigrid_(r, z);
+  else
     factor_->solve(r, z);
-    return;
-  }
-  const auto n = static_cast<Eigen::Index>((corners_ ? *corners_ : fine_).first_row().back());
-  z.setZero(4, r.cols());
-  z.topLeftCorner(3, n) =
-      multigrid_->apply(r.topLeftCorner(3, n).cast<double>().reshaped()).reshaped(3, n).cast<float>();
 }
 
 bool TwoLevelSolver::factorise_whole(const Stiffness& A, bool is_singular) {
   cholesky_.reset();
   factor_.reset();
-  multigrid_.reset();
+  multigrid_ = {};
   is_whole_ = true;
   return factorise(A, is_singular);
 }
@@ -227,7 +225,10 @@ bool TwoLevelSolver::factorise(const Stiffness& A, bool is_singular) {
   const TetBatches& tets = is_of_corners ? *corners_ : fine_;
   const auto& fill = is_of_corners ? A.fill_corners : A.fill_fine;
   const auto n = static_cast<int>(tets.rank().size());
-  if (is_whole_ || (share_.is_whole && n <= kLargestCholesky)) {
+  const auto is_lean = [&] {
+    return n_factor_entries(tets.pattern()) <= std::min(kLean * n, meshing::kMostFactorEntries);
+  };
+  if (is_whole_ || (share_.is_whole && (n <= kFew || (corners_ && is_lean())))) {
     if (!fem::factorise(tets.pattern(), fill, is_singular, cholesky_)) return false;
     factor_ = cholesky_->single_precision();
     return true;
@@ -236,17 +237,37 @@ bool TwoLevelSolver::factorise(const Stiffness& A, bool is_singular) {
   matrix.block.assign(matrix.column.size(), Eigen::Matrix3d::Zero());
   make_up_for(fill(matrix), matrix);
   if (is_singular) scale_diagonal(matrix, 1 + kShifts[0]);
-  const Eigen::MatrixXd by_node = share_.rigid_motions(X_.leftCols(n));
-  Eigen::MatrixXd motions(3 * tets.first_row().back(), 6);
-  std::vector<int> number(share_.is_whole ? 0 : n);
-  for (int i = 0; i < n; ++i) {
-    const int row = tets.rank()[i];
-    if (3 * row < motions.rows()) motions.middleRows<3>(3 * row) = by_node.middleRows<3>(3 * i);
-    if (!share_.is_whole) number[row] = share_.number[i];
-  }
-  multigrid_.reset();
-  multigrid_ = std::make_unique<AlgebraicMultigrid>(matrix, std::move(motions), number);
+  multigrid_ = {};
+  multigrid_ = multigrid_of(matrix, tets);
   return true;
+}
+
+/// Of one process, or Trilinos' of several.
+meshing::SinglePreconditioner TwoLevelSolver::multigrid_of(const BlockMatrix& A,
+                                                           const TetBatches& tets) const {
+  const auto n = static_cast<Eigen::Index>(tets.rank().size()), n_own = Eigen::Index(tets.first_row().back());
+  if (share_.is_whole) {
+    Matrix3Xd positions(3, n);
+    for (Eigen::Index i = 0; i < n; ++i) positions.col(tets.rank()[i]) = X_.col(i);
+    const auto free = (corners_ ? free_corners_ : free_).topLeftCorner(3, n).cast<double>();
+    return [cycle = std::make_shared<meshing::Multigrid>(A, positions, [&](Matrix3Xd& u) {
+              u = u.cwiseProduct(free);
+            })](const PaddedField& r, PaddedField& z) { cycle->apply(r, z); };
+  }
+  const Eigen::MatrixXd by_node = share_.rigid_motions(X_.leftCols(n));
+  Eigen::MatrixXd motions(3 * n_own, 6);
+  std::vector<int> number(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const int row = tets.rank()[i];
+    if (row < n_own) motions.middleRows<3>(3 * row) = by_node.middleRows<3>(3 * i);
+    number[row] = share_.number[i];
+  }
+  return [n_own, cycle = std::make_shared<AlgebraicMultigrid>(A, std::move(motions), number)](
+             const PaddedField& r, PaddedField& z) {
+    z.setZero(4, r.cols());
+    z.topLeftCorner(3, n_own) =
+        cycle->apply(r.topLeftCorner(3, n_own).cast<double>().reshaped()).reshaped(3, n_own).cast<float>();
+  };
 }
 
 std::string TwoLevelSolver::name() const {

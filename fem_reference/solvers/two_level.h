@@ -8,10 +8,10 @@
 
 #include "fem_reference/elements/share.h"
 #include "fem_reference/elements/tet_batches.h"
-#include "fem_reference/solvers/amg.h"
 #include "meshing/algebra/cholesky.h"
 #include "meshing/algebra/conjugate_gradients.h"
 #include "meshing/algebra/gauss_seidel.h"
+#include "meshing/algebra/multigrid.h"
 #include "meshing/algebra/strong_couplings.h"
 
 namespace testbed::fem {
@@ -44,13 +44,13 @@ void aypx(typename Field::Scalar beta, const Summed<Field>& z, Summed<Field>& p)
   meshing::aypx(beta, z.field(), p.field());
 }
 
-/// Conjugate gradients, preconditioned on degree 1 by a Cholesky factor, of large systems by algebraic
-/// multigrid with rigid motions as near-null space; on degree 2 by two levels, Gauss-Seidel sweeps and a
-/// correction of the corners by the same; nodes of flat tetrahedra are corrected together. Where these stand still, by a Cholesky factor of the whole matrix,
-/// if memory allows. Several processes sweep over their rows at once, each with what the others had before
-/// [Baker, Falgout, Kolev & Yang 2011], and take multigrid alone for degree 1. Factors are kept from one solve
-/// to the next while they serve. Entries outside the pattern are in products and factors, and not in sweeps;
-/// multigrid has a larger diagonal instead.
+/// Conjugate gradients. Preconditioners of degree 1 are a Cholesky factor or, of large systems, multigrid with rigid
+/// motions as near-null space. On degree 2 they are two levels: Gauss-Seidel sweeps and a correction of the corners by
+/// the same, where a long body with few entries of its factor keeps that; nodes of flat tetrahedra are corrected
+/// together. Where these stand still, a Cholesky factor of the whole matrix follows, if memory allows. Several processes
+/// sweep over their rows at once, each with what the others had before [Baker, Falgout, Kolev & Yang 2011], and take
+/// Trilinos' multigrid alone for degree 1. Factors are kept from one solve to the next while they serve. Entries outside
+/// the pattern are in products and factors, and not in sweeps; multigrid has a larger diagonal instead.
 class TwoLevelSolver {
  public:
   /// Entries of a stiffness that its pattern has no place for, over ranks of nodes.
@@ -99,6 +99,7 @@ class TwoLevelSolver {
 
   bool factorise(const Stiffness& A, bool is_singular);
   bool factorise_whole(const Stiffness& A, bool is_singular);
+  meshing::SinglePreconditioner multigrid_of(const meshing::BlockMatrix& A, const TetBatches& tets) const;
   void correct_corners(const PaddedField& d, PaddedField& z) const;
   void solve_degree_1(const PaddedField& r, PaddedField& z) const;
   void multiply(const Stiffness& A, const PaddedField& p, PaddedField& y) const;
@@ -116,7 +117,7 @@ class TwoLevelSolver {
   PaddedField free_, free_corners_;       // 1, and 0 where constrained
   std::optional<meshing::BlockCholesky> cholesky_;
   std::optional<meshing::SinglePrecisionFactor> factor_;  // of cholesky_: of degree 1, or of the whole matrix
-  std::unique_ptr<AlgebraicMultigrid> multigrid_;
+  meshing::SinglePreconditioner multigrid_;               // of degree 1, in place of factor_
   bool is_ready_ = false, is_whole_ = false;
   int n_iterations_ = 0;  // of the first solve with the present factor
 };
