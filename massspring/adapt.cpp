@@ -91,19 +91,6 @@ SurfaceMesh cut_where_strain_jumps(const SurfaceMesh& surface, const VectorXd& j
   return cut_surface(surface, longest, std::numeric_limits<int>::max());
 }
 
-/// Of what deforms the body in that plus internal forces: dead loads, or where these do less than half of the work the
-/// force that would store as much by an equal motion. A slender body that sets out from elsewhere has internal forces
-/// beside which either is nothing, and so would be taken for balanced at once.
-double share_of_load(const Simulation& simulation) {
-  const State& state = simulation.state();
-  const Matrix3Xd& load = simulation.forces().load;
-  const double stored = elastic_energy(simulation.model(), state);
-  double force = load.norm();
-  if (load.cwiseProduct(state.u).sum() < stored)
-    force = 2 * stored / (state.u.colwise() - state.u.rowwise().mean()).norm();
-  return force / (force + elastic_forces(simulation.model(), state).norm());
-}
-
 }  // namespace
 
 bool has_friction(const Scene& scene) {
@@ -113,24 +100,19 @@ bool has_friction(const Scene& scene) {
 
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Matrix3Xd& u,
                              const Simulation* coarse) {
-  // Of the finer network's forces, and of its load alone: an error of a hundredth to two digits.
-  constexpr double kResidual = 1e-4, kOfLoad = 1e-3;
+  // An error of a hundredth to two digits; at finite strain a slender body's loads are small beside its forces.
+  const double residual = law_of(scene) == MaterialLaw::SmallStrain ? 1e-4 : 1e-6;
   const Eigen::Index most = most_estimated(scene);
   if (network.X.cols() > most)
     throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " + std::to_string(most) +
                              " whose error is estimated");
   const auto [finer, between] = split_in_eight(network);
   Scene loosely = in_one_step(scene);
-  loosely.time.residual = kResidual;
+  loosely.time.residual = std::max(residual, scene.time.residual);
   loosely.network.mass = MassMatrix::Lumped;  // what a consistent one takes to set up serves motions alone
   Simulation simulation(loosely, finer);
   if (coarse) simulation.set_coarser(between, *coarse);
-  if (!has_friction(scene)) {
-    simulation.start_at(interpolated(u, between));
-    if (!scene.collapse)
-      simulation.set_residual(
-          std::max(scene.time.residual, std::min(kResidual, kOfLoad * share_of_load(simulation))));
-  }
+  if (!has_friction(scene)) simulation.start_at(interpolated(u, between));
   balance(simulation);
 
   const Eigen::Index n = network.n_surface;

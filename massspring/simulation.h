@@ -56,8 +56,6 @@ class Simulation {
   void set_coarser(const Eigen::Matrix2Xi& between, const Simulation& coarser) {
     equilibrium_->set_coarser(between, *coarser.equilibrium_);
   }
-  /// Statics: as time.residual.
-  void set_residual(double residual) { equilibrium_->set_tolerance(residual); }
   /// A motion's state, counts and what is kept from step to step, as bytes; of statics none.
   std::string saved() const;
   /// Goes on bit for bit from what a simulation of the same scene and network has saved.

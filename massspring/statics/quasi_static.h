@@ -45,9 +45,6 @@ class QuasiStaticSolver {
   /// stands still so ends: a factor would take many times as long as the coarser equilibrium.
   void set_coarser(const Eigen::Matrix2Xi& between, QuasiStaticSolver& coarser);
 
-  /// As at construction.
-  void set_tolerance(double tolerance) { tolerance_ = tolerance; }
-
   /// How linear systems are solved, and why.
   const std::string& solver_choice() const { return solver_.choice(); }
 

@@ -169,6 +169,15 @@ TEST(ErrorEstimate, OfANeedleIsThatOfTheFinerNetworkSolvedToTheEnd) {
   expect_estimate_of_finer_network_solved_to_the_end(scene, network_of(scene));
 }
 
+// Its load is a thousandth of its forces.
+TEST(ErrorEstimate, IsThereForANeedleAtFiniteStrain) {
+  Scene scene = needle(900);
+  scene.material.law = MaterialLaw::NeoHookean;
+  scene.gravity = Eigen::Vector3d(0, -6e-3, 0);
+  const SpringNetwork network = network_of(scene);
+  EXPECT_NO_THROW(estimate_error(scene, network, displacement_on(network, scene, network.X.cols())));
+}
+
 TEST(ErrorEstimate, OfACurvedNeedleWhoseEndMovesIsThatOfTheFinerNetworkSolvedToTheEnd) {
   Scene scene = needle(300);
   scene.surface.size[0] = 160;
