@@ -44,13 +44,13 @@ void aypx(typename Field::Scalar beta, const Summed<Field>& z, Summed<Field>& p)
   meshing::aypx(beta, z.field(), p.field());
 }
 
-/// Conjugate gradients. Preconditioners of degree 1 are a Cholesky factor or, of large systems, multigrid with rigid
-/// motions as near-null space. On degree 2 they are two levels: Gauss-Seidel sweeps and a correction of the corners by
-/// the same, where a long body with few entries of its factor keeps that; nodes of flat tetrahedra are corrected
-/// together. Where these stand still, a Cholesky factor of the whole matrix follows, if memory allows. Several processes
-/// sweep over their rows at once, each with what the others had before [Baker, Falgout, Kolev & Yang 2011], and take
-/// Trilinos' multigrid alone for degree 1. Factors are kept from one solve to the next while they serve. Entries outside
-/// the pattern are in products and factors, and not in sweeps; multigrid has a larger diagonal instead.
+/// Conjugate gradients. On degree 1 their preconditioner is a Cholesky factor or, for large systems, multigrid with rigid
+/// motions as near-null space. On degree 2 it has two levels: Gauss-Seidel sweeps and a correction of the corners, by one
+/// of the former; long bodies, whose factor has few entries, take that. Nodes of flat tetrahedra are corrected together.
+/// Where iterations stand still, a Cholesky factor of the whole matrix follows, if memory allows. Several processes sweep
+/// over their rows at once, each with what the others had before [Baker, Falgout, Kolev & Yang 2011], and take Trilinos'
+/// multigrid for degree 1. Factors are kept from one solve to the next while they serve. Entries outside the pattern are
+/// in products and factors, and not in sweeps; multigrid has a larger diagonal instead.
 class TwoLevelSolver {
  public:
   /// Entries of a stiffness that its pattern has no place for, over ranks of nodes.
