@@ -8,7 +8,6 @@
 
 #include <stdexcept>
 
-
 namespace testbed::fem {
 namespace {
 
