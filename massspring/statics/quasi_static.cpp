@@ -320,16 +320,10 @@ void QuasiStaticSolver::start_at(const Matrix3Xd& u, State& state) const {
 }
 
 void QuasiStaticSolver::set_coarser(const Eigen::Matrix2Xi& between, QuasiStaticSolver& coarser) {
-  const SinglePreconditioner own = coarser.solver_.preconditioner();
-  if (!own) return;
+  const SinglePreconditioner of_coarser = coarser.solver_.preconditioner();
+  if (!of_coarser) return;
   has_coarser_ = true;
-  solver_ = LinearSolver::of_halved_edges(
-      between, [&coarser, own, free = PaddedField()](const PaddedField& r, PaddedField& z) mutable {
-        free = r;
-        coarser.project(free);
-        own(free, z);
-        coarser.project(z);
-      });
+  solver_ = LinearSolver::of_halved_edges(between, of_coarser);
 }
 
 void QuasiStaticSolver::displace(const Matrix3Xd& u, State& state) const {
