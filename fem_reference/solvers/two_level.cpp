@@ -21,7 +21,6 @@ constexpr int kMaxIterations = 2000;
 constexpr int kTurns = 20;
 constexpr double kNear = 1e-3;  // tolerance of the steps that end at an equilibrium
 constexpr double kRounding = 1e-5;
-constexpr double kLowest = 1e-4;  // residual that rounding may leave in single precision
 /// Of the diagonal, where rigid motions are free; the larger ones where a body out of balance would turn or
 /// buckle.
 constexpr double kShifts[] = {1e-8, 1e-4, 1e-2, 1};
@@ -291,7 +290,7 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
   pad(r, 1 / size, rest);
   clear_ghosts(rest);
   solution.setZero(4, rest.cols());
-  bool is_stopped = false;  // by a direction of no stiffness, or by rounding: a factor would change nothing
+  bool is_indefinite = false;  // a factor would change nothing
   const auto iterate = [&](int max_iterations) {
     const Pass pass(*this, A, rigid);
     pass.remove_rigid(rest);
@@ -308,8 +307,7 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
           [&](const PaddedField& q, Summed<PaddedField>& z) { pass.precondition(q, z); }, rest, 1, solution,
           tolerance, max_iterations - n);
       n += report.iterations;
-      const bool is_indefinite = report.curvature < 0;
-      is_stopped = is_indefinite || (report.curvature > 0 && report.residual <= kLowest);
+      is_indefinite = report.curvature < 0;
       if (!is_indefinite || tolerance > kNear) break;
       // An equilibrium that would buckle is one as well: near it, along the soft motion too.
       advance(static_cast<float>(dot(rest, p) / dot(p, Ap)), p, Ap, solution, rest);
@@ -327,7 +325,7 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
   if (is_ready_) {  // a factor of another matrix, as long as it serves
     const int n = iterate(2 * n_iterations_ + 10);
     is_ready_ = n <= n_iterations_ + n_iterations_ / 2 + 5;
-    if (report.is_converged || is_stopped) return end();
+    if (report.is_converged || is_indefinite) return end();
   }
   const auto find_factor = [&](bool is_whole) {
     is_ready_ = is_whole ? factorise_whole(A, is_singular) : factorise(A, is_singular);
@@ -339,7 +337,7 @@ LinearReport TwoLevelSolver::solve(const Stiffness& A, const Eigen::MatrixXd& ri
   }
   const bool is_first_try = may_factorise();
   n_iterations_ = iterate(is_first_try ? kPatience : kMaxIterations);
-  if (report.is_converged || is_stopped || !is_first_try || !may_turn) return end();
+  if (report.is_converged || is_indefinite || !is_first_try || !may_turn) return end();
   if (!find_factor(true)) {
     report.is_definite = false;
     return end();
