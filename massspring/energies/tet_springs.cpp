@@ -160,11 +160,55 @@ std::vector<int> order_of_patches(const Matrix3Xd& X, const Matrix4Xi& T, const 
   return order;
 }
 
-/// Lays the patches, whose entries have the vectors b, out in batches, none of them of two subdomains.
-void fill_batches(const Matrix3Xd& b, TetSprings& springs) {
+/// Patches that average over tetrahedra: column t of `patches` names those that tetrahedron t belongs to, which
+/// share its volume evenly, and that of `part` how much of theirs they take. Their first Lame constant is lambda,
+/// and `whole` more for all of the volume, whatever the part of it: then a patch takes one part of all its
+/// tetrahedra, or uniform strain is out of balance.
+struct Averages {
+  Eigen::MatrixXi patches;
+  Eigen::MatrixXd part;
+  double lambda, whole;
+  Occurrences in_patch = {};
+  std::vector<int> order = {};
+
+  /// Calls visit(t, part) for the tetrahedra of a patch.
+  template <class Visit>
+  void for_each_tet(int patch, const Visit& visit) const {
+    for (int k = in_patch.first[patch]; k < in_patch.first[patch + 1]; ++k)
+      visit(in_patch.at[k] / static_cast<int>(patches.rows()), part.data()[in_patch.at[k]]);
+  }
+};
+
+/// Orders patches and appends the nodes of each.
+void append_nodes(const Matrix3Xd& X, const Matrix4Xi& T, Averages& averages, TetSprings& springs) {
+  const int n_before = static_cast<int>(springs.first.size()) - 1;
+  averages.in_patch = occurrences(averages.patches.reshaped(), averages.patches.maxCoeff() + 1);
+  std::vector<int>& order = averages.order;
+  order = order_of_patches(X, T, averages.patches, averages.in_patch);
+  if (X.cols() >= kLeastSubdivided) {
+    const auto divided = patches_of_subdomains(X, T, averages.patches, order);
+    order.clear();
+    for (const std::vector<int>& own : divided) {
+      springs.subdomain_first.push_back(n_before + static_cast<int>(order.size()));
+      order.insert(order.end(), own.begin(), own.end());
+    }
+  }
+  std::vector<int> patch_of(X.cols(), -1);  // of nodes: the last that they were met in
+  for (const int p : order) {
+    averages.for_each_tet(p, [&](int t, double) {
+      for (int i : T.col(t))
+        if (std::exchange(patch_of[i], p) != p) springs.node.push_back(i);
+    });
+    std::sort(springs.node.begin() + springs.first.back(), springs.node.end());
+    springs.first.push_back(static_cast<int>(springs.node.size()));
+  }
+}
+
+/// Lays patches that have their nodes out in batches, none of them of two subdomains, without their vectors.
+void lay_out_batches(TetSprings& springs) {
   PatchBatches& batches = springs.batches;
   std::vector<int> first = springs.subdomain_first;  // of ranges
-  if (first.empty()) first = {0, springs.n_patches()};
+  if (first.empty()) first = {0, static_cast<int>(springs.first.size()) - 1};
   batches.first = batches.start = batches.pair_start = {0};
   for (std::size_t k = 0; k + 1 < first.size(); ++k) {
     if (!springs.subdomain_first.empty()) springs.subdomain_batch.push_back(batches.n_batches());
@@ -186,15 +230,10 @@ void fill_batches(const Matrix3Xd& b, TetSprings& springs) {
     const int p = batches.first[batch], n = batches.first[batch + 1] - p;
     for (int i = 0; i < kBatchSize; ++i) {
       const int patch = p + std::min(i, n - 1), begin = springs.first[patch], end = springs.first[patch + 1];
-      for (int at = batches.start[batch], e = 0; at < batches.start[batch + 1]; ++at, ++e) {
-        const bool is_there = i < n && begin + e < end;
-        batches.node[kBatchSize * at + i] = springs.node[is_there ? begin + e : begin];
-        for (int j = 0; j < 3; ++j)
-          batches.b[kBatchSize * (3 * static_cast<std::size_t>(at) + j) + i] = is_there ? b(j, begin + e) : 0;
-      }
+      for (int at = batches.start[batch], e = begin; at < batches.start[batch + 1]; ++at, ++e)
+        batches.node[kBatchSize * at + i] = springs.node[i < n && e < end ? e : begin];
     }
   }
-  springs.node.shrink_to_fit();
 }
 
 PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
@@ -202,73 +241,46 @@ PatchArrays arrays_of(const TetSprings& springs, const Eigen::VectorXd& scale) {
           springs.mu};
 }
 
-/// Adds patches that average over tetrahedra: column t of `patches` names those that tetrahedron t belongs
-/// to, which share its volume evenly, and that of `part` how much of theirs they take. Their first Lame constant
-/// is lambda, and `whole` more for all of the volume, whatever the part of it: then a patch takes one part of
-/// all its tetrahedra, or uniform strain is out of balance. Vectors of their entries are appended to b.
-void append_patches(const Matrix3Xd& X, const Matrix4Xi& T, const Eigen::MatrixXi& patches,
-                    const Eigen::MatrixXd& part, double lambda, double whole, TetSprings& springs,
-                    Matrix3Xd& b) {
-  const auto n_sharers = static_cast<int>(patches.rows());
-  std::vector<Eigen::Matrix<double, 3, 4>> gradients(T.cols());
-  Eigen::VectorXd even(T.cols());  // volume over sharers
+/// Volumes, Lame's constants and vectors of patches that lie in batches, in the order of `all`.
+void set_averages(const Matrix3Xd& X, const Matrix4Xi& T, const std::vector<Averages>& all,
+                  TetSprings& springs) {
+  std::vector<Eigen::Matrix4d> of_corners(T.cols());  // gradients of barycentric coordinates, and their means
+  Eigen::VectorXd volume(T.cols());
   for (Eigen::Index t = 0; t < T.cols(); ++t) {
-    even[t] = tet_volume(X, T.col(t)) / n_sharers;
-    gradients[t] = barycentric_gradients(X, T.col(t));
+    volume[t] = tet_volume(X, T.col(t));
+    of_corners[t] << barycentric_gradients(X, T.col(t)), Eigen::RowVector4d::Constant(0.25);
   }
-  const int n_before = springs.n_patches(), n_new = patches.maxCoeff() + 1;
-  springs.volume.conservativeResize(n_before + n_new);
-  springs.lambda.conservativeResize(n_before + n_new);
-  springs.lambda.tail(n_new).setZero();
-
-  const Occurrences in_patch = occurrences(patches.reshaped(), n_new);
-  std::vector<int> order = order_of_patches(X, T, patches, in_patch);
-  if (X.cols() >= kLeastSubdivided) {
-    const auto divided = patches_of_subdomains(X, T, patches, order);
-    order.clear();
-    for (const std::vector<int>& own : divided) {
-      springs.subdomain_first.push_back(n_before + static_cast<int>(order.size()));
-      order.insert(order.end(), own.begin(), own.end());
-    }
-  }
-  const auto for_each_tet = [&](int p, const auto& visit) {
-    for (int k = in_patch.first[p]; k < in_patch.first[p + 1]; ++k)
-      visit(in_patch.at[k] / n_sharers, part.reshaped()[in_patch.at[k]]);
-  };
-  std::vector<int> patch_of(X.cols(), -1);  // of nodes: the last that they were met in
-  for (const int p : order) {
-    for_each_tet(p, [&](int t, double) {
-      for (int i : T.col(t))
-        if (std::exchange(patch_of[i], p) != p) springs.node.push_back(i);
-    });
-    std::sort(springs.node.begin() + springs.first.back(), springs.node.end());
-    springs.first.push_back(static_cast<int>(springs.node.size()));
-  }
-  const Eigen::Index n_entries = springs.first.back(), n_entries_before = springs.weight.size();
-  b.conservativeResize(3, n_entries);
-  springs.weight.conservativeResize(n_entries);
-  b.rightCols(n_entries - n_entries_before).setZero();
-  springs.weight.tail(n_entries - n_entries_before).setZero();
+  const auto n_patches = static_cast<Eigen::Index>(springs.first.size()) - 1;
+  springs.volume.resize(n_patches);
+  springs.lambda = Eigen::VectorXd::Zero(n_patches);
+  springs.weight.resize(springs.first.back());
+  PatchBatches& batches = springs.batches;
   std::vector<int> entry_of(X.cols());  // of nodes in the patch at hand
-  for (int q = 0; q < n_new; ++q) {
-    const int begin = springs.first[n_before + q], n = springs.first[n_before + q + 1] - begin;
-    for (int e = begin; e < begin + n; ++e) entry_of[springs.node[e]] = e;
-    double volume = 0, whole_volume = 0;
-    for_each_tet(order[q], [&](int t, double of_even) {
-      const double share = of_even * even[t];
-      volume += share;
-      whole_volume += even[t];
-      for (int k = 0; k < 4; ++k) {
-        b.col(entry_of[T(k, t)]) += share * gradients[t].col(k);
-        springs.weight[entry_of[T(k, t)]] += share / 4;
-      }
-    });
-    b.middleCols(begin, n) /= volume;
-    springs.weight.segment(begin, n) /= volume;
-    springs.volume[n_before + q] = volume;
-    if (volume > 0)  // a node may belong to no tetrahedron
-      springs.lambda[n_before + q] = lambda + whole * whole_volume / volume;
-  }
+  Eigen::Matrix4Xd averaged;            // of its entries
+  int p = 0, batch = 0;
+  for (const Averages& averages : all)
+    for (const int patch : averages.order) {
+      const int begin = springs.first[p], n = springs.first[p + 1] - begin;
+      for (int e = 0; e < n; ++e) entry_of[springs.node[begin + e]] = e;
+      averaged.setZero(4, n);
+      double own = 0, whole = 0;  // volumes
+      averages.for_each_tet(patch, [&](int t, double part) {
+        const double even = volume[t] / averages.patches.rows(), share = part * even;
+        own += share;
+        whole += even;
+        for (int k = 0; k < 4; ++k) averaged.col(entry_of[T(k, t)]) += share * of_corners[t].col(k);
+      });
+      averaged /= own;
+      springs.weight.segment(begin, n) = averaged.row(3);
+      springs.volume[p] = own;
+      if (own > 0)  // a node may belong to no tetrahedron
+        springs.lambda[p] = averages.lambda + averages.whole * whole / own;
+      if (p == batches.first[batch + 1]) ++batch;
+      double* const x = &batches.b[3 * kBatchSize * static_cast<std::size_t>(batches.start[batch])];
+      for (int e = 0; e < n; ++e)
+        for (int j = 0; j < 3; ++j) x[kBatchSize * (3 * e + j) + p - batches.first[batch]] = averaged(j, e);
+      ++p;
+    }
 }
 
 /// The nodes, and those that share a tetrahedron with them.
@@ -302,10 +314,6 @@ Lame lame_of(const Material& material) {
 
 TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame, const Blend& blend,
                           const std::vector<int>& constrained) {
-  TetSprings springs;
-  Matrix3Xd b(3, 0);
-  springs.mu = lame.mu;
-  springs.first.push_back(0);
   const double shared = blend.nodes > 0 ? std::min(lame.lambda, lame.mu) : lame.lambda;
   const auto everywhere = [&](int n_sharers, double part) {
     return Eigen::MatrixXd::Constant(n_sharers, T.cols(), part).eval();
@@ -319,14 +327,22 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
       edges.col(t).setConstant(1 - blend.tetrahedra - nodes.col(t).mean());
     }
   }
+  std::vector<Averages> all;
   if (blend.tetrahedra > 0) {
     const Eigen::MatrixXi own = Eigen::RowVectorXi::LinSpaced(T.cols(), 0, static_cast<int>(T.cols()) - 1);
-    append_patches(X, T, own, everywhere(1, blend.tetrahedra), shared, 0, springs, b);
+    all.push_back({own, everywhere(1, blend.tetrahedra), shared, 0});
   }
-  if (blend.edges > 0) append_patches(X, T, edge_numbers(T), edges, shared, 0, springs, b);
-  if (blend.nodes > 0) append_patches(X, T, T, nodes, shared, lame.lambda - shared, springs, b);
-  if (!springs.subdomain_first.empty()) springs.subdomain_first.push_back(springs.n_patches());
-  fill_batches(b, springs);
+  if (blend.edges > 0) all.push_back({edge_numbers(T), std::move(edges), shared, 0});
+  if (blend.nodes > 0) all.push_back({T, std::move(nodes), shared, lame.lambda - shared});
+  TetSprings springs;
+  springs.mu = lame.mu;
+  springs.first.push_back(0);
+  for (Averages& averages : all) append_nodes(X, T, averages, springs);
+  springs.node.shrink_to_fit();
+  if (!springs.subdomain_first.empty())
+    springs.subdomain_first.push_back(static_cast<int>(springs.first.size()) - 1);
+  lay_out_batches(springs);
+  set_averages(X, T, all, springs);
   return springs;
 }
 

@@ -30,6 +30,15 @@ void bisect(const Eigen::Matrix3Xd& X, int* begin, int* end, int leaf, int n_lea
   bisect(X, middle, end, leaf + n_leaves / 2, n_leaves / 2, result);
 }
 
+/// The lowest 21 bits, each at three times its place.
+std::uint64_t spread(std::uint64_t bits) {
+  bits = (bits | bits << 32) & 0x001f00000000ffff;
+  bits = (bits | bits << 16) & 0x001f0000ff0000ff;
+  bits = (bits | bits << 8) & 0x100f00f00f00f00f;
+  bits = (bits | bits << 4) & 0x10c30c30c30c30c3;
+  return (bits | bits << 2) & 0x1249249249249249;
+}
+
 }  // namespace
 
 std::vector<int> along_body(const Eigen::Matrix3Xd& points) {
@@ -39,9 +48,7 @@ std::vector<int> along_body(const Eigen::Matrix3Xd& points) {
   std::vector<std::pair<std::uint64_t, int>> code(points.cols());
   for (Eigen::Index i = 0; i < points.cols(); ++i) {
     const Eigen::Vector3d place = (points.col(i) - low) * (side > 0 ? cells / side : 0);
-    for (int k = 0; k < 3; ++k)
-      for (int bit = 0; bit < kBits; ++bit)
-        code[i].first |= (static_cast<std::uint64_t>(place[k]) >> bit & 1) << (3 * bit + k);
+    for (int k = 0; k < 3; ++k) code[i].first |= spread(static_cast<std::uint64_t>(place[k])) << k;
     code[i].second = static_cast<int>(i);
   }
   std::sort(code.begin(), code.end());
