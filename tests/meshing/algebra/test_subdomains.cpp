@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <omp.h>
 
+#include <cmath>
 #include <map>
 #include <set>
 
@@ -79,6 +80,25 @@ TEST(AlongBody, NeighboursFollowEachOther) {
   }
   std::sort(order.begin(), order.end());
   for (int i = 0; i < points.cols(); ++i) EXPECT_EQ(order[i], i) << "each once";
+}
+
+// Points crowd about a corner, so that their lowest bits count, too.
+TEST(AlongBody, FollowsTheBitsOfTheCoordinatesInTurn) {
+  constexpr int n = 2000, kBits = 21;
+  Matrix3Xd points = random_points(n, 1, 1).cwiseAbs();
+  for (int i = 0; i < n; ++i) points.col(i) *= std::exp2(-(i % kBits));
+  points.col(0).setZero();
+  const Eigen::Vector3d low = points.rowwise().minCoeff();
+  const double cells = ((1 << kBits) - 1) / (points.colwise() - low).maxCoeff();
+  long before = 0;
+  for (const int i : along_body(points)) {
+    const Eigen::Vector3d place = (points.col(i) - low) * cells;
+    long code = 0;
+    for (int bit = kBits - 1; bit >= 0; --bit)
+      for (int k = 2; k >= 0; --k) code = 2 * code + (static_cast<long>(place[k]) >> bit & 1);
+    EXPECT_LE(before, code);
+    before = code;
+  }
 }
 
 TEST(Leaves, OfABarAreSlicesAcrossIt) {
