@@ -315,7 +315,7 @@ def measured(rows: list[Row]) -> str:
         n_all = sum(case.body.is_held_out == is_held_out for case in cases(has_held_out=True))
         name = half.replace(" ", "-")
         words.append(f"{sum(place[0] == half for place in places)} of {n_all} {name} cases")
-    return f"So far {' and '.join(words)} have been measured, in an order drawn at random."
+    return f"{' and '.join(words)} have been measured, in an order drawn at random."
 
 
 def plot_ratios(rows: list[Row]) -> str:
