@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "meshing/surface/cut_surface.h"
+
 namespace testbed::meshing {
 namespace {
 
@@ -32,14 +34,6 @@ class Middles {
   std::vector<Eigen::Vector2i> ends_;
 };
 
-/// Corners of a triangle, those that another one has not replaced by one that it has.
-Eigen::Vector3i in_common(const Eigen::Vector3i& corners, const Eigen::Vector3i& others) {
-  Eigen::Vector3i result = corners;
-  for (int c = 0; c < 3; ++c)
-    if ((others.array() != corners[c]).all()) result[c] = corners[(c + 1) % 3];
-  return result;
-}
-
 /// The surface's triangles in four, each with its parts in a row.
 /// @param middle  of edges, which are numbered on from the vertices
 SurfaceMesh split_in_four(const SpringNetwork& network, Middles& middle) {
@@ -56,11 +50,10 @@ SurfaceMesh split_in_four(const SpringNetwork& network, Middles& middle) {
     cuts.parent.segment<4>(4 * f).setConstant(parent);
     std::array<int, 3> halves{};
     for (int c = 0; c < 3; ++c) {
-      const std::size_t n_middles = middle.ends().size();
-      halves[c] = middle(network.F(c, f), network.F((c + 1) % 3, f));
-      const Eigen::Vector3i corners = cuts.F.col(parent);
-      auto around = cuts.between.col(halves[c]);
-      around = middle.ends().size() > n_middles ? corners : in_common(corners, around);
+      const int a = network.F(c, f), b = network.F((c + 1) % 3, f);
+      halves[c] = middle(a, b);
+      cuts.between.col(halves[c]) =
+          between_halves(cuts.between.col(a), cuts.between.col(b), cuts.F.col(parent));
     }
     const auto& [ab, bc, ca] = halves;
     const int a = network.F(0, f), b = network.F(1, f), c = network.F(2, f);

@@ -122,7 +122,18 @@ SurfaceMesh load_surface(const SurfaceSource& source) {
 }
 
 CutSurface cut_for(const Scene& scene, const SurfaceMesh& surface, double coarser) {
-  auto [cut, is_bounded] = cut_across(surface, scene.surface.across, coarser);
+  std::vector<std::vector<bool>> parts;
+  const Box body = box_of(surface.X);
+  const auto add = [&](const Region& region) { parts.push_back(membership(region, surface.X, body)); };
+  for (const Support& support : scene.supports) add(support.region);
+  for (const Seam& seam : scene.seams) {
+    add(seam.from);
+    add(seam.to);
+  }
+  for (const Load& load : scene.loads) add(load.region);
+  for (const Handle& handle : scene.handles)
+    if (!handle.vertex) add(handle.region);
+  auto [cut, is_bounded] = cut_across(surface, scene.surface.across, coarser, parts);
   for (int i = 0; i < scene.surface.at_supports; ++i) {
     std::vector<bool> is_at_border(cut.X.cols()), is_near = is_at_border;
     for (const Support& support : scene.supports) {

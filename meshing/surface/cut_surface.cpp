@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <queue>
+#include <set>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -31,42 +31,14 @@ class Cutter {
       add_triangle(surface.F.col(f), is_cut ? surface.cuts.parent[f] : f, longest[f]);
   }
 
-  /// Triangles whose third corner lies on their longest edge go to the one beyond it, whose two parts it becomes.
-  void flip_caps() {
-    constexpr double kFlat = 1e-4;  // height of a triangle over its longest edge
-    constexpr double kOff = 1e-6;   // of the body's size, a corner from the plane beyond
-    Eigen::Vector3d low = X_.front(), high = low;
-    for (const Eigen::Vector3d& x : X_) {
-      low = low.cwiseMin(x);
-      high = high.cwiseMax(x);
-    }
-    const double off = kOff * (high - low).maxCoeff();
-    std::vector<int> left(F_.size());
-    std::iota(left.rbegin(), left.rend(), 0);
-    while (!left.empty()) {
-      const int f = left.back();
-      left.pop_back();
-      const double flatness = flatness_of(F_[f]);
-      if (flatness > kFlat) continue;
-      const auto [c, a] = longest_edge(f);
-      const int g = left_of_.at({a, c}), b = F_[f].sum() - a - c, d = F_[g].sum() - a - c;
-      const Eigen::Vector3d normal = area_vector(F_[g]).normalized();
-      const Eigen::Vector3i first(b, c, d), second(d, a, b);
-      const bool is_in_plane = std::abs(normal.dot(X_[b] - X_[c])) <= off;
-      const bool is_better = std::min(flatness_of(first), flatness_of(second)) > 2 * flatness;
-      const bool is_upright = std::min(area_vector(first).dot(normal), area_vector(second).dot(normal)) > 0;
-      if (!is_in_plane || !is_better || !is_upright || left_of_.count({b, d}) + left_of_.count({d, b}) > 0)
-        continue;
-      left_of_.erase({a, c});
-      left_of_.erase({c, a});
-      parent_[f] = parent_[g];
-      longest_[f] = longest_[g];
-      set_triangle(f, first);
-      set_triangle(g, second);
-      left.push_back(f);
-      left.push_back(g);
-      is_flipped_ = true;
-    }
+  /// Makes triangles of one plane Delaunay's, and keeps them so from here on; caps alone where nothing is to be cut.
+  void flip_within_planes(const std::vector<std::vector<bool>>& parts) {
+    parts_ = &parts;
+    const Eigen::Map<const Eigen::Matrix3Xd> X(X_.front().data(), 3, static_cast<Eigen::Index>(X_.size()));
+    off_ = kOff * (X.rowwise().maxCoeff() - X.rowwise().minCoeff()).maxCoeff();
+    std::vector<Edge> edges;
+    for (const auto& [edge, f] : left_of_) edges.push_back(edge);
+    flip(std::move(edges), wanted_.empty());
   }
 
   bool is_flipped() const { return is_flipped_; }
@@ -75,7 +47,7 @@ class Cutter {
     while (!wanted_.empty() && static_cast<int>(X_.size()) < most_) {
       const Edge edge = wanted_.top().second;
       wanted_.pop();
-      if (left_of_.count(edge) > 0) bisect(edge);
+      bisect(edge);
     }
     const auto n = static_cast<Eigen::Index>(X_.size()), m = static_cast<Eigen::Index>(F_.size());
     SurfaceMesh result{Eigen::Matrix3Xd(3, n),
@@ -93,6 +65,9 @@ class Cutter {
   }
 
  private:
+  static constexpr double kOff =
+      1e-6;  // of the body's size, a corner from the plane of the triangle beside it
+
   /// Orders edges by length, those of one length by their vertices.
   std::tuple<double, int, int> order_of(const Edge& e) const {
     return {(X_[e.first] - X_[e.second]).norm(), std::max(e.first, e.second), std::min(e.first, e.second)};
@@ -109,11 +84,76 @@ class Cutter {
     return (X_[t[1]] - X_[t[0]]).cross(X_[t[2]] - X_[t[0]]) / 2;
   }
 
-  /// Height over the longest edge.
+  /// Height over the longest edge: next to nothing of needles, and of caps, whose third corner lies on that edge.
   double flatness_of(const Eigen::Vector3i& t) const {
     const double longest = std::max({(X_[t[0]] - X_[t[1]]).squaredNorm(), (X_[t[1]] - X_[t[2]]).squaredNorm(),
                                      (X_[t[2]] - X_[t[0]]).squaredNorm()});
     return 2 * area_vector(t).norm() / longest;
+  }
+
+  /// Of a triangle at the corner that sees the edge from a to c (rad).
+  double angle_at(int corner, int a, int c) const {
+    const Eigen::Vector3d to_a = X_[a] - X_[corner], to_c = X_[c] - X_[corner];
+    return std::atan2(to_a.cross(to_c).norm(), to_a.dot(to_c));
+  }
+
+  /// Whether all vertices that one lies between are in a part.
+  bool is_in(const std::vector<bool>& part, const Eigen::Vector3i& corners) const {
+    return part[corners[0]] && part[corners[1]] && part[corners[2]];
+  }
+
+  /// Whether every part holds the same of the surface when edge bd takes the place of ac between two triangles.
+  bool leaves_parts(int f, int g, int a, int b, int c, int d) const {
+    return std::all_of(parts_->begin(), parts_->end(), [&](const std::vector<bool>& part) {
+      const bool is_face_in = is_in(part, before_.col(parent_[f]));
+      const auto is_edge_in = [&](int v, int w) {
+        return is_in(part, between_[v]) && is_in(part, between_[w]);
+      };
+      return is_in(part, before_.col(parent_[g])) == is_face_in && is_edge_in(a, c) == is_face_in &&
+             is_edge_in(b, d) == is_face_in;
+    });
+  }
+
+  /// Flips edges that are not Delaunay's within planes, and those around until none is left [Lawson 1977].
+  void flip(std::vector<Edge> edges, bool of_flat_ones_alone) {
+    constexpr double kFlat = 1e-4;  // flatness of a triangle without area to speak of, which may change parts
+    constexpr double kHalfTurn = 3.14159265358979323846, kTie = 1e-4;  // rad
+    constexpr double kAligned = 1e-6;  // of one less the cosine between two normals
+    while (!edges.empty()) {
+      const auto [c, a] = edges.back();
+      edges.pop_back();
+      const auto left = left_of_.find({c, a});
+      if (left == left_of_.end()) continue;
+      const int f = left->second, g = left_of_.at({a, c});
+      const double flatness = std::min(flatness_of(F_[f]), flatness_of(F_[g]));
+      const bool is_flat = flatness <= kFlat;
+      if (of_flat_ones_alone && !is_flat) continue;
+      const int b = F_[f].sum() - a - c, d = F_[g].sum() - a - c;
+      if (angle_at(b, a, c) + angle_at(d, a, c) < kHalfTurn + kTie) continue;
+      const Eigen::Vector3d of_f = area_vector(F_[f]), of_g = area_vector(F_[g]);
+      const bool is_f_larger = of_f.norm() > of_g.norm();
+      const Eigen::Vector3d normal = (is_f_larger ? of_f : of_g).normalized();
+      const Eigen::Vector3i first(b, c, d), second(d, a, b);
+      const bool is_in_plane = std::abs(normal.dot(X_[is_f_larger ? d : b] - X_[c])) <= off_ &&
+                               (is_flat || of_f.dot(of_g) >= (1 - kAligned) * of_f.norm() * of_g.norm());
+      const bool is_upright = std::min(area_vector(first).dot(normal), area_vector(second).dot(normal)) > 0;
+      if (!is_in_plane || !is_upright || left_of_.count({b, d}) + left_of_.count({d, b}) > 0) continue;
+      if (!is_flat && !leaves_parts(f, g, a, b, c, d)) continue;
+      left_of_.erase({a, c});
+      left_of_.erase({c, a});
+      const Eigen::Vector3d across = normal.cross(X_[a] - X_[c]);  // from the edge into f
+      const auto lies_in = [&](const Eigen::Vector3i& t) {
+        return (X_[t[0]] + X_[t[1]] + X_[t[2]] - 3 * X_[c]).dot(across) > 0 ? f : g;
+      };
+      const std::pair<int, double> of_first{parent_[lies_in(first)], longest_[lies_in(first)]},
+          of_second{parent_[lies_in(second)], longest_[lies_in(second)]};
+      std::tie(parent_[f], longest_[f]) = of_first;
+      std::tie(parent_[g], longest_[g]) = of_second;
+      set_triangle(f, first);
+      set_triangle(g, second);
+      edges.insert(edges.end(), {{b, c}, {c, d}, {d, a}, {a, b}});
+      is_flipped_ = true;
+    }
   }
 
   void set_triangle(int f, const Eigen::Vector3i& corners) {
@@ -133,20 +173,21 @@ class Cutter {
     set_triangle(static_cast<int>(F_.size()) - 1, corners);
   }
 
-  /// Cuts both triangles of an edge, after those beside it of which it is not the longest.
+  /// Cuts both triangles of an edge, after those beside it of which it is not the longest. What that flips is not cut.
   void bisect(const Edge& edge) {
     const Edge back{edge.second, edge.first};
     for (const Edge& side : {edge, back})
-      for (Edge longest; order_of(longest = longest_edge(left_of_.at(side))) != order_of(edge);)
+      while (left_of_.count(side) > 0) {
+        const Edge longest = longest_edge(left_of_.at(side));
+        if (order_of(longest) == order_of(edge)) break;
         bisect(longest);
+      }
+    if (left_of_.count(edge) == 0) return;
     const int m = static_cast<int>(X_.size());
     X_.emplace_back((X_[edge.first] + X_[edge.second]) / 2);
-    const Eigen::Vector3i left = before_.col(parent_[left_of_.at(edge)]),
-                          right = before_.col(parent_[left_of_.at(back)]);
-    between_.push_back(left);
-    if (left != right)  // the edge is a part of one that the two triangles shared before
-      for (int c = 0; c < 3; ++c)
-        if ((right.array() != left[c]).all()) between_.back()[c] = left[(c + 1) % 3];
+    between_.push_back(
+        between_halves(between_[edge.first], between_[edge.second], before_.col(parent_[left_of_.at(edge)])));
+    std::vector<Edge> around;
     for (const Edge& side : {edge, back}) {
       const auto found = left_of_.find(side);
       const int f = found->second;
@@ -155,11 +196,15 @@ class Cutter {
       const int apex = t.sum() - edge.first - edge.second;
       set_triangle(f, {side.first, m, apex});
       add_triangle({m, side.second, apex}, parent_[f], longest_[f]);
+      around.insert(around.end(), {{apex, side.first}, {side.second, apex}});
     }
+    if (parts_ != nullptr) flip(std::move(around), false);
   }
 
   const Eigen::Matrix3Xi& before_;  ///< triangles before any cut
   const int most_;
+  const std::vector<std::vector<bool>>* parts_ = nullptr;  ///< of vertices before; flips are allowed
+  double off_ = 0;                                         ///< kOff in m
   std::vector<Eigen::Vector3d> X_;
   std::vector<Eigen::Vector3i> between_, F_;
   std::vector<int> parent_;
@@ -208,12 +253,20 @@ SurfaceMesh cut_surface(const SurfaceMesh& surface, const Eigen::VectorXd& longe
   return Cutter(surface, longest, most).cut();
 }
 
-CutSurface cut_across(const SurfaceMesh& surface, double across, double coarser) {
+Eigen::Vector3i between_halves(const Eigen::Vector3i& a, const Eigen::Vector3i& b,
+                               const Eigen::Vector3i& corners) {
+  std::set<int> ends(a.begin(), a.end());
+  ends.insert(b.begin(), b.end());
+  return ends.size() == 2 ? Eigen::Vector3i(*ends.begin(), *ends.rbegin(), *ends.begin()) : corners;
+}
+
+CutSurface cut_across(const SurfaceMesh& surface, double across, double coarser,
+                      const std::vector<std::vector<bool>>& parts) {
   constexpr int kPerVertex = 4, kAlways = 5000;
   if (across == 0) return {surface, false};
   const int most = std::max(kPerVertex * static_cast<int>(surface.X.cols()), kAlways);
   Cutter cutter(surface, coarser * edges_across(surface, across), most);
-  cutter.flip_caps();
+  cutter.flip_within_planes(parts);
   SurfaceMesh cut = cutter.cut();
   const bool is_bounded = cut.X.cols() >= most;
   if (cut.X.cols() == surface.X.cols() && !cutter.is_flipped()) return {surface, false};

@@ -68,3 +68,25 @@ inline testbed::meshing::SurfaceMesh shifted(testbed::meshing::SurfaceMesh mesh,
   mesh.X.colwise() += by;
   return mesh;
 }
+
+/// A plate of 2 x 0.8 x 0.2 m on n points along one edge, all of whose faces' triangles meet in one far corner.
+inline testbed::meshing::SurfaceMesh fanned_plate(int n) {
+  testbed::meshing::SurfaceMesh plate{Eigen::Matrix3Xd(3, 2 * (n + 2)), Eigen::Matrix3Xi(3, 4 * (n + 1))};
+  const int m = n + 2;  // corners of its outline
+  for (int i = 0; i < m; ++i) {
+    const Eigen::Vector2d x =
+        i < n ? Eigen::Vector2d(2. * i / (n - 1), 0) : Eigen::Vector2d(i == n ? 2 : 0, 0.8);
+    plate.X.col(i) << x, 0;
+    plate.X.col(m + i) << x, 0.2;
+  }
+  int f = 0;
+  for (int i = 0; i < m; ++i) {
+    const int j = (i + 1) % m;
+    plate.F.col(f++) << i, j, m + j;
+    plate.F.col(f++) << i, m + j, m + i;
+    if (j == m - 1 || i == m - 1) continue;
+    plate.F.col(f++) << j, i, m - 1;
+    plate.F.col(f++) << m + i, m + j, 2 * m - 1;
+  }
+  return plate;
+}

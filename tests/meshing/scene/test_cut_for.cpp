@@ -3,6 +3,7 @@
 #include "meshing/scene/scene.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
+#include "tests/meshing/surfaces.h"
 
 namespace testbed::meshing {
 namespace {
@@ -73,6 +74,42 @@ TEST(CutFor, LeavesABodyThatNothingHoldsAsItIs) {
   Scene scene = clamped_bar(3);
   scene.supports.clear();
   EXPECT_EQ(cut_for(scene, bar).surface.X, bar.X);
+}
+
+/// Scenes that name a part of the surface in each of the ways there are.
+std::vector<Scene> scenes_of(const Region& region) {
+  Support support;
+  support.region = region;
+  Seam from, to;
+  from.from = region;
+  to.to = region;
+  Load load;
+  load.region = region;
+  Handle handle;
+  handle.region = region;
+  std::vector<Scene> scenes(5);
+  scenes[0].supports = {support};
+  scenes[1].loads = {load};
+  scenes[2].handles = {handle};
+  scenes[3].seams = {from};
+  scenes[4].seams = {to};
+  return scenes;
+}
+
+TEST(CutFor, LeavesTheAreaOfEveryRegion) {
+  const SurfaceMesh plate = fanned_plate(21);
+  for (const bool is_relative : {false, true}) {
+    const Region region{HalfSpace{{is_relative ? 0.45 : 0.9, 0, 0}, {1, 0, 0}}, is_relative};
+    const double area = area_of(triangles_in(region, plate), plate);
+    ASSERT_GT(area, 0.5);
+    for (const Scene& scene : scenes_of(region)) {
+      const SurfaceMesh cut = cut_for(scene, plate).surface;
+      ASSERT_GT(cut.X.cols(), plate.X.cols());
+      EXPECT_NEAR(area_of(triangles_in(region, cut), cut), area, 1e-12);
+    }
+    const SurfaceMesh cut = cut_for({}, plate).surface;
+    EXPECT_GT(std::abs(area_of(triangles_in(region, cut), cut) - area), 0.01) << "where no scene names it";
+  }
 }
 
 }  // namespace

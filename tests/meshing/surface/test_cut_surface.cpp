@@ -3,11 +3,13 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <set>
 
 #include "meshing/surface/cut_surface.h"
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
+#include "tests/meshing/surfaces.h"
 
 using namespace testbed::meshing;
 
@@ -194,7 +196,11 @@ TEST(CutAcross, ChangesNothingThatIsThickEnoughAndIsBoundedInThinSheets) {
   EXPECT_EQ(cut_across(sheet, 0).surface.F, sheet.F);
   const CutSurface cut = cut_across(sheet, 1);
   EXPECT_FALSE(cut.is_bounded);
-  EXPECT_LE(edge_lengths(cut.surface, 0).maxCoeff(), 0.3);
+  const Eigen::Matrix3Xd vectors = area_vectors(cut.surface.X, cut.surface.F);
+  for (Eigen::Index f = 0; f < cut.surface.F.cols(); ++f)
+    if (std::abs(vectors(2, f)) > kRounding) {
+      EXPECT_LE(edge_lengths(cut.surface, f).maxCoeff(), 0.3);
+    }
   const CutSurface bounded = cut_across(sheet, 10);
   EXPECT_TRUE(bounded.is_bounded);
   EXPECT_GE(bounded.surface.X.cols(), 5000);
@@ -229,4 +235,85 @@ TEST(CutAcross, LeavesFlatCapsThatStandOutOfThePlaneAndNeedlesOfAShortEdge) {
   EXPECT_EQ(cut_across(ridge.plate, 1e-3, 1e9).surface.F, ridge.plate.F);
   const SurfaceMesh blade = box({1, 0.5, 5e-5});
   EXPECT_EQ(cut_across(blade, 1e-3, 1e9).surface.F, blade.F);
+}
+
+TEST(CutAcross, LeavesNoNeedleInAPlane) {
+  const SurfaceMesh plate = fanned_plate(41), cut = cut_across(plate, 1).surface;
+  ASSERT_NO_THROW(check_closed(plate, "plate"));
+  EXPECT_NO_THROW(check_closed(cut, "cut"));
+  EXPECT_EQ(cut.X.leftCols(plate.X.cols()), plate.X);
+  EXPECT_EQ(cut.cuts.F, plate.F);
+  EXPECT_NEAR(volume(cut.X, cut.F), volume(plate.X, plate.F), kRounding);
+  EXPECT_LT(least_angle(plate), 0.05);
+  EXPECT_GT(least_angle(cut), 0.19) << "of the sides, whose edges are 0.05 and 0.2 m long";
+  const Eigen::VectorXd longest = edges_across(plate, 1);
+  EXPECT_LE(longest_edges(cut).maxCoeff(), longest.maxCoeff());
+  EXPECT_LT(cut.X.cols(), cut_surface(plate, longest, 100000).X.cols() / 2);
+  // No vertex lies within the circle about the corners of a triangle of the same plane.
+  for (const auto& t : cut.F.colwise()) {
+    const Eigen::Vector3d a = cut.X.col(t[0]), p = cut.X.col(t[1]) - a, q = cut.X.col(t[2]) - a,
+                          n = p.cross(q);
+    const Eigen::Vector3d to_centre =
+        (p.squaredNorm() * q.cross(n) + q.squaredNorm() * n.cross(p)) / (2 * n.squaredNorm());
+    for (const auto& x : cut.X.colwise())
+      if (std::abs(n.dot(x - a)) < kRounding) {
+        EXPECT_GT((x - a - to_centre).norm(), 0.99 * to_centre.norm());
+      }
+  }
+}
+
+namespace {
+
+/// Whether a point lies among those (3 x n) of a vertex, an edge or a triangle.
+bool lies_among(const Eigen::Vector3d& x, const Eigen::Matrix3Xd& corners) {
+  Eigen::Matrix4Xd sum(4, corners.cols());  // with weights of sum 1
+  sum << corners, Eigen::RowVectorXd::Ones(corners.cols());
+  const Eigen::VectorXd weights = sum.colPivHouseholderQr().solve(x.homogeneous());
+  return (sum * weights - x.homogeneous()).norm() < 1e-9 && weights.minCoeff() > -1e-9;
+}
+
+class Parts : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Surface, Parts, testing::Range(0, 12));
+
+}  // namespace
+
+TEST_P(Parts, HoldTheSameOfACutSurface) {
+  const SurfaceMesh plate = fanned_plate(11);
+  const Eigen::Index n = plate.X.cols();
+  std::srand(GetParam());
+  // Some vertices drawn at random, few or nearly all, and those of a half space.
+  std::vector<std::vector<bool>> parts(2, std::vector<bool>(n));
+  for (Eigen::Index v = 0; v < n; ++v) {
+    parts[0][v] = std::rand() % 12 >= GetParam();
+    parts[1][v] = plate.X(0, v) < 0.19 * GetParam();
+  }
+  const SurfaceMesh once = cut_across(plate, 1, 1, parts).surface;
+  ASSERT_GT(once.X.cols(), 2 * n);
+  for (const SurfaceMesh& cut : {once, cut_surface(once, longest_edges(once) / 2, 100000)}) {
+    const auto has = [&](const std::vector<bool>& part, const Eigen::Vector3i& of) {
+      return std::all_of(of.begin(), of.end(), [&](int v) { return part[v]; });
+    };
+    for (const std::vector<bool>& part : parts) {
+      // By brute force: what lies in a triangle, on an edge or at a vertex that the part has.
+      const auto is_held = [&](const Eigen::Vector3d& x) {
+        for (const auto& t : plate.F.colwise()) {
+          std::vector<int> of;
+          for (const int v : t)
+            if (part[v]) of.push_back(v);
+          if (!of.empty() && lies_among(x, plate.X(Eigen::all, of))) return true;
+        }
+        return false;
+      };
+      const auto is_loaded = [&](const Eigen::Vector3d& x) {
+        for (const auto& t : plate.F.colwise())
+          if (has(part, t) && lies_among(x, plate.X(Eigen::all, t))) return true;
+        return false;
+      };
+      for (Eigen::Index v = 0; v < cut.X.cols(); ++v)
+        EXPECT_EQ(has(part, cut.cuts.between.col(v)), is_held(cut.X.col(v))) << cut.X.col(v).transpose();
+      for (Eigen::Index f = 0; f < cut.F.cols(); ++f)
+        EXPECT_EQ(has(part, plate.F.col(cut.cuts.parent[f])),
+                  is_loaded(cut.X(Eigen::all, cut.F.col(f)).rowwise().mean()));
+    }
+  }
 }
