@@ -158,11 +158,13 @@ std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& s
     warn(place_of(scene, "surface", file), "the body measures ", box(0), " x ", box(1), " x ", box(2),
          " m: are its coordinates millimetres? --units mm, or surface.unit = \"mm\", says so");
   constexpr double kMostNeedles = 0.01;  // of the triangles
-  const Needles needles = needles_of(surface);
-  const auto n = static_cast<double>(surface.F.cols());
+  const SurfaceMesh cut = cut_for(scene, surface).surface;
+  const Needles needles = needles_of(cut);
+  const auto n = static_cast<double>(cut.F.cols());
   const std::string& source = scene.surface.file;
   if (needles.n > kMostNeedles * n)
-    warn(source, ": ", needles.n, " of ", surface.F.cols(), " triangles are needles (aspect above ",
+    warn(source, ": ", needles.n, " of ", n,
+         cut.cuts.F.size() > 0 ? " triangles as they are cut" : " triangles", " are needles (aspect above ",
          kNeedleAspect, ", at worst ", needles.worst,
          "), which meshers take minutes for or fail on: ", "./testbed run --remesh makes an even surface");
   if (const auto pairs = self_intersections(surface); !pairs.empty())

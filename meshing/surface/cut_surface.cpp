@@ -102,15 +102,14 @@ class Cutter {
     return part[corners[0]] && part[corners[1]] && part[corners[2]];
   }
 
-  /// Whether every part holds the same of the surface when edge bd takes the place of ac between two triangles.
-  bool leaves_parts(int f, int g, int a, int b, int c, int d) const {
+  /// Whether every part holds the same of the surface when edge bd takes the place of ac, at triangle f.
+  bool leaves_parts(int f, int a, int b, int c, int d) const {
     return std::all_of(parts_->begin(), parts_->end(), [&](const std::vector<bool>& part) {
       const bool is_face_in = is_in(part, before_.col(parent_[f]));
       const auto is_edge_in = [&](int v, int w) {
         return is_in(part, between_[v]) && is_in(part, between_[w]);
       };
-      return is_in(part, before_.col(parent_[g])) == is_face_in && is_edge_in(a, c) == is_face_in &&
-             is_edge_in(b, d) == is_face_in;
+      return is_edge_in(a, c) == is_face_in && is_edge_in(b, d) == is_face_in;
     });
   }
 
@@ -138,7 +137,7 @@ class Cutter {
                                (is_flat || of_f.dot(of_g) >= (1 - kAligned) * of_f.norm() * of_g.norm());
       const bool is_upright = std::min(area_vector(first).dot(normal), area_vector(second).dot(normal)) > 0;
       if (!is_in_plane || !is_upright || left_of_.count({b, d}) + left_of_.count({d, b}) > 0) continue;
-      if (!is_flat && !leaves_parts(f, g, a, b, c, d)) continue;
+      if (!is_flat && !leaves_parts(f, a, b, c, d)) continue;
       left_of_.erase({a, c});
       left_of_.erase({c, a});
       const Eigen::Vector3d across = normal.cross(X_[a] - X_[c]);  // from the edge into f

@@ -330,8 +330,17 @@ TEST(WarningsAbout, NameAUnitThatNormalisingMakesVoid) {
 TEST(WarningsAbout, NameNeedlesWithTheirShareAndTheCommandThatHelps) {
   SurfaceMesh surface = make_shape("ball", 162);
   surface.X.row(2) *= 1e-3;
-  expect_parts(warnings(loaded_ball(), surface),
-               {"of 320 triangles are needles (aspect above 100", "run --remesh"});
+  Scene scene = loaded_ball();
+  scene.surface.across = 0;
+  expect_parts(warnings(scene, surface), {"of 320 triangles are needles (aspect above 100", "run --remesh"});
+}
+
+TEST(WarningsAbout, NameNoNeedlesThatCutsMend) {
+  const SurfaceMesh plate = fanned_plate(301);
+  Scene scene = loaded_ball();
+  EXPECT_EQ(warnings(scene, plate), "");
+  scene.surface.across = 0;
+  expect_parts(warnings(scene, plate), {" of 1208 triangles are needles"});
 }
 
 TEST(WarningsAbout, NameASurfaceThatCrossesItselfAndTheCommandThatHelps) {
