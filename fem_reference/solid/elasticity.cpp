@@ -95,11 +95,10 @@ void ElasticSolid::Implementation::find_rigid_motions(const Matrix3Xd& at) {
 void ElasticSolid::Implementation::check_balance() const {
   constexpr const char* kExpected = "more supports, balanced loads or reference.inertia_relief";
   if (share.is_whole) return meshing::check_balance(nodes.X, rigid, load.reshaped(3, u.cols()), kExpected);
-  constexpr double kBalanced = 1e-8;  // as there
   Eigen::VectorXd driven = rigid.transpose() * load;
   sum_over_processes(driven);
   const Matrix3Xd forces = load.reshaped(3, u.cols());
-  if (driven.norm() <= kBalanced * share.norm(forces)) return;
+  if (driven.norm() <= meshing::kBalanced * share.norm(forces)) return;
   const int n = share.n_nodes;
   const Matrix3Xd X = share.gather(nodes.X, n), whole = share.gather(forces, n);
   Eigen::MatrixXd motions(X.size(), rigid.cols());

@@ -40,7 +40,6 @@ Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions,
 
 void check_balance(const Eigen::Matrix3Xd& X, const Eigen::MatrixXd& free, const Eigen::Matrix3Xd& load,
                    const std::string& expected) {
-  constexpr double kBalanced = 1e-8;  // rounding of a sum over many nodes
   if ((free.transpose() * load.reshaped()).norm() <= kBalanced * load.norm()) return;
   const char* const names[] = {"shift along x", "shift along y", "shift along z",
                                "turn about x",  "turn about y",  "turn about z"};

@@ -41,6 +41,9 @@ Eigen::MatrixXd free_combinations(const Eigen::Matrix<double, 6, 6>& constrained
 Eigen::MatrixXd free_rigid_motions(const Eigen::MatrixXd& motions,
                                    const Eigen::Matrix<double, 6, 6>& constrained);
 
+/// Parts of a load that may drive free rigid motions, of its norm: a cut surface holds a body's volume to a millionth.
+constexpr double kBalanced = 1e-5;
+
 /// That a load drives no free rigid motion.
 /// @param X         3 x n (m)
 /// @param free      see free_rigid_motions
