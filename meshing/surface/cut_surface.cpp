@@ -119,7 +119,7 @@ class Cutter {
     constexpr double kHalfTurn = 3.14159265358979323846, kTie = 1e-4;  // rad
     constexpr double kAligned = 1e-6;  // of one less the cosine between two normals
     while (!edges.empty()) {
-      const auto [c, a] = edges.back();
+      const int c = edges.back().first, a = edges.back().second;
       edges.pop_back();
       const auto left = left_of_.find({c, a});
       if (left == left_of_.end()) continue;
