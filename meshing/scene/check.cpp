@@ -160,10 +160,9 @@ std::vector<std::string> warnings_about(const Scene& scene, const SurfaceMesh& s
   constexpr double kMostNeedles = 0.01;  // of the triangles
   const SurfaceMesh cut = cut_for(scene, surface).surface;
   const Needles needles = needles_of(cut);
-  const auto n = static_cast<double>(cut.F.cols());
   const std::string& source = scene.surface.file;
-  if (needles.n > kMostNeedles * n)
-    warn(source, ": ", needles.n, " of ", n,
+  if (needles.n > kMostNeedles * static_cast<double>(cut.F.cols()))
+    warn(source, ": ", needles.n, " of ", cut.F.cols(),
          cut.cuts.F.size() > 0 ? " triangles as they are cut" : " triangles", " are needles (aspect above ",
          kNeedleAspect, ", at worst ", needles.worst,
          "), which meshers take minutes for or fail on: ", "./testbed run --remesh makes an even surface");

@@ -1,6 +1,7 @@
 // Small changes to surfaces, shared by the tests of meshing.
 #pragma once
 
+#include <Eigen/QR>
 #include <cmath>
 
 #include "meshing/base/mesh.h"
@@ -89,4 +90,13 @@ inline testbed::meshing::SurfaceMesh fanned_plate(int n) {
     plate.F.col(f++) << m + i, m + j, 2 * m - 1;
   }
   return plate;
+}
+
+/// Whether a point is a mean of others (3 x n), some of which may be the same.
+inline bool lies_among(const Eigen::Vector3d& x, const Eigen::Matrix3Xd& corners) {
+  Eigen::Matrix4Xd A(4, corners.cols());
+  A << corners, Eigen::RowVectorXd::Ones(corners.cols());
+  const Eigen::Vector4d b(x[0], x[1], x[2], 1);
+  const Eigen::VectorXd weights = A.completeOrthogonalDecomposition().solve(b);
+  return (A * weights - b).norm() < 1e-12 && weights.minCoeff() > -1e-12;
 }

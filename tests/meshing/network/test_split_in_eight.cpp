@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <Eigen/QR>
 #include <limits>
 #include <set>
 
@@ -11,6 +10,7 @@
 #include "meshing/surface/shapes.h"
 #include "meshing/surface/surface.h"
 #include "meshing/tetrahedra/tet_mesh.h"
+#include "tests/meshing/surfaces.h"
 
 using namespace testbed::meshing;
 
@@ -18,15 +18,6 @@ namespace {
 
 SpringNetwork torus() {
   return build_network(make_shape("torus", 120), {}, false, true);
-}
-
-/// Whether a point is a mean of three, which may be the same.
-bool lies_among(const Eigen::Vector3d& x, const Eigen::Matrix3d& corners) {
-  Eigen::Matrix<double, 4, 3> A;
-  A << corners, Eigen::RowVector3d::Ones();
-  const Eigen::Vector4d b(x[0], x[1], x[2], 1);
-  const Eigen::Vector3d weights = A.completeOrthogonalDecomposition().solve(b);
-  return (A * weights - b).norm() < 1e-12 && weights.minCoeff() > -1e-12;
 }
 
 SurfaceMesh surface_of(const SpringNetwork& network) {

@@ -264,14 +264,6 @@ TEST(CutAcross, LeavesNoNeedleInAPlane) {
 
 namespace {
 
-/// Whether a point lies among those (3 x n) of a vertex, an edge or a triangle.
-bool lies_among(const Eigen::Vector3d& x, const Eigen::Matrix3Xd& corners) {
-  Eigen::Matrix4Xd sum(4, corners.cols());  // with weights of sum 1
-  sum << corners, Eigen::RowVectorXd::Ones(corners.cols());
-  const Eigen::VectorXd weights = sum.colPivHouseholderQr().solve(x.homogeneous());
-  return (sum * weights - x.homogeneous()).norm() < 1e-9 && weights.minCoeff() > -1e-9;
-}
-
 class Parts : public testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Surface, Parts, testing::Range(0, 12));
 
