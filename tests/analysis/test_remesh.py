@@ -181,11 +181,12 @@ def test_a_run_remeshes_the_same_surface_once_and_says_so(tmp_path, ball, monkey
     assert "642 vertices" in sentence
     assert f"It lies at most 0.004 from {file}, and that at most 0.002 from it" in sentence
     assert "Parts that touched were set apart, at 2 vertices and edges." in sentence
-    for other in (file, tmp_path / "another" / new.name):
+    of_another = remeshed_of(file, tmp_path / "another")
+    for other in (file, of_another):
         assert sentence_of({"surface": {"file": str(other)}}, folder) == ""
     file.write_text(file.read_text() + "\n# changed\n")
     remeshed_of(file, folder)
-    assert len(made) == 2 and json.loads(new.with_suffix(".json").read_text())["done"]["edge"] == 0.1
+    assert len(made) == 3 and json.loads(new.with_suffix(".json").read_text())["done"]["edge"] == 0.1
 
 
 def test_the_command_line_takes_lengths():
