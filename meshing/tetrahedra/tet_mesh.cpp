@@ -58,6 +58,11 @@ void check_tetrahedra(const TetMesh& mesh, const SurfaceMesh& surface) {
   if (n_surface != surface.X.cols() || X.leftCols(n_surface) != surface.X) fail("surface vertices moved");
   if (F != surface.F) fail("boundary triangles are not the surface's");
 
+  std::vector<bool> has_some(X.cols());
+  for (int v : T.reshaped()) has_some[v] = true;
+  if (const auto lone = std::find(has_some.begin(), has_some.end(), false); lone != has_some.end())
+    fail("node " + std::to_string(lone - has_some.begin()) + " is a corner of none");
+
   double total = 0;
   for (int t = 0; t < T.cols(); ++t) {
     const double V = tet_volume(X, T.col(t));

@@ -6,7 +6,7 @@
 namespace testbed::meshing {
 
 /// The surface's vertices must be the mesh's first nodes bit for bit, and its triangles the boundary faces.
-/// Every volume must be positive, and they must add up to the surface's.
+/// Every node must be a corner, every volume positive, and they must add up to the surface's.
 /// @throws std::runtime_error otherwise.
 void check_tetrahedra(const TetMesh& mesh, const SurfaceMesh& surface);
 

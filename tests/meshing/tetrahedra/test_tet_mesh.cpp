@@ -45,6 +45,10 @@ TEST(CheckTetrahedra, SeesEveryFault) {
   bad = good;
   bad.T.resize(4, 0);
   expect(bad, "none");
+  bad = good;
+  bad.X.conservativeResize(3, bad.X.cols() + 1);
+  bad.X.rightCols(1).setZero();
+  expect(bad, "node " + std::to_string(good.X.cols()) + " is a corner of none");
   SurfaceMesh other = surface;
   other.F.col(5) = other.F.col(5).reverse().eval();
   EXPECT_EQ(complaint(good, other), "tetrahedra: boundary triangles are not the surface's");
@@ -55,12 +59,14 @@ TEST(CheckTetrahedra, SeesFacesThatDoNotFitWhereTheVolumeDoes) {
   SurfaceMesh surface{Eigen::Matrix3Xd(3, 4), Eigen::Matrix3Xi(3, 4)};
   surface.X << 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1;
   surface.F << 0, 0, 0, 1, 2, 1, 3, 2, 1, 3, 2, 3;
-  TetMesh good{Eigen::Matrix3Xd(3, 6), Eigen::Matrix4Xi(4, 4), surface.F, 4};
-  good.X << surface.X, Eigen::Matrix<double, 3, 2>::Constant(0.25);  // the centroid twice
+  TetMesh good{Eigen::Matrix3Xd(3, 5), Eigen::Matrix4Xi(4, 4), surface.F, 4};
+  good.X << surface.X, Eigen::Vector3d::Constant(0.25);  // the centroid
   for (int f = 0; f < 4; ++f) good.T.col(f) << surface.F(0, f), surface.F(2, f), surface.F(1, f), 4;
   ASSERT_EQ(complaint(good, surface), "");
 
   TetMesh cracked = good;
+  cracked.X.conservativeResize(3, 6);
+  cracked.X.col(5) = cracked.X.col(4);
   cracked.T(3, 2) = cracked.T(3, 3) = 5;
   EXPECT_EQ(complaint(cracked, surface),
             "tetrahedra: 0 surface triangles are not on their boundary, which has 12 faces, expected 4");
