@@ -44,7 +44,7 @@ TEST(CheckTetrahedra, SeesEveryFault) {
   expect(bad, "of the surface's volume");
   bad = good;
   bad.T.resize(4, 0);
-  expect(bad, "none");
+  expect(bad, "none were made");
   bad = good;
   bad.X.conservativeResize(3, bad.X.cols() + 1);
   bad.X.rightCols(1).setZero();
