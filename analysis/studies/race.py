@@ -288,18 +288,19 @@ class SceneStudy:
                 m.message = str(known)
             else:
                 _, m.reference_error = known
-        slow: dict[tuple[Method, float], int] = {}  # number of the rung that took too long
+        slow: dict[Method, int] = {}  # number of the rung that took too long
         n_draws = max(m.method.n_draws(self.effort) for m in self.measurements)
         for draw in range(n_draws):
             for number, m in enumerate(self.measurements, 1):
                 if draw >= m.method.n_draws(self.effort) or (m.message and not m.outcomes):
                     continue
-                if number > slow.get((m.method, m.rung.target), number):
+                if number > slow.get(m.method, number):
                     m.message = "not tried: beyond the time limit on a coarser rung"
                     continue
                 self._draw(m, draw)
-                if m.message.startswith("time limit"):
-                    slow.setdefault((m.method, m.rung.target), number)
+                # A target can cost less on a finer surface, to which fewer nodes are added.
+                if m.message.startswith("time limit") and not m.rung.target:
+                    slow.setdefault(m.method, number)
                 done = f"{self.name} [{draw + 1}/{n_draws}, {number}/{len(self.measurements)}]"
                 said = m.message or f"{m.outcomes[-1].wall:.2f} s"
                 say(f"{done} {m.method.name} x {m.rung.size:g}: {said}", is_quiet)

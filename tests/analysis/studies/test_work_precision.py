@@ -427,6 +427,20 @@ def test_methods_beyond_the_time_limit_are_not_tried_on_finer_rungs(tmp_path):
     assert all(len(row) == len(head) for row in rows)
 
 
+def test_targets_beyond_the_time_limit_are_tried_on_finer_surfaces(tmp_path):
+    class Adapting(Ladder):
+        """Nodes for a target take too long on the coarser of two surfaces."""
+
+        def run(self, request):
+            outcome = super().run(request)
+            is_slow = {"surface.n_vertices=321", "network.target_error=0.02"} <= set(request.overrides)
+            return Outcome("time limit", "stopped", 9, 9, 0) if is_slow else outcome
+
+    study = study_over(Adapting(tmp_path), STATIC, factors=(0.5, 1))
+    said = {(m.rung.size, m.rung.target): m.message for m in study.measurements if m.message}
+    assert said == {(0.5, 0.02): "time limit: stopped"}
+
+
 @pytest.mark.parametrize("cores, panels", [({0}, 2), ({0, 1}, 3)])
 def test_two_threads_are_timed_where_there_are_two_cores(cores, panels, tmp_path, monkeypatch):
     monkeypatch.setattr(race.os, "sched_getaffinity", lambda _: cores)
