@@ -34,14 +34,15 @@ SpringNetwork network_on(const SurfaceMesh& surface, const Scene& scene) {
 
 /// Throws where it has none.
 void balance(Simulation& simulation) {
-  simulation.advance();
+  while (!simulation.has_ended()) simulation.advance();
   if (simulation.status() != Status::Ok)
     throw std::runtime_error("on " + std::to_string(simulation.model().network.X.cols()) +
                              " nodes, to estimate the error: " + simulation.report().reason);
 }
 
+/// But where there is friction, as what that holds depends on the steps.
 Scene in_one_step(Scene scene) {
-  scene.time.load_steps = 1;
+  if (!has_friction(scene)) scene.time.load_steps = 1;
   return scene;
 }
 
@@ -111,8 +112,10 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
   loosely.time.residual = std::max(residual, scene.time.residual);
   loosely.network.mass = MassMatrix::Lumped;  // what a consistent one takes to set up serves motions alone
   Simulation simulation(loosely, finer);
-  if (coarse) simulation.set_coarser(between, *coarse);
-  if (!has_friction(scene)) simulation.start_at(interpolated(u, between));
+  if (!has_friction(scene)) {  // what that holds depends on the way
+    if (coarse) simulation.set_coarser(between, *coarse);
+    simulation.start_at(interpolated(u, between));
+  }
   balance(simulation);
 
   const Eigen::Index n = network.n_surface;

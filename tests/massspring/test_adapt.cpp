@@ -209,6 +209,27 @@ TEST(ErrorEstimate, OfABallPressedByAPlateIsThatOfTheFinerNetworkSolvedToTheEnd)
   EXPECT_TRUE(has_friction(scene));
 }
 
+TEST(ErrorEstimate, OfABodyThatFrictionHoldsIsThatOfTheFinerNetworkInAsManySteps) {
+  Scene scene = bent_bar(49);
+  scene.surface.size = {1, 1, 1};
+  scene.gravity.reset();
+  scene.supports.clear();
+  for (const double y : {0., 1.})
+    scene.obstacles.push_back(
+        {HalfSpace{{0, y, 0}, {0, 1 - 2 * y, 0}}, {{0, 0, 0, 0}, {1, 0, 0.125 * (1 - 2 * y), 0}}});
+  for (Obstacle& plate : scene.obstacles) plate.friction = 0.2;
+  scene.material.law = MaterialLaw::NeoHookean;
+  scene.time.load_steps = 6;
+  const SpringNetwork network = network_of(scene);
+  constexpr double kTarget = 0.1;
+  const AdaptedSurface adapted = adapt_surface(scene, load_surface(scene.surface), kTarget);
+  EXPECT_TRUE(adapted.is_reached);
+  const Matrix3Xd u = displacement_on(network, scene, network.X.cols());
+  const double expected = error_by_finer(scene, network, u);
+  EXPECT_NEAR(adapted.estimate.error, expected, 0.01 * expected);
+  EXPECT_EQ(adapted.n_nodes, std::vector<int>{static_cast<int>(network.X.cols())});
+}
+
 // They hold it, so that how far it sinks as a whole is part of what the error is over.
 TEST(ErrorEstimate, OfABodyThatHandlesHoldCountsRigidMotions) {
   Scene scene = bent_bar(60);
