@@ -40,8 +40,8 @@ void balance(Simulation& simulation) {
                              " nodes, to estimate the error: " + simulation.report().reason);
 }
 
-/// But where there is friction, as what that holds depends on the steps.
-Scene in_one_step(Scene scene) {
+/// One, but the scene's where there is friction, as what that holds depends on the way.
+Scene in_fewest_steps(Scene scene) {
   if (!has_friction(scene)) scene.time.load_steps = 1;
   return scene;
 }
@@ -108,11 +108,11 @@ ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, c
     throw std::runtime_error(std::to_string(network.X.cols()) + " nodes, of at most " + std::to_string(most) +
                              " whose error is estimated");
   const auto [finer, between] = split_in_eight(network);
-  Scene loosely = in_one_step(scene);
+  Scene loosely = in_fewest_steps(scene);
   loosely.time.residual = std::max(residual, scene.time.residual);
   loosely.network.mass = MassMatrix::Lumped;  // what a consistent one takes to set up serves motions alone
   Simulation simulation(loosely, finer);
-  if (!has_friction(scene)) {  // what that holds depends on the way
+  if (!has_friction(scene)) {
     if (coarse) simulation.set_coarser(between, *coarse);
     simulation.start_at(interpolated(u, between));
   }
@@ -155,7 +155,7 @@ double edges_over_thickness(const SpringNetwork& network) {
 AdaptedSurface adapt_surface(const Scene& scene, const SurfaceMesh& surface, double target) {
   AdaptedSurface adapted{surface, network_on(surface, scene), {}, {}, {}, false};
   while (true) {
-    Simulation simulation(in_one_step(scene), adapted.network);
+    Simulation simulation(in_fewest_steps(scene), adapted.network);
     balance(simulation);
     const Matrix3Xd u = simulation.snapshot().u;
     adapted.estimate = estimate_error(scene, adapted.network, u, &simulation);

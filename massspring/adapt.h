@@ -18,9 +18,9 @@ struct ErrorEstimate {
 
 /// Of an equilibrium of coupled springs under full load, by its distance to that of the same tetrahedra split in eight, as
 /// if errors fell with the square of their edges. The latter starts from the former and is solved to what an estimate
-/// needs. With friction it starts at rest and takes the scene's load steps.
+/// needs. With friction it starts undeformed and takes the scene's load steps.
 /// @param u       displacements (m), 3 x n
-/// @param coarse  simulation that found them, whose solver serves the finer network's; null: that has its own
+/// @param coarse  simulation that found them, whose solver serves the finer network's; null, or with friction: that has its own
 /// @throws std::runtime_error when the finer network finds no equilibrium or is too large, and where nothing deforms.
 ErrorEstimate estimate_error(const Scene& scene, const SpringNetwork& network, const Eigen::Matrix3Xd& u,
                              const Simulation* coarse = nullptr);

@@ -18,7 +18,7 @@ in their scenes, in six load steps, as what friction holds depends on the steps.
 which both shorten where it fails. Both stop at one residual: 1e-4 of load plus internal forces, and inertia, but 1e-6 of statics
 at large strain. A table tells how much a hundredth of these would change each error.
 
-What a method does not end within the time limit it is spared on finer surfaces. Adaptive springs are tried on each.
+A method that takes longer than the time limit is not tried on finer surfaces. Adaptive springs are tried on each.
 
 Runs are timed one at a time, interleaved: every method once, then every method again. Seconds are meshing, set-up and
 solution. Each program makes its own tetrahedra, so nothing is shared. The start of a program, the writing of files and what

@@ -228,6 +228,9 @@ TEST(ErrorEstimate, OfABodyThatFrictionHoldsIsThatOfTheFinerNetworkInAsManySteps
   const double expected = error_by_finer(scene, network, u);
   EXPECT_NEAR(adapted.estimate.error, expected, 0.01 * expected);
   EXPECT_EQ(adapted.n_nodes, std::vector<int>{static_cast<int>(network.X.cols())});
+  Simulation coarse(scene, network);
+  while (!coarse.has_ended()) coarse.advance();
+  EXPECT_EQ(estimate_error(scene, network, u, &coarse).error, estimate_error(scene, network, u).error);
 }
 
 // They hold it, so that how far it sinks as a whole is part of what the error is over.
