@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 #: Of what makes a folder count as finished: run.json of a run, outcome.json of a stored one, comparison.json of a pair, and
-#: what studies keep of their own.
-_RECORDS = ("run.json", "outcome.json", "comparison.json", "rows.json", "cells-*.csv")
+#: the cells that the study of stability keeps.
+_RECORDS = ("run.json", "outcome.json", "comparison.json", "cells-*.csv")
 
 
 def stamp_of(file: Path) -> dict[str, Any]:

@@ -2,13 +2,12 @@
 
 Bodies and loads are drawn as those of the accuracy study, a case for each body. Each is run as a user runs it, and the
 reference is then refined once more than the verdict's own. A verdict holds where the error against that one lies on the
-side of the bounds that it says. What is finished is kept.
+side of the bounds that it says. Runs that are finished are kept.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 from ..comparison import compare
@@ -48,10 +47,6 @@ def measure(bench: Bench, case: Case) -> list[Row]:
     scene, _ = bench.scenes(case)
     place = {"body": case.body.name, "kind": case.kind, "load": case.load, "nu": case.nu}
     folder = bench.folder / "cases" / f"{case.body.name}-{case.load}-{case.nu}"
-    kept = folder / "rows.json"
-    if kept.exists():
-        rows: list[Row] = json.loads(kept.read_text())
-        return rows
     models = ", ".join(f'"{model}"' for model in _MODELS[1:])
     overrides = [
         f"material.nu={case.nu}", f"network.calibration={SPRINGS}", f"comparison.calibrations=[{models}]"
@@ -69,7 +64,7 @@ def measure(bench: Bench, case: Case) -> list[Row]:
         truth = bench.elements(scene, case.nu, comparison.experiment.n_refinements + 1)
     except RunError as error:
         truth, why = None, str(error)
-    rows = []
+    rows: list[Row] = []
     for name, model in values["models"].items():
         row = {**place, "model": name, "seconds": f"{comparison.experiment.seconds:.3g}"}
         if not has_figures(model):
@@ -88,7 +83,6 @@ def measure(bench: Bench, case: Case) -> list[Row]:
         error_found = error_of(comparison.runs[name], truth)
         is_right = "" if verdict == "undecided" else str(holds(verdict, error_found))
         rows.append({**row, "error": f"{error_found:.5g}", "holds": is_right})
-    write_text(kept, json.dumps(rows))
     return rows
 
 

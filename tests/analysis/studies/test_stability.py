@@ -146,9 +146,8 @@ def test_program_that_breaks_down_is_no_map(tmp_path: Path):
 
 def test_what_forget_takes_away_are_the_cells_too(tmp_path):
     """--force: cells would be taken for measured ones."""
-    kept, cells, rows = (tmp_path / name for name in ("cells.toml", "cells-uniform.csv", "study/rows.json"))
-    rows.parent.mkdir()
-    for file in (kept, cells, rows):
+    kept, cells = (tmp_path / name for name in ("cells.toml", "cells-uniform.csv"))
+    for file in (kept, cells):
         file.touch()
     forget(tmp_path)
-    assert [file.exists() for file in (kept, cells, rows)] == [True, False, False]
+    assert [file.exists() for file in (kept, cells)] == [True, False]
