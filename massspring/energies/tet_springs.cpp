@@ -283,6 +283,25 @@ void set_averages(const Matrix3Xd& X, const Matrix4Xi& T, const std::vector<Aver
     }
 }
 
+/// Patches that average as they are told.
+TetSprings couple(const Matrix3Xd& X, const Matrix4Xi& T, double mu, std::vector<Averages> all) {
+  TetSprings springs;
+  springs.mu = mu;
+  springs.first.push_back(0);
+  for (Averages& averages : all) append_nodes(X, T, averages, springs);
+  springs.node.shrink_to_fit();
+  if (!springs.subdomain_first.empty())
+    springs.subdomain_first.push_back(static_cast<int>(springs.first.size()) - 1);
+  lay_out_batches(springs);
+  set_averages(X, T, all, springs);
+  return springs;
+}
+
+/// A patch of each tetrahedron alone.
+Averages alone(const Matrix4Xi& T, const Eigen::MatrixXd& parts, double lambda) {
+  return {Eigen::RowVectorXi::LinSpaced(T.cols(), 0, static_cast<int>(T.cols()) - 1), parts, lambda, 0};
+}
+
 /// The nodes, and those that share a tetrahedron with them.
 std::vector<char> near(const std::vector<int>& nodes, Eigen::Index n_nodes, const Matrix4Xi& T) {
   std::vector<char> is_constrained(n_nodes, 0);
@@ -328,30 +347,38 @@ TetSprings couple_springs(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& la
     }
   }
   std::vector<Averages> all;
-  if (blend.tetrahedra > 0) {
-    const Eigen::MatrixXi own = Eigen::RowVectorXi::LinSpaced(T.cols(), 0, static_cast<int>(T.cols()) - 1);
-    all.push_back({own, everywhere(1, blend.tetrahedra), shared, 0});
-  }
+  if (blend.tetrahedra > 0) all.push_back(alone(T, everywhere(1, blend.tetrahedra), shared));
   if (blend.edges > 0) all.push_back({edge_numbers(T), std::move(edges), shared, 0});
   if (blend.nodes > 0) all.push_back({T, std::move(nodes), shared, lame.lambda - shared});
-  TetSprings springs;
-  springs.mu = lame.mu;
-  springs.first.push_back(0);
-  for (Averages& averages : all) append_nodes(X, T, averages, springs);
-  springs.node.shrink_to_fit();
-  if (!springs.subdomain_first.empty())
-    springs.subdomain_first.push_back(static_cast<int>(springs.first.size()) - 1);
-  lay_out_batches(springs);
-  set_averages(X, T, all, springs);
-  return springs;
+  return couple(X, T, lame.mu, std::move(all));
 }
 
-BlockMatrix stiffness_of_tetrahedra(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame) {
+Eigen::RowVectorXd parts_left_by_averages(const Matrix3Xd& X, const Matrix4Xi& T) {
+  constexpr double kAroundEdge = 5;  // tetrahedra, in the mean
+  const Eigen::MatrixXi edges = edge_numbers(T);
+  Eigen::VectorXd around = Eigen::VectorXd::Zero(edges.maxCoeff() + 1);
+  Eigen::RowVectorXd parts(T.cols());
+  for (Eigen::Index t = 0; t < T.cols(); ++t) {
+    parts[t] = tet_volume(X, T.col(t));
+    for (const int e : edges.col(t)) around[e] += parts[t];
+  }
+  for (Eigen::Index t = 0; t < T.cols(); ++t)
+    parts[t] = std::min(1., kAroundEdge * parts[t] * around(edges.col(t)).cwiseInverse().mean());
+  return parts;
+}
+
+TetSprings single_tetrahedra(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame,
+                             const Eigen::RowVectorXd& parts) {
+  return couple(X, T, lame.mu, {alone(T, parts, lame.lambda)});
+}
+
+BlockMatrix stiffness_of_tetrahedra(const Matrix3Xd& X, const Matrix4Xi& T, const Lame& lame,
+                                    const Eigen::RowVectorXd& parts) {
   std::vector<Eigen::Matrix<double, 3, 4>> gradients(T.cols());
   Eigen::VectorXd volume(T.cols());
   for (Eigen::Index t = 0; t < T.cols(); ++t) {
     gradients[t] = barycentric_gradients(X, T.col(t));
-    volume[t] = tet_volume(X, T.col(t));
+    volume[t] = parts[t] * tet_volume(X, T.col(t));
   }
   const auto n = static_cast<int>(X.cols());
   const Occurrences of_node = occurrences(T.reshaped(), n);

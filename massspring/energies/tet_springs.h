@@ -72,10 +72,19 @@ inline constexpr double kConstrainedNodes = 0.3;
 TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
                           const Blend& blend, const std::vector<int>& constrained = {});
 
-/// Stiffness at rest of single tetrahedra (N/m), the second derivative of (12) as couple_springs has it of kEdgeCoupled, and so
-/// that of linear elements: V (lambda b_i b_j^T + mu b_j b_i^T + mu b_i . b_j 1), b_i the gradients of barycentric
-/// coordinates. X 3 x n (m), T 4 x m of positive volume.
-BlockMatrix stiffness_of_tetrahedra(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame);
+/// Of the energy that a strain of one tetrahedron alone has, what averages around its edges leave, over what they leave among
+/// five equal ones around each edge: (5 / 6) sum over the edges of V over the volume around the edge, at most 1. A flat
+/// tetrahedron among others of more volume has hardly any left. X 3 x n (m), T 4 x m of positive volume.
+Eigen::RowVectorXd parts_left_by_averages(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T);
+
+/// The coupled springs of kEdgeCoupled, a part of each tetrahedron's energy.
+TetSprings single_tetrahedra(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
+                             const Eigen::RowVectorXd& parts);
+
+/// Their stiffness at rest (N/m), the second derivative of (12): parts of V (lambda b_i b_j^T + mu b_j b_i^T + mu b_i . b_j 1),
+/// b_i the gradients of barycentric coordinates. With parts of 1 it is that of linear elements.
+BlockMatrix stiffness_of_tetrahedra(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, const Lame& lame,
+                                    const Eigen::RowVectorXd& parts);
 
 /// Elastic energy (J) at displacements u (3 x n, m), the rest shape of patch p shrunk by scale(p): its energy is
 /// scale^3 V psi(F / scale). An empty scale stands for ones.

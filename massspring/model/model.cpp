@@ -313,9 +313,12 @@ BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state) {
     add_stiffness(model, state, K);
     return K;
   }
-  if (model.linear) return stiffness_of_tetrahedra(model.network.X, model.network.T, lame_of(model.material));
-  const TetSprings simple =
-      couple_springs(model.network.X, model.network.T, lame_of(model.material), kEdgeCoupled);
+  const auto& [X, T, F, n_surface] = model.network;
+  const bool is_simple = model.tet_springs->n_patches() == T.cols();
+  const Eigen::RowVectorXd parts =
+      is_simple ? Eigen::RowVectorXd::Ones(T.cols()).eval() : parts_left_by_averages(X, T);
+  if (model.linear) return stiffness_of_tetrahedra(X, T, lame_of(model.material), parts);
+  const TetSprings simple = single_tetrahedra(X, T, lame_of(model.material), parts);
   BlockMatrix K = make_block_matrix(static_cast<int>(state.x.cols()), pairs_of(simple));
   add_hessian(simple, displacement(model, state), K);
   mirror(K);

@@ -173,7 +173,8 @@ BlockMatrix stiffness_pattern(const MassSpringModel& model);
 void add_stiffness(const MassSpringModel& model, const State& state, BlockMatrix& K,
                    Curvature curvature = Curvature::Projected);
 
-/// Stiffness of the model, or where springs are coupled of its single tetrahedra alone, which is sparser.
+/// Stiffness of the model, or where springs are coupled of its single tetrahedra, which is sparser. Of each counts what
+/// averages would leave [parts_left_by_averages].
 BlockMatrix simple_stiffness(const MassSpringModel& model, const State& state);
 constexpr double kLocks = 0.49;  ///< Poisson's ratio beyond which single tetrahedra are a poor guide
 

@@ -24,7 +24,7 @@ BlockMatrix stiffness_at_rest(const MassSpringModel& model, const std::vector<Co
 
 using Preconditioner = std::variant<BlockCholesky, Multigrid>;
 
-/// Of K, the model's stiffness, or where coupled springs are not P1 already of that of P1.
+/// Of K, the model's stiffness, or where coupled springs are not P1 already of that of single tetrahedra.
 Preconditioner preconditioner_of(const MassSpringModel& model, const std::vector<Constraint>& constraints,
                                  const BlockMatrix& K) {
   constexpr Eigen::Index kFewNodes = 5000;  // beyond, a factor takes longer than it saves
@@ -35,10 +35,9 @@ Preconditioner preconditioner_of(const MassSpringModel& model, const std::vector
     return Preconditioner(std::in_place_type<Multigrid>, A, X, filter_field);
   };
   if (model.springs || !model.tet_springs || model.tet_springs->n_patches() == T.cols()) return of(K);
-  MassSpringModel p1;
-  p1.network = model.network;
-  p1.tet_springs = couple_springs(X, T, lame_of(model.material), kEdgeCoupled);
-  return of(stiffness_at_rest(p1, constraints));
+  BlockMatrix simple = simple_stiffness(model, initial_state(model));
+  filter(constraints, simple);
+  return of(simple);
 }
 
 /// z = a preconditioner's answer to r, whose scale single precision may not hold.

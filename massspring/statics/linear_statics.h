@@ -17,7 +17,7 @@ namespace testbed::massspring {
 std::vector<Constraint> hold_rigid_motion(const Eigen::Matrix3Xd& X);
 
 /// K u = f for the model's stiffness K at rest, by conjugate gradients. Where coupled springs alone make up the
-/// model they are preconditioned by P1 elasticity (K has four times as many entries): by its Cholesky factor, on
+/// model they are preconditioned by single tetrahedra (K has four times as many entries): by their Cholesky factor, on
 /// many nodes by multigrid. Where there are independent springs by a factor of K itself.
 class LinearStatics {
  public:

@@ -235,6 +235,7 @@ LinearSystem QuasiStaticSolver::system(const State& state) {
   LinearSystem A;
   A.product = [this](const Matrix3Xd& p, Matrix3Xd& y) { product(p, y); };
   A.single_product = [this](const PaddedField& p, PaddedField& y) { return product(p, y); };
+  A.constrain = [this](Matrix3Xd& y) { filter(forces_.constraints, y); };
   A.filter = [this](Matrix3Xd& y) { project(y); };
   A.single_filter = [this](PaddedField& y) { project(y); };
   A.diagonal = [this](std::vector<Eigen::Matrix3d>& blocks) {

@@ -177,9 +177,11 @@ const BlockMatrix& ImplicitMatrix::preconditioning_matrix() {
 }
 
 LinearSystem ImplicitMatrix::system() {
+  const auto constrain = [this](Matrix3Xd& y) { filter(motion_.constraints, y); };
   return {[this](const Matrix3Xd& p, Matrix3Xd& y) { multiply(p, y); },
           [this](const PaddedField& p, PaddedField& y) { return multiply_single(p, y); },
-          [this](Matrix3Xd& y) { filter(motion_.constraints, y); },
+          constrain,
+          constrain,
           [this](PaddedField& y) { filter_single(y); },
           [this](std::vector<Matrix3d>& blocks) { diagonal(blocks); },
           [this]() -> const BlockMatrix& { return preconditioning_matrix(); },

@@ -273,7 +273,7 @@ void LinearSolver::wear_out(RigidGroups& groups) {
 SolveReport LinearSolver::solve_with(RigidGroups& groups, const LinearSystem& A, const Matrix3Xd& b,
                                      Matrix3Xd& x, double tolerance, int& n) {
   const bool is_new = !groups.multigrid;
-  if (is_new) groups.multigrid = std::make_unique<Multigrid>(A.matrix(), *A.positions, A.filter);
+  if (is_new) groups.multigrid = std::make_unique<Multigrid>(A.matrix(), *A.positions, A.constrain);
   const OfSystem precondition{[&](const PaddedField& r, PaddedField& z) { groups.multigrid->apply(r, z); },
                               A};
   const double n_digits = digits(tolerance);

@@ -14,8 +14,9 @@ struct LinearSystem {
   std::function<void(const Eigen::Matrix3Xd& p, Eigen::Matrix3Xd& y)> product;  ///< y = A p, 3 x n
   /// The same in single precision; p . y.
   std::function<double(const PaddedField& p, PaddedField& y)> single_product;
-  std::function<void(Eigen::Matrix3Xd& y)> filter;              ///< takes away constrained directions
-  std::function<void(PaddedField& y)> single_filter;            ///< the same in single precision
+  std::function<void(Eigen::Matrix3Xd& y)> constrain;  ///< takes away constrained directions, node by node
+  std::function<void(Eigen::Matrix3Xd& y)> filter;     ///< these, and motions that are kept out
+  std::function<void(PaddedField& y)> single_filter;   ///< the same in single precision
   std::function<void(std::vector<Eigen::Matrix3d>&)> diagonal;  ///< diagonal blocks of A
   /// A, or what is near it: only to make a preconditioner of.
   std::function<const BlockMatrix&()> matrix;

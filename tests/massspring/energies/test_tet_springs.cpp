@@ -6,6 +6,7 @@
 #include "massspring/energies/tet_springs.h"
 #include "tests/massspring/dense.h"
 #include "tests/meshing/box_tets.h"
+#include "tests/meshing/flat_tetrahedra.h"
 
 namespace testbed::massspring {
 namespace {
@@ -316,11 +317,51 @@ TEST(StiffnessOfTetrahedra, IsTheHessianOfSingleOnesAtRest) {
   BlockMatrix expected = make_block_matrix(n, pairs_of(single));
   add_hessian(single, Matrix3Xd::Zero(3, n), expected);
   mirror(expected);
-  const BlockMatrix K = stiffness_of_tetrahedra(mesh.X, mesh.T, kSoft);
+  const BlockMatrix K =
+      stiffness_of_tetrahedra(mesh.X, mesh.T, kSoft, Eigen::RowVectorXd::Ones(mesh.T.cols()));
   EXPECT_EQ(K.row_start, expected.row_start);
   EXPECT_EQ(K.column, expected.column);
   EXPECT_EQ(K.diagonal, expected.diagonal);
   EXPECT_LT((dense(K) - dense(expected)).norm(), kRounding * dense(expected).norm());
+}
+
+TEST(PartsLeftByAverages, AreThoseOfVolumesAroundEdgesByBruteForce) {
+  TetMesh mesh = box_tets(3, 2, 2, 0.5, 0.15);
+  meshing::add_flat_tetrahedra(mesh, 1e-3);
+  const auto has = [&](Eigen::Index t, int node) { return (mesh.T.col(t).array() == node).any(); };
+  const Eigen::RowVectorXd parts = parts_left_by_averages(mesh.X, mesh.T);
+  ASSERT_EQ(parts.size(), mesh.T.cols());
+  for (Eigen::Index t = 0; t < mesh.T.cols(); ++t) {
+    double left = 0;  // of the energy of a strain of 1 in t
+    for (int i = 0; i < 4; ++i)
+      for (int j = i + 1; j < 4; ++j) {
+        double around = 0;
+        for (Eigen::Index s = 0; s < mesh.T.cols(); ++s)
+          if (has(s, mesh.T(i, t)) && has(s, mesh.T(j, t))) around += tet_volume(mesh.X, mesh.T.col(s)) / 6;
+        const double share = tet_volume(mesh.X, mesh.T.col(t)) / 6;
+        left += share * share / around;
+      }
+    left /= tet_volume(mesh.X, mesh.T.col(t));
+    EXPECT_NEAR(parts[t], std::min(1., 5 * left), kRounding);
+  }
+  EXPECT_LT(parts.minCoeff(), 1e-2);
+}
+
+TEST(SingleTetrahedra, OfAPartHaveThatPartOfTheEnergyAndStiffness) {
+  const TetMesh mesh = box_tets(2, 1, 1, 1, 0.2);
+  const Eigen::RowVectorXd ones = Eigen::RowVectorXd::Ones(mesh.T.cols());
+  Eigen::RowVectorXd parts = 0.25 * ones;
+  const double whole = energy(couple_springs(mesh.X, mesh.T, kSoft, kEdgeCoupled), 0.1 * mesh.X);
+  EXPECT_NEAR(energy(single_tetrahedra(mesh.X, mesh.T, kSoft, parts), 0.1 * mesh.X), whole / 4,
+              kRounding * whole);
+  parts[3] = 1;
+  Matrix3Xd moved = Matrix3Xd::Zero(3, mesh.X.cols());
+  moved.col(mesh.T(0, 3)).setOnes();
+  const TetSprings single = single_tetrahedra(mesh.X, mesh.T, kSoft, parts);
+  Matrix3Xd forces = Matrix3Xd::Zero(3, mesh.X.cols()), Ku;
+  add_linear_forces(single, moved, forces);
+  multiply(stiffness_of_tetrahedra(mesh.X, mesh.T, kSoft, parts), moved, Ku);
+  EXPECT_LT((forces + Ku).norm(), kRounding * Ku.norm());
 }
 
 TEST(CoupleSprings, ANodeOfNoTetrahedronHasNoEnergy) {

@@ -137,7 +137,7 @@ TEST(LinearEquilibrium, OfAFreeBodyHasNoMomentaWhereverItsNodesAreDense) {
 // preconditioner that is a millionth stiffer.
 TEST(LinearEquilibrium, OfAFreeBodyTakesFewIterations) {
   for (const auto& [nx, ny, most] :
-       {std::tuple(12, 12, 45), std::tuple(30, 8, 45), std::tuple(400, 2, 230)}) {
+       {std::tuple(12, 12, 35), std::tuple(30, 8, 35), std::tuple(400, 2, 140)}) {
     const MassSpringModel model = free_box(meshing::box_tets(nx, ny, ny, 0.1));
     const Forces forces = balanced(model);
     QuasiStaticSolver solver(model, forces);
@@ -235,6 +235,20 @@ TEST(LinearEquilibrium, OfFlatTetrahedraIsThatOfADenseSolver) {
   }
 }
 
+// Alone they are far stiffer than averages leave them, and would take hundreds of iterations.
+TEST(LinearEquilibrium, FlatTetrahedraCostNoIterations) {
+  for (const char* calibration : {"edge_coupled", "node_averaged"})
+    for (const double part_of_volume : {1e-2, 1e-4, 1e-6}) {
+      const MassSpringModel model = with_flat_tetrahedra(calibration, part_of_volume);
+      const Forces forces = hanging(model);
+      QuasiStaticSolver solver(model, forces);
+      State state = initial_state(model);
+      const StepReport report = solver.solve(1, state);
+      EXPECT_EQ(report.status, Status::Ok);
+      EXPECT_LT(report.linear_iterations, 60) << calibration << ' ' << part_of_volume;
+    }
+}
+
 // The rounding of forces is larger than the load there, and says nothing of other nodes.
 TEST(LinearEquilibrium, BesideFlatTetrahedraIsFoundFromElsewhere) {
   for (const double part_of_volume : {1e-12, 1e-13, 1e-14}) {
@@ -252,14 +266,14 @@ TEST(LinearEquilibrium, BesideFlatTetrahedraIsFoundFromElsewhere) {
 
 // Solves after one that stood still would spend as many iterations each.
 TEST(LinearEquilibrium, TurnsToAFactorAfterOneSolveThatStoodStill) {
-  const MassSpringModel model = with_flat_tetrahedra("node_averaged", 1e-14);
+  const MassSpringModel model = with_flat_tetrahedra("edge_coupled", 1e-12);
   const Forces forces = hanging(model);
   QuasiStaticSolver solver(model, forces);
   State state = initial_state(model);
   const StepReport report = solver.solve(1, state);
   EXPECT_EQ(report.status, Status::Ok);
   EXPECT_EQ(solver.solver_choice(), "Cholesky factor: multigrid stood still");
-  EXPECT_LT(report.linear_iterations, 400);
+  EXPECT_LT(report.linear_iterations, 1000);
 }
 
 TEST(LinearEquilibrium, IsThatOfFullGeometryAsTheLoadVanishes) {

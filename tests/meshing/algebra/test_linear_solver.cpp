@@ -58,6 +58,7 @@ LinearSystem system_of(const BlockMatrix& A, const Matrix3Xd& g, const Matrix3Xd
             return add_product(A, A_single, p, y);
           },
           [](Matrix3Xd&) {},
+          [](Matrix3Xd&) {},
           [](PaddedField&) {},
           [&](std::vector<Eigen::Matrix3d>& diagonal) {
             diagonal.clear();
@@ -228,7 +229,7 @@ TEST(LinearSolver, AFactorServesOnWhereConstraintsHaveComeSince) {
     multiply(A, p, y);
     filter(y);
   };
-  system.filter = filter;
+  system.constrain = system.filter = filter;
   filter(b);
   x.setZero();
   EXPECT_TRUE(solver.solve(system, b, x, kSolverTolerance).is_converged);

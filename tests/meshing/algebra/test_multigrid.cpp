@@ -68,7 +68,7 @@ INSTANTIATE_TEST_SUITE_P(, MultigridOf, testing::Values("van_gelder", "edge_coup
 TEST_P(MultigridOf, IsSymmetricPositiveDefiniteAndKeepsConstraints) {
   Step step(6, GetParam());
   const LinearSystem A = step.A->system();
-  Multigrid multigrid(A.matrix(), *A.positions, A.filter);
+  Multigrid multigrid(A.matrix(), *A.positions, A.constrain);
   const Matrix3Xd u = step.right_side(1), v = step.right_side(2);
   Matrix3Xd Mu, Mv;
   apply(multigrid, u, Mu);
@@ -127,7 +127,7 @@ TEST_P(MultigridOf, IterationsHardlyGrowWithTheNodesWhereBlockJacobisDo) {
   for (const int k : {0, 1}) {
     Step step(k == 0 ? 5 : 15, GetParam());
     const LinearSystem A = step.A->system();
-    Multigrid multigrid(A.matrix(), *A.positions, A.filter);
+    Multigrid multigrid(A.matrix(), *A.positions, A.constrain);
     const Matrix3Xd b = step.right_side(3);
     const auto solve = [&](const auto& precondition) {
       Matrix3Xd x = Matrix3Xd::Zero(3, b.cols());
