@@ -14,7 +14,7 @@ namespace {
 using Eigen::Matrix3Xd;
 
 constexpr double kPatchTolerance = 1e-10;   // the bar of the patch test
-constexpr double kSolverTolerance = 1e-12;  // below it
+constexpr double kSolverTolerance = 1e-13;  // below it
 
 MassSpringModel solid(const TetMesh& mesh, double nu, const Blend& blend) {
   MassSpringModel model;
