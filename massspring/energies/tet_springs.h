@@ -73,8 +73,8 @@ TetSprings couple_springs(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T, 
                           const Blend& blend, const std::vector<int>& constrained = {});
 
 /// Of the energy that a strain of one tetrahedron alone has, what averages around its edges leave, over what they leave among
-/// five equal ones around each edge: (5 / 6) sum over the edges of V over the volume around the edge, at most 1. A flat
-/// tetrahedron among others of more volume has hardly any left. X 3 x n (m), T 4 x m of positive volume.
+/// five equal ones around each edge, at most 1 [README.md, 11]; m numbers. A flat tetrahedron among others of more volume has
+/// hardly any left. X 3 x n (m), T 4 x m of positive volume.
 Eigen::RowVectorXd parts_left_by_averages(const Eigen::Matrix3Xd& X, const Eigen::Matrix4Xi& T);
 
 /// The coupled springs of kEdgeCoupled, a part of each tetrahedron's energy.
