@@ -186,7 +186,7 @@ void Simulation::begin_stepping() {
   forces_.constraints = constraints_of(problem_, surface_of(model_), state_.t);
   options_.gradients = {time.volume_gradient, time.bend_gradient};
   options_.linear_solver = time.linear_solver;
-  if (scene_.is_paper) options_.curvature = Curvature::Exact;
+  if (scene_.is_paper) options_.curvature = Curvature::ExactButAngles;
   options_.tolerance = time.tolerance;
   options_.residual = time.residual;
   options_.sleep_below = time.sleep_below;

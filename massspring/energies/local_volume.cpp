@@ -40,7 +40,7 @@ void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matr
   }
 }
 
-void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K) {
+void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K, Curvature) {
   for (Eigen::Index t = 0; t < local.T.cols(); ++t) {
     const auto gradient = volume_and_gradient(local.T.col(t), x).gradient;
     for (int k = 0; k < 4; ++k)

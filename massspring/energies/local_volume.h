@@ -20,7 +20,8 @@ void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matr
 
 /// K += sum_T kappa/V_T0 (dV_T/dx)(dV_T/dx)^T (N/m), on and above the diagonal: the Hessian at rest, positive
 /// semidefinite everywhere.
-void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K,
+                 Curvature curvature = Curvature::Projected);
 
 /// Pairs of nodes that share a tetrahedron, 2 x m.
 Eigen::Matrix2Xi pairs_of(const LocalVolume& local);

@@ -24,7 +24,7 @@ double energy(const Bed& bed, const Eigen::Matrix3Xd& x) {
 void add_forces(const Bed& bed, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) {
   f -= bed.stiffness * (x - bed.X);
 }
-void add_hessian(const Bed& bed, const Eigen::Matrix3Xd&, BlockMatrix& K) {
+void add_hessian(const Bed& bed, const Eigen::Matrix3Xd&, BlockMatrix& K, Curvature) {
   for (const int k : K.diagonal) K.block[k] += bed.stiffness * Eigen::Matrix3d::Identity();
 }
 Eigen::Matrix2Xi pairs_of(const Bed&) {
@@ -64,7 +64,7 @@ int main() {
   for (int n = 0; n < 20 && f.norm() > 1e-9; ++n) {
     BlockMatrix K = stiffness_pattern(model);
     add_stiffness(model, state, K);
-    add_hessian(bed, state.x, K);
+    add_hessian(bed, state.x, K, Curvature::Exact);
     Eigen::Matrix3Xd dx;
     BlockCholesky(K).solve(f, dx);
     state.x += dx;

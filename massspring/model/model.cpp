@@ -201,8 +201,9 @@ void add_forces_at(const MassSpringModel& model, const State& state, const TetSp
 }
 
 template <class Energy>
-void add_hessian_at(const MassSpringModel&, const State& state, const Energy& of, BlockMatrix& K, Curvature) {
-  add_hessian(of, state.x, K);
+void add_hessian_at(const MassSpringModel&, const State& state, const Energy& of, BlockMatrix& K,
+                    Curvature curvature) {
+  add_hessian(of, state.x, K, curvature);
 }
 void add_hessian_at(const MassSpringModel&, const State& state, const Springs& of, BlockMatrix& K,
                     Curvature curvature) {

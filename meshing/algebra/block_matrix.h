@@ -9,8 +9,8 @@
 namespace testbed::meshing {
 
 /// A second derivative as it is, or with its negative eigenvalues set to 0: exact converges quadratically,
-/// projected always descends.
-enum class Curvature { Exact, Projected };
+/// projected always descends. Where one step is all, curved folds gain energy: there angles count as linear.
+enum class Curvature { Exact, Projected, ExactButAngles };
 
 /// A block at i and j of a symmetric matrix, which has its transpose at j and i.
 struct SymmetricBlock {

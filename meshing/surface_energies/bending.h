@@ -30,12 +30,15 @@ double energy(const Bending& bending, const Eigen::Matrix3Xd& x);
 /// f -= gradient of the energy (N).
 void add_forces(const Bending& bending, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
 
-/// K += stiffness g g^T (N/m), on and above the diagonal, g the gradient of what is squared in the energy: the
-/// Hessian at rest, positive semidefinite everywhere. K's pattern must hold pairs_of(bending).
-void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+/// K += the Hessian (N/m), on and above the diagonal. If not exact, it is stiffness g g^T with the gradient g of
+/// what is squared in the energy, which is positive semidefinite. Where hinges are far from rest that is so much
+/// less than the Hessian that Newton's method overshoots. K's pattern must hold pairs_of(bending).
+void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, BlockMatrix& K,
+                 Curvature curvature = Curvature::Projected);
 
 /// The same to what need not have its pattern.
-void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, SurfaceHessian& H);
+void add_hessian(const Bending& bending, const Eigen::Matrix3Xd& x, SurfaceHessian& H,
+                 Curvature curvature = Curvature::Projected);
 
 /// Pairs of nodes that share a hinge, 2 x m.
 Eigen::Matrix2Xi pairs_of(const Bending& bending);

@@ -15,7 +15,7 @@ void FollowerPressure::add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f
 }
 
 void FollowerPressure::add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const {
-  if (curvature == Curvature::Exact) H.add_volume(factor_ * pressure_, faces_, x);
+  if (curvature != Curvature::Projected) H.add_volume(factor_ * pressure_, faces_, x);
 }
 
 SurfaceEnergies followers_of(const Eigen::VectorXd& pressure, const Eigen::MatrixXi& faces) {

@@ -31,7 +31,7 @@ void add_forces(const Seams& seams, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd&
   }
 }
 
-void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, BlockMatrix& K) {
+void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, BlockMatrix& K, Curvature) {
   for (Eigen::Index s = 0; s < seams.E.cols(); ++s) {
     const int a = seams.E(0, s), b = seams.E(1, s);
     for (const int k : {K.diagonal[a], K.diagonal[b]}) K.block[k].diagonal().array() += seams.stiffness(s);
@@ -39,7 +39,7 @@ void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, BlockMatrix& K) {
   }
 }
 
-void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, SurfaceHessian& H) {
+void add_hessian(const Seams& seams, const Eigen::Matrix3Xd&, SurfaceHessian& H, Curvature) {
   for (Eigen::Index s = 0; s < seams.E.cols(); ++s) {
     const int a = seams.E(0, s), b = seams.E(1, s);
     const Eigen::Matrix3d k = seams.stiffness(s) * Eigen::Matrix3d::Identity();

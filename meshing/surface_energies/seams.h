@@ -20,10 +20,12 @@ double energy(const Seams& seams, const Eigen::Matrix3Xd& x);
 void add_forces(const Seams& seams, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
 
 /// K += Hessian of the energy (N/m), on and above the diagonal, the same at all positions.
-void add_hessian(const Seams& seams, const Eigen::Matrix3Xd& x, BlockMatrix& K);
+void add_hessian(const Seams& seams, const Eigen::Matrix3Xd& x, BlockMatrix& K,
+                 Curvature curvature = Curvature::Exact);
 
 /// The same to what need not have its pattern.
-void add_hessian(const Seams& seams, const Eigen::Matrix3Xd& x, SurfaceHessian& H);
+void add_hessian(const Seams& seams, const Eigen::Matrix3Xd& x, SurfaceHessian& H,
+                 Curvature curvature = Curvature::Exact);
 
 /// Pairs of nodes that are tied, 2 x m.
 Eigen::Matrix2Xi pairs_of(const Seams& seams);

@@ -202,8 +202,8 @@ void add_forces_of(const Energy& of, const Eigen::Matrix3Xd& x, Sum& f) {
   add_forces(of, x, f);
 }
 template <class Energy, class Sum>
-void add_hessian_of(const Energy& of, const Eigen::Matrix3Xd& x, Sum& H) {
-  add_hessian(of, x, H);
+void add_hessian_of(const Energy& of, const Eigen::Matrix3Xd& x, Sum& H, Curvature curvature) {
+  add_hessian(of, x, H, curvature);
 }
 
 /// An energy of positions alone, with the verbs energy, add_forces and add_hessian, as one of the list.
@@ -214,8 +214,8 @@ class PlainEnergy : public SurfaceEnergy {
   const char* name() const override { return name_; }
   double energy(const Eigen::Matrix3Xd& x) const override { return energy_of(of_, x); }
   void add_forces(const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f) const override { add_forces_of(of_, x, f); }
-  void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature) const override {
-    add_hessian_of(of_, x, H);
+  void add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Curvature curvature) const override {
+    add_hessian_of(of_, x, H, curvature);
   }
 
  private:

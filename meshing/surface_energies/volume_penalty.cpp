@@ -39,7 +39,7 @@ void VolumePenalty::add_hessian(const Eigen::Matrix3Xd& x, SurfaceHessian& H, Cu
   Eigen::Matrix3Xd g;
   const double V = volume_at(x, g);
   H.roots.emplace_back(std::sqrt(P_ / target_) * g);
-  if (curvature == Curvature::Exact) H.add_volume(-pressure_of(V), faces_, x);
+  if (curvature != Curvature::Projected) H.add_volume(-pressure_of(V), faces_, x);
 }
 
 void HeldVolume::begin_step(double t, double h, const Eigen::Matrix3Xd& x) {

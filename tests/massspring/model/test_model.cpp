@@ -155,6 +155,25 @@ std::map<std::pair<int, int>, double> stiffness_by_edge(const MassSpringModel& m
   return found;
 }
 
+TEST(AddStiffness, IsMinusTheGradientOfAllForcesWhereSkinIsBent) {
+  MassSpringModel model = small_model();
+  add_skin({0, 3, 0}, model);
+  State state = initial_state(model);
+  const Matrix3Xd x = state.x + random_points(5, 0.2, 3), p = random_points(5, 1, 4);
+  state.x = x;
+  BlockMatrix K = stiffness_pattern(model);
+  add_stiffness(model, state, K, Curvature::Exact);
+  Matrix3Xd Kp;
+  multiply(K, p, Kp);
+  const auto forces_at = [&](double step) {
+    state.x = x + step * p;
+    return elastic_forces(model, state);
+  };
+  constexpr double kStep = 1e-6, kDifference = 1e-7;
+  const Matrix3Xd difference = (forces_at(-kStep) - forces_at(kStep)) / (2 * kStep);
+  EXPECT_LT((Kp - difference).norm(), kDifference * Kp.norm());
+}
+
 TEST(AddSkin, SpringsAlongTheSurfaceKeepTheirStiffnessBesideTheSkins) {
   MassSpringModel model = small_model(), alone = model;
   auto expected = stiffness_by_edge(model);

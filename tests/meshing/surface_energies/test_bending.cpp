@@ -1,11 +1,13 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
 #include "meshing/surface/shapes.h"
 #include "meshing/surface_energies/bending.h"
+#include "tests/massspring/dense.h"
 #include "tests/massspring/small_network.h"
 
 namespace testbed::massspring {
@@ -33,6 +35,23 @@ class BentSurface : public testing::Test {
       down(k) -= kStep;
       EXPECT_NEAR(f(k), -(energy(bending, up) - energy(bending, down)) / (2 * kStep), kDifference * f.norm());
     }
+  }
+  static Matrix3Xd product(const Bending& bending, const Matrix3Xd& at, const Matrix3Xd& p,
+                           Curvature curvature) {
+    BlockMatrix K = make_block_matrix(static_cast<int>(at.cols()), pairs_of(bending));
+    add_hessian(bending, at, K, curvature);
+    mirror(K);
+    Matrix3Xd Kp;
+    multiply(K, p, Kp);
+    return Kp;
+  }
+  static void expect_minus_force_gradient(const Bending& bending, const Matrix3Xd& at, Curvature curvature) {
+    const Matrix3Xd p = random_points(static_cast<int>(at.cols()), 1, 4),
+                    Kp = product(bending, at, p, curvature),
+                    difference =
+                        (forces(bending, at - kStep * p) - forces(bending, at + kStep * p)) / (2 * kStep);
+    ASSERT_GT(Kp.norm(), 0.1);
+    EXPECT_LT((Kp - difference).norm(), kDifference * Kp.norm());
   }
 };
 
@@ -62,28 +81,41 @@ TEST_F(BentSurface, OfAPatchIsThatOfTheEdgesBetweenItsTriangles) {
 }
 
 TEST_F(BentSurface, HessianInBlocksIsThatOfThePattern) {
-  BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(bending));
-  add_hessian(bending, x, K);
-  mirror(K);
-  SurfaceHessian H;
-  add_hessian(bending, x, H);
   const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 4);
-  Matrix3Xd expected, Kp = Matrix3Xd::Zero(3, x.cols());
-  multiply(K, p, expected);
-  H.add_product(p, Kp);
-  EXPECT_LT((Kp - expected).norm(), kRounding * Kp.norm());
+  for (const Curvature curvature : {Curvature::Exact, Curvature::Projected}) {
+    SurfaceHessian H;
+    PlainEnergy<Bending>(bending).add_hessian(x, H, curvature);
+    Matrix3Xd Kp = Matrix3Xd::Zero(3, x.cols());
+    H.add_product(p, Kp);
+    EXPECT_LT((Kp - product(bending, x, p, curvature)).norm(), kRounding * Kp.norm());
+  }
 }
 
-TEST_F(BentSurface, HessianIsMinusForceGradientAtRest) {
-  BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(bending));
-  add_hessian(bending, ball.X, K);
-  mirror(K);
+TEST_F(BentSurface, HessianButForAnglesIsTheProjectedOne) {
   const Matrix3Xd p = random_points(static_cast<int>(x.cols()), 1, 4);
-  Matrix3Xd Kp;
-  multiply(K, p, Kp);
-  ASSERT_GT(Kp.norm(), 0.1);
-  const Matrix3Xd difference = (forces(ball.X - kStep * p) - forces(ball.X + kStep * p)) / (2 * kStep);
-  EXPECT_LT((Kp - difference).norm(), kDifference * Kp.norm());
+  EXPECT_EQ(product(bending, x, p, Curvature::ExactButAngles), product(bending, x, p, Curvature::Projected));
+}
+
+TEST_F(BentSurface, ProjectedHessianIsMinusForceGradientAtRest) {
+  expect_minus_force_gradient(bending, ball.X, Curvature::Projected);
+}
+
+TEST_F(BentSurface, ProjectedHessianHasNoNegativeEigenvalue) {
+  BlockMatrix K = make_block_matrix(static_cast<int>(x.cols()), pairs_of(bending));
+  add_hessian(bending, x, K, Curvature::Projected);
+  mirror(K);
+  const Eigen::VectorXd eigenvalues = dense(K).selfadjointView<Eigen::Lower>().eigenvalues();
+  EXPECT_GT(eigenvalues.minCoeff(), -kRounding * eigenvalues.maxCoeff());
+}
+
+TEST_F(BentSurface, ExactHessianIsMinusForceGradient) {
+  expect_minus_force_gradient(bending, x, Curvature::Exact);
+}
+
+TEST_F(BentSurface, ExactHessianIsMinusForceGradientWhereTrianglesCrumple) {
+  Bending large = bending;
+  large.area *= 20;
+  expect_minus_force_gradient(large, x, Curvature::Exact);
 }
 
 TEST_F(BentSurface, RigidMotionCostsNothingAndMomentumIsKept) {

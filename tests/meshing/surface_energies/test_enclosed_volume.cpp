@@ -258,6 +258,11 @@ TEST(EnergiesOfVolume, ForcesAndHessianAreDifferencesOnStraightAndCurvedTriangle
       ASSERT_GT(Kp.norm(), 0.1);
       EXPECT_LT((Kp - (forces(down) - forces(up)) / (2 * kDifferenceStep)).norm(),
                 kDifferenceTolerance * Kp.norm());
+      SurfaceHessian but_angles;
+      energy->add_hessian(x, but_angles, Curvature::ExactButAngles);
+      Matrix3Xd same = Matrix3Xd::Zero(3, n_nodes);
+      but_angles.add_product(p, same);
+      EXPECT_EQ(same, Kp);
       H.for_each_block([&](int i, int j, const Eigen::Matrix3d& block) {
         by_block.col(i) += block * p.col(j);
         if (i != j) by_block.col(j) += block.transpose() * p.col(i);
