@@ -45,7 +45,7 @@ _N_VERTICES = 300  # of the surfaces, as near as shapes allow
 _N_COPIES, _JITTER = 10, 1e-3  # of the surface for chance; what vertices move by, of the mean edge
 _N_COLOURS = 256  # of a picture, which halves its file
 _N_FRAMES = 8  # of a motion, at which shapes are compared
-_LIMIT, _QUICK_LIMIT = 1500.0, 120.0  # s of a run
+_LIMIT, _QUICK_LIMIT = 3000.0, 120.0  # s of a run
 _COUPLED = "node_averaged"
 
 
