@@ -371,7 +371,9 @@ TEST(Ledger, ClosesToRoundingWhereTheSchemeConserves) {
       ASSERT_NEAR(column_of(simulation, "lost_to_scheme"), 0, 1e-9 * largest);
     }
     const double m = 250, t = 0.1;
-    if (is_free) EXPECT_NEAR(stored(simulation), m * std::pow(9.81 * t, 2) / 2, 1e-6 * largest);
+    if (is_free) {
+      EXPECT_NEAR(stored(simulation), m * std::pow(9.81 * t, 2) / 2, 1e-6 * largest);
+    }
     EXPECT_EQ(simulation.status(), Status::Ok);
   }
 }

@@ -82,7 +82,9 @@ TEST_P(AmongObstacles, ABlockOnASlopeSticksUpToTheAngleOfFrictionAndNoFurther) {
         loads_of(solid, {plate(0, 1, 0, kFriction)}, 9.81 * Vector3d(std::sin(angle), 0, -std::cos(angle))),
         {});
     EXPECT_EQ(solve(solid, 4), part < 1) << part;
-    if (part < 1) EXPECT_LT(solid.displacement().row(0).cwiseAbs().maxCoeff(), 0.03);
+    if (part < 1) {
+      EXPECT_LT(solid.displacement().row(0).cwiseAbs().maxCoeff(), 0.03);
+    }
   }
 }
 
