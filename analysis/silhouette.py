@@ -7,6 +7,9 @@ import shapely
 
 from .runs import Array
 
+_GRID = (
+    1e-10  # of the body's size, which corners snap to: without it slivers of folds may give an invalid union
+)
 _SLIT = 1e-9  # of the square of the body's size: smaller holes are rounding between triangles
 
 
@@ -19,8 +22,9 @@ def silhouette(X: Array, F: Array, axes: Array) -> shapely.MultiPolygon:
     # Whatever ray meets a closed surface enters it somewhere, through a triangle that faces the eye.
     a, b, c = (P[F[:, k]] for k in range(3))
     is_seen = np.cross(b - a, c - a)[:, 2] > 0
-    covered = shapely.union_all(shapely.polygons(P[F[is_seen]][:, :, :2]))
-    least = _SLIT * float(np.ptp(P, axis=0).max()) ** 2
+    size = float(np.ptp(P, axis=0).max())
+    covered = shapely.union_all(shapely.polygons(P[F[is_seen]][:, :, :2]), grid_size=_GRID * size)
+    least = _SLIT * size**2
     return shapely.multipolygons(
         [
             shapely.Polygon(

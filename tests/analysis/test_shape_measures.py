@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import pyvista as pv
+import shapely
 from scipy.stats import wasserstein_distance
 
 from analysis.shape_measures import (
@@ -14,6 +15,7 @@ from analysis.shape_measures import (
     silhouette_differences,
     surface_distance,
 )
+from analysis.silhouette import silhouette
 
 SIZE = np.array([1.0, 2.0, 0.5])
 
@@ -174,6 +176,21 @@ def test_a_hole_belongs_to_the_silhouette():
     disc = pv.Cylinder(radius=1.4, height=0.1, direction=(0, 0, 1), resolution=96).triangulate().clean()
     found = silhouette_differences((X, F), (np.array(disc.points, dtype=float), disc.regular_faces))
     assert found[2] == pytest.approx(0.6**2 / 1.4**2, rel=2e-3)
+
+
+def test_a_silhouette_of_folds_is_valid_and_covers_their_triangles():
+    ball = pv.Sphere(theta_resolution=12, phi_resolution=12).triangulate().clean()
+    # Of 4,500 such bodies the one whose triangles had an invalid union.
+    X = ball.points + 0.3 * np.random.default_rng(72).standard_normal(ball.points.shape) * 0.2
+    F = ball.regular_faces
+    covered = silhouette(X, F, np.eye(3))
+    assert covered.is_valid
+    points = shapely.points(np.random.default_rng(1).uniform(-1, 1, (20_000, 2)))
+    hit = np.zeros(len(points), bool)
+    for triangle in shapely.polygons(X[F][:, :, :2]):
+        hit |= shapely.contains(triangle, points)
+    assert (shapely.contains(covered, points) == hit).mean() > 0.9999
+    assert covered.area == pytest.approx(4 * hit.mean(), rel=0.02)
 
 
 def test_curvature_of_a_sphere_is_one_over_its_radius():

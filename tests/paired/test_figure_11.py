@@ -9,6 +9,7 @@ import pyvista as pv
 
 from analysis.paths import PROGRAMS, ROOT
 from analysis.runs import load_run
+from analysis.studies.strips import jittered
 
 SCENE_FOLDER = ROOT / "analysis" / "scenes"
 # Volume at the end over that at rest, from the scenes' own seeds and steps: a body that does not collapse ends calm, too.
@@ -52,11 +53,9 @@ def test_ends_well_from_any_seed_at_any_step(scene, seed, factor, tmp_path):
 @pytest.mark.parametrize("scene", SCENES)
 def test_twenty_jittered_copies_end_well(scene, tmp_path):
     plain = run_calmly(scene, tmp_path / "plain", "output.frames_every=0").last
-    random = np.random.default_rng(1)
-    edge = np.linalg.norm(plain.X[plain.F[:, 0]] - plain.X[plain.F[:, 1]], axis=1).min()
     ends = []
     for number in range(20):
-        X = plain.X + 0.02 * edge * random.uniform(-1, 1, plain.X.shape)
+        X = jittered(plain.X, plain.F, f"{scene}_{number}")
         file = tmp_path / "jittered.ply"
         pv.PolyData.from_regular_faces(X, plain.F).save(file)
         run = run_calmly(
