@@ -306,12 +306,8 @@ bool GeneralisedAlpha::factorise_at(const VectorXd& u) {
     return true;
   }
   const Linearisation at = respond(u, true);
-  if (!system_.surface.empty()) factor_.reset();  // its pattern changes
   const bool is_definite = factorise(at.tangent);
-  if (!is_definite) {
-    factor_.reset();
-    if (!factorise(system_.K)) refuse_indefinite();
-  }
+  if (!is_definite && !factorise(system_.K)) refuse_indefinite();
   const auto n_roots = static_cast<Eigen::Index>(at.roots.size()),
              n = static_cast<Eigen::Index>(free_.size());
   roots_.resize(n, n_roots);

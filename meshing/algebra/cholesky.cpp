@@ -8,6 +8,8 @@
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace testbed::meshing {
 
@@ -16,6 +18,20 @@ namespace {
 /// With its factor laid open.
 struct Supernodal : Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> {
   const cholmod_factor& factor() const { return *m_cholmodFactor; }
+
+  std::vector<int> order() const {
+    const auto* first = static_cast<const int*>(factor().Perm);
+    return {first, first + factor().n};
+  }
+  void analyse_in_order(const Eigen::SparseMatrix<double>& A, std::vector<int> order) {
+    cholmod_free_factor(&m_cholmodFactor, &cholmod());
+    cholmod_sparse pattern = Eigen::viewAsCholmod(A.selfadjointView<Eigen::Lower>());
+    const int n_methods = std::exchange(cholmod().nmethods, 1),
+              ordering = std::exchange(cholmod().method[0].ordering, CHOLMOD_GIVEN);
+    m_cholmodFactor = cholmod_analyze_p(&pattern, order.data(), nullptr, 0, &cholmod());
+    cholmod().nmethods = n_methods;
+    cholmod().method[0].ordering = ordering;
+  }
 };
 
 /// OpenBLAS asks again and again, without end, where there is no room for its buffer, which it takes once.
@@ -54,21 +70,39 @@ double n_factor_entries(const BlockMatrix& A) {
   return 9 * n_blocks;
 }
 
-struct SparseCholesky::Factor {
-  Supernodal llt;
+/// Of a compressed matrix.
+struct Pattern {
+  std::vector<int> outer, inner;
+
+  explicit Pattern(const Eigen::SparseMatrix<double>& A)
+      : outer(A.outerIndexPtr(), A.outerIndexPtr() + A.outerSize() + 1),
+        inner(A.innerIndexPtr(), A.innerIndexPtr() + A.nonZeros()) {}
+  bool is_of(const Eigen::SparseMatrix<double>& A) const {
+    return A.nonZeros() == static_cast<Eigen::Index>(inner.size()) &&
+           std::equal(outer.begin(), outer.end(), A.outerIndexPtr()) &&
+           std::equal(inner.begin(), inner.end(), A.innerIndexPtr());
+  }
 };
 
-SparseCholesky::SparseCholesky(const Eigen::SparseMatrix<double>& A) : factor_(std::make_unique<Factor>()) {
+struct SparseCholesky::Factor {
+  explicit Factor(const Eigen::SparseMatrix<double>& A) : pattern(A) {}
+  Supernodal llt;
+  Pattern pattern;         ///< of the last matrix
+  std::vector<int> order;  ///< of the first one
+  double n_entries = 0;    ///< of its factor
+};
+
+SparseCholesky::SparseCholesky(const Eigen::SparseMatrix<double>& A) : factor_(std::make_unique<Factor>(A)) {
   // On two threads BLAS sums in another order: other bits, and seconds that are no longer those of one.
   // Looked up by name: other BLAS libraries lack it, and not every linker keeps a weak reference.
   if (void* const set_n_threads = dlsym(RTLD_DEFAULT, "openblas_set_num_threads"))
     reinterpret_cast<void (*)(int)>(set_n_threads)(1);
   factor_->llt.cholmod().print = 0;
   factor_->llt.analyzePattern(A);
-  if (factor_->llt.cholmod().status < CHOLMOD_OK)  // Eigen does not look
-    throw std::runtime_error("the Cholesky factor of " + std::to_string(A.rows()) +
-                             " unknowns is too large, expected fewer nodes");
-  update(A);
+  check_analysis();
+  factor_->order = factor_->llt.order();
+  factor_->n_entries = factor_->llt.cholmod().lnz;
+  factorise(A);
 }
 
 SparseCholesky::~SparseCholesky() = default;
@@ -76,6 +110,23 @@ SparseCholesky::SparseCholesky(SparseCholesky&&) noexcept = default;
 SparseCholesky& SparseCholesky::operator=(SparseCholesky&&) noexcept = default;
 
 void SparseCholesky::update(const Eigen::SparseMatrix<double>& A) {
+  constexpr double kMostGrowth = 1.2;
+  if (!factor_->pattern.is_of(A)) {
+    factor_->pattern = Pattern(A);
+    factor_->llt.analyse_in_order(A, factor_->order);
+    if (factor_->llt.cholmod().lnz > kMostGrowth * factor_->n_entries) factor_->llt.analyzePattern(A);
+    check_analysis();
+  }
+  factorise(A);
+}
+
+void SparseCholesky::check_analysis() const {
+  if (factor_->llt.cholmod().status < CHOLMOD_OK)  // Eigen does not look
+    throw std::runtime_error("the Cholesky factor of " + std::to_string(factor_->pattern.outer.size() - 1) +
+                             " unknowns is too large, expected fewer nodes");
+}
+
+void SparseCholesky::factorise(const Eigen::SparseMatrix<double>& A) {
   check_memory_of_blas();
   // CHOLMOD asks for four threads in its small loops whatever the machine and OMP_NUM_THREADS say; waiting
   // for each other they make a factorisation up to four times as long.

@@ -25,7 +25,8 @@ class SparseCholesky {
   SparseCholesky(SparseCholesky&&) noexcept;
   SparseCholesky& operator=(SparseCholesky&&) noexcept;
 
-  /// Factorises another matrix of the same pattern, whose analysis is kept.
+  /// Factorises another matrix of as many unknowns. The analysis of the same pattern is kept; of another one the
+  /// first matrix' order, while the factor hardly grows by it: to find an order takes as long as to factorise.
   void update(const Eigen::SparseMatrix<double>& A);
 
   /// False when the matrix was not positive definite: then solve may not be called.
@@ -37,6 +38,9 @@ class SparseCholesky {
   SinglePrecisionFactor single_precision() const;
 
  private:
+  void check_analysis() const;
+  void factorise(const Eigen::SparseMatrix<double>& A);
+
   struct Factor;
   std::unique_ptr<Factor> factor_;
 };

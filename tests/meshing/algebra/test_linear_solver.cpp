@@ -95,6 +95,43 @@ TEST(BlockCholesky, AgreesWithADenseSolveAlsoForBlocksThatAreNotSymmetricAndAfte
   }
 }
 
+using Pairs = std::vector<std::pair<int, int>>;
+
+/// The lower triangle of a grid's Laplacian, with springs between some nodes that lie apart.
+Eigen::SparseMatrix<double> grid(int n, const Pairs& springs) {
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n * n, n * n);
+  const auto join = [&](int i, int j) {
+    for (int k : {i, j}) A(k, k) += 1;
+    A(i, j) -= 1;
+    A(j, i) -= 1;
+  };
+  for (int i = 0; i < n * n; ++i) {
+    if (i % n > 0) join(i, i - 1);
+    if (i >= n) join(i, i - n);
+  }
+  for (const auto& [i, j] : springs) join(i, j);
+  A.diagonal().array() += 0.1;
+  return Eigen::MatrixXd(A.triangularView<Eigen::Lower>()).sparseView();
+}
+
+TEST(SparseCholesky, FactorisesMatricesOfOtherPatternsAfterOneAnother) {
+  constexpr int n = 9;
+  Pairs many;
+  for (int i = 0; i < n * n / 2; ++i) many.emplace_back(i, n * n - 1 - i);
+  const Eigen::MatrixXd b = random_points(n * n, 1, 3).transpose();
+  const Pairs one{{0, 40}}, other{{0, 41}};  // of as many entries in each column
+  SparseCholesky factor(grid(n, one));
+  for (const Pairs& springs : {one, other, Pairs{}, many, Pairs{}, one}) {
+    const Eigen::SparseMatrix<double> A = grid(n, springs);
+    factor.update(A);
+    ASSERT_TRUE(factor.is_ok());
+    const Eigen::MatrixXd exact = Eigen::MatrixXd(A).selfadjointView<Eigen::Lower>().llt().solve(b);
+    EXPECT_LT((factor.solve(b) - exact).norm(), kSolverTolerance * exact.norm()) << springs.size();
+    const Matrix3Xd single = factor.single_precision().solve(b.col(0).reshaped(3, n * n / 3));
+    EXPECT_LT((single.reshaped() - exact.col(0)).norm(), 1e-5 * exact.norm()) << springs.size();
+  }
+}
+
 // Without rounding the residual is gone after as many iterations as the matrix has different eigenvalues.
 TEST(BiConjugateGradients, EndAfterAsManyIterationsAsThereAreEigenvalues) {
   constexpr int n = 4;
