@@ -19,7 +19,7 @@ double energy(const LocalVolume& local, const Eigen::Matrix3Xd& x);
 void add_forces(const LocalVolume& local, const Eigen::Matrix3Xd& x, Eigen::Matrix3Xd& f);
 
 /// K += sum_T kappa/V_T0 (dV_T/dx)(dV_T/dx)^T (N/m), on and above the diagonal: the Hessian at rest, positive
-/// semidefinite everywhere.
+/// semidefinite everywhere, whatever the curvature.
 void add_hessian(const LocalVolume& local, const Eigen::Matrix3Xd& x, BlockMatrix& K,
                  Curvature curvature = Curvature::Projected);
 

@@ -9,7 +9,8 @@
 namespace testbed::meshing {
 
 /// A second derivative as it is, or with its negative eigenvalues set to 0: exact converges quadratically,
-/// projected always descends. Where one step is all, curved folds gain energy: there angles count as linear.
+/// projected always descends. In between, angles of a skin count as linear in the positions: in a single
+/// linearised step their own second derivatives gain energy.
 enum class Curvature { Exact, Projected, ExactButAngles };
 
 /// A block at i and j of a symmetric matrix, which has its transpose at j and i.

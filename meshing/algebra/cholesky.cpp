@@ -34,6 +34,20 @@ struct Supernodal : Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>> {
   }
 };
 
+/// Of a compressed matrix.
+struct Pattern {
+  std::vector<int> outer, inner;
+
+  explicit Pattern(const Eigen::SparseMatrix<double>& A)
+      : outer(A.outerIndexPtr(), A.outerIndexPtr() + A.outerSize() + 1),
+        inner(A.innerIndexPtr(), A.innerIndexPtr() + A.nonZeros()) {}
+  bool is_of(const Eigen::SparseMatrix<double>& A) const {
+    return A.nonZeros() == static_cast<Eigen::Index>(inner.size()) &&
+           std::equal(outer.begin(), outer.end(), A.outerIndexPtr()) &&
+           std::equal(inner.begin(), inner.end(), A.innerIndexPtr());
+  }
+};
+
 /// OpenBLAS asks again and again, without end, where there is no room for its buffer, which it takes once.
 void check_memory_of_blas() {
   constexpr std::size_t kBuffer = 136'000'000;  // byte
@@ -69,20 +83,6 @@ double n_factor_entries(const BlockMatrix& A) {
   cholmod_finish(&common);
   return 9 * n_blocks;
 }
-
-/// Of a compressed matrix.
-struct Pattern {
-  std::vector<int> outer, inner;
-
-  explicit Pattern(const Eigen::SparseMatrix<double>& A)
-      : outer(A.outerIndexPtr(), A.outerIndexPtr() + A.outerSize() + 1),
-        inner(A.innerIndexPtr(), A.innerIndexPtr() + A.nonZeros()) {}
-  bool is_of(const Eigen::SparseMatrix<double>& A) const {
-    return A.nonZeros() == static_cast<Eigen::Index>(inner.size()) &&
-           std::equal(outer.begin(), outer.end(), A.outerIndexPtr()) &&
-           std::equal(inner.begin(), inner.end(), A.innerIndexPtr());
-  }
-};
 
 struct SparseCholesky::Factor {
   explicit Factor(const Eigen::SparseMatrix<double>& A) : pattern(A) {}

@@ -94,11 +94,12 @@ void for_each_hinge(const Bending& bending, const Matrix3Xd& x, const Visit& vis
   }
 }
 
-/// By x_0 ... x_3, of one hinge.
-Matrix12 hessian_of(const Bending& bending, int b, const Corners<double>& x, Curvature curvature) {
+/// By x_0 ... x_3, of the hinge that they make.
+Matrix12 hessian_of(const Bending& bending, int b, const Corners<double>& x, const Hinge<double>& at,
+                    Curvature curvature) {
   if (curvature != Curvature::Exact) {
     Corners<double> gradient;
-    bent_by(bending, b, Hinge<double>(x), &gradient);
+    bent_by(bending, b, at, &gradient);
     return bending.stiffness[b] * gradient.reshaped() * gradient.reshaped().transpose();
   }
   using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, 12, 1>>;
@@ -175,8 +176,8 @@ void add_forces(const Bending& bending, const Matrix3Xd& x, Matrix3Xd& f) {
 }
 
 void add_hessian(const Bending& bending, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature) {
-  for_each_hinge(bending, x, [&](int b, const Corners<double>& corners, const Hinge<double>&) {
-    const Matrix12 H = hessian_of(bending, b, corners, curvature);
+  for_each_hinge(bending, x, [&](int b, const Corners<double>& corners, const Hinge<double>& at) {
+    const Matrix12 H = hessian_of(bending, b, corners, at, curvature);
     for (int c = 0; c < 4; ++c)
       for (int d = 0; d < 4; ++d)
         if (const int i = bending.hinges(c, b), j = bending.hinges(d, b); i <= j)
@@ -185,8 +186,8 @@ void add_hessian(const Bending& bending, const Matrix3Xd& x, BlockMatrix& K, Cur
 }
 
 void add_hessian(const Bending& bending, const Matrix3Xd& x, SurfaceHessian& sum, Curvature curvature) {
-  for_each_hinge(bending, x, [&](int b, const Corners<double>& corners, const Hinge<double>&) {
-    const Matrix12 H = hessian_of(bending, b, corners, curvature);
+  for_each_hinge(bending, x, [&](int b, const Corners<double>& corners, const Hinge<double>& at) {
+    const Matrix12 H = hessian_of(bending, b, corners, at, curvature);
     for (int c = 0; c < 4; ++c)
       for (int d = c; d < 4; ++d)
         sum.blocks.push_back({bending.hinges(c, b), bending.hinges(d, b), H.block<3, 3>(3 * c, 3 * d)});
