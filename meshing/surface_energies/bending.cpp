@@ -3,123 +3,190 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <map>
-#include <unsupported/Eigen/AutoDiff>
 
 namespace testbed::meshing {
 namespace {
 
+using Eigen::Matrix3d;
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
-template <class T>
-using Corners = Eigen::Matrix<T, 3, 4>;  // x_0 ... x_3, or something of each of them
+using Corners = Eigen::Matrix<double, 3, 4>;  // x_0 ... x_3, or something of each of them
+using Matrix9 = Eigen::Matrix<double, 9, 9>;
 using Matrix12 = Eigen::Matrix<double, 12, 12>;
 
 constexpr double kCrumpled = 0.1;  // of a triangle's area at rest
 
-/// Two triangles (x_0, x_1, x_2) and (x_1, x_0, x_3).
-/// @tparam T  double, or such that also knows its derivatives
-template <class T>
+/// Two triangles (x_0, x_1, x_2) and (x_1, x_0, x_3). Gradients (in columns) and Hessians are by e, by the first arm
+/// and by the second.
 struct Hinge {
-  using Vector = Eigen::Matrix<T, 3, 1>;
-  Vector e, arm[2], n[2];  ///< x_1 - x_0; x_2 - x_0, x_3 - x_0; outward normals, twice the areas long
-  T length, q[2];          ///< |e|, |n|^2
+  Vector3d e, arm[2], n[2];  ///< x_1 - x_0; x_2 - x_0, x_3 - x_0; outward normals, twice the areas long
+  double squared, q[2];      ///< |e|^2, |n|^2
 
-  explicit Hinge(const Corners<T>& x) : e(x.col(1) - x.col(0)) {
+  explicit Hinge(const Corners& x) : e(x.col(1) - x.col(0)) {
     for (int side = 0; side < 2; ++side) arm[side] = x.col(2 + side) - x.col(0);
     n[0] = e.cross(arm[0]);
     n[1] = arm[1].cross(e);
-    length = e.norm();
+    squared = e.squaredNorm();
     for (int side = 0; side < 2; ++side) q[side] = n[side].squaredNorm();
   }
-  bool is_flat() const { return !(length > 0 && q[0] > 0 && q[1] > 0); }
+  bool is_flat() const { return !(squared > 0 && q[0] > 0 && q[1] > 0); }
+  double part(int side) const { return arm[side].dot(e) / squared; }  ///< of e, below the triangle's apex
 };
 
-/// Dihedral [Bridson et al. 2003].
-template <class T>
-T angle_of(const Hinge<T>& at) {
-  const T sine = at.n[0].cross(at.n[1]).dot(at.e) / at.length, cosine = at.n[0].dot(at.n[1]);
-  using std::atan2;
-  return atan2(sine, cosine);
+Corners gradient_at_corners(const Matrix3d& gradient) {
+  Corners all;
+  all << -gradient.rowwise().sum(), gradient;
+  return all;
 }
 
-/// Of the dihedral, by x_0 ... x_3 (1/m).
-template <class T>
-Corners<T> gradient_of(const Hinge<T>& at) {
-  const T squared = at.length * at.length;
-  Corners<T> gradient = Corners<T>::Zero();
+Matrix12 hessian_at_corners(const Matrix9& hessian) {
+  Eigen::Matrix<double, 12, 9> rows;
+  rows.bottomRows<9>() = hessian;
+  rows.topRows<3>() = -(hessian.topRows<3>() + hessian.middleRows<3>(3) + hessian.bottomRows<3>());
+  Matrix12 all;
+  all.rightCols<9>() = rows;
+  all.leftCols<3>() = -(rows.leftCols<3>() + rows.middleCols<3>(3) + rows.rightCols<3>());
+  return all;
+}
+
+Matrix3d symmetric(const Vector3d& a, const Vector3d& b) {
+  const Matrix3d product = a * b.transpose();
+  return product + product.transpose();
+}
+
+/// Dihedral [Bridson et al. 2003].
+double angle_of(const Hinge& at) {
+  return std::atan2(at.n[0].cross(at.n[1]).dot(at.e) / std::sqrt(at.squared), at.n[0].dot(at.n[1]));
+}
+
+/// Of the dihedral (1/m).
+Matrix3d gradient_of_angle(const Hinge& at) {
+  Matrix3d gradient = Matrix3d::Zero();
   for (int side = 0; side < 2; ++side) {
-    const T part = at.arm[side].dot(at.e) / squared, rest = 1. - part, lever = -at.length / at.q[side];
-    gradient.col(2 + side) = lever * at.n[side];
-    gradient.col(0) -= rest * gradient.col(2 + side);
-    gradient.col(1) -= part * gradient.col(2 + side);
+    gradient.col(1 + side) = -std::sqrt(at.squared) / at.q[side] * at.n[side];
+    gradient.col(0) -= at.part(side) * gradient.col(1 + side);
   }
   return gradient;
 }
 
-/// Multiplies an angle and its gradient, if that is asked for, by t (2 - t) where the triangle of a side has
-/// shrunk to t < 1 times `least`: unbounded, the gradient would go with one over its height.
-template <class T>
-void fade(const Hinge<T>& at, int side, double least, T& angle, Corners<T>* gradient) {
-  if (at.q[side] >= 4 * least * least) return;
-  using std::sqrt;
-  const T area = sqrt(at.q[side]) / 2., t = area / least, counted = t * (2. - t);
-  if (gradient) {
-    *gradient *= counted;
-    const T by_area = angle * (1. - t) / (2 * least * area);
-    const typename Hinge<T>::Vector slope = (side == 0 ? by_area : T(-by_area)) * at.n[side];
-    gradient->col(0) += (at.e - at.arm[side]).cross(slope);
-    gradient->col(1) += at.arm[side].cross(slope);
-    gradient->col(2 + side) -= at.e.cross(slope);
+/// Of the dihedral with that gradient [Tamstorf & Grinspun 2013] (1/m2).
+Matrix9 hessian_of_angle(const Hinge& at, const Matrix3d& gradient) {
+  Matrix9 H = Matrix9::Zero();
+  for (int side = 0; side < 2; ++side) {
+    const int k = 3 + 3 * side;
+    const double part = at.part(side);
+    const Vector3d v = gradient.col(1 + side), height = at.arm[side] - part * at.e;
+    const Matrix3d twist = symmetric(v, height), by_arm = -at.squared / at.q[side] * twist;
+    H.block<3, 3>(k, k) = by_arm;
+    H.block<3, 3>(k, 0) = -at.e * v.transpose() / at.squared - part * by_arm;
+    H.block<3, 3>(0, k) = H.block<3, 3>(k, 0).transpose();
+    H.topLeftCorner<3, 3>() += (part * symmetric(v, at.e) - twist / 2) / at.squared + part * part * by_arm;
   }
-  angle *= counted;
+  return H;
 }
 
-/// theta - theta_0 of a hinge, in (-pi, pi], faded, and its gradient if that is asked for.
-template <class T>
-T bent_by(const Bending& bending, int b, const Hinge<T>& at, Corners<T>* gradient = nullptr) {
-  T angle = angle_of(at) - bending.rest_angle[b];
-  if (angle > M_PI) angle -= 2 * M_PI;
-  if (angle <= -M_PI) angle += 2 * M_PI;
-  if (gradient) *gradient = gradient_of(at);
-  for (int side = 0; side < 2; ++side) fade(at, side, kCrumpled * bending.area(side, b), angle, gradient);
-  return angle;
+/// Of q[side] (m2 and m).
+Matrix3d gradient_of_q(const Hinge& at, int side) {
+  const Vector3d& a = at.arm[side];
+  const double dot = a.dot(at.e);
+  Matrix3d gradient = Matrix3d::Zero();
+  gradient.col(0) = 2 * (a.squaredNorm() * at.e - dot * a);
+  gradient.col(1 + side) = 2 * (at.squared * a - dot * at.e);
+  return gradient;
+}
+Matrix9 hessian_of_q(const Hinge& at, int side) {
+  const int k = 3 + 3 * side;
+  const Vector3d& a = at.arm[side];
+  Matrix9 H = Matrix9::Zero();
+  H.topLeftCorner<3, 3>() = 2 * (a.squaredNorm() * Matrix3d::Identity() - a * a.transpose());
+  H.block<3, 3>(k, k) = 2 * (at.squared * Matrix3d::Identity() - at.e * at.e.transpose());
+  H.block<3, 3>(0, k) =
+      4 * at.e * a.transpose() - 2 * a * at.e.transpose() - 2 * a.dot(at.e) * Matrix3d::Identity();
+  H.block<3, 3>(k, 0) = H.block<3, 3>(0, k).transpose();
+  return H;
 }
 
-/// Calls visit(hinge number, corners, hinge) where no triangle is flat.
+/// t (2 - t) where the triangle of a side has shrunk to t < 1 times `least`, else 1: what multiplies the angle, whose
+/// gradient would go with one over the triangle's height.
+struct Fading {
+  double value = 1, slope = 0, curvature = 0;  ///< and its derivatives by q
+
+  Fading(double q, double least) {
+    if (q >= 4 * least * least) return;
+    const double t = std::sqrt(q) / (2 * least);
+    value = t * (2 - t);
+    slope = t * (1 - t) / q;
+    curvature = -t / (2 * q * q);
+  }
+};
+
+/// theta - theta_0 of a hinge, in (-pi, pi], and how both sides fade it.
+struct Bend {
+  double angle;
+  Fading fading[2];
+
+  Bend(const Bending& bending, int b, const Hinge& at)
+      : angle(angle_of(at) - bending.rest_angle[b]),
+        fading{{at.q[0], kCrumpled * bending.area(0, b)}, {at.q[1], kCrumpled * bending.area(1, b)}} {
+    if (angle > M_PI) angle -= 2 * M_PI;
+    if (angle <= -M_PI) angle += 2 * M_PI;
+  }
+  double kept() const { return fading[0].value * fading[1].value; }
+  double counted() const { return angle * kept(); }
+
+  Matrix3d gradient(const Hinge& at) const {
+    Matrix3d sum = kept() * gradient_of_angle(at);
+    for (int side = 0; side < 2; ++side)
+      if (fading[side].value < 1)
+        sum += angle * fading[1 - side].value * fading[side].slope * gradient_of_q(at, side);
+    return sum;
+  }
+
+  Matrix9 hessian(const Hinge& at) const {
+    const Matrix3d by_angle = gradient_of_angle(at);
+    Matrix9 sum = kept() * hessian_of_angle(at, by_angle);
+    if (kept() == 1) return sum;
+    const Matrix3d by_q[2] = {gradient_of_q(at, 0), gradient_of_q(at, 1)};
+    const auto add = [&](double factor, const Matrix3d& a, const Matrix3d& b) {
+      const Matrix9 product = factor * a.reshaped() * b.reshaped().transpose();
+      sum += product + product.transpose();
+    };
+    for (int side = 0; side < 2; ++side) {
+      const double other = fading[1 - side].value;
+      add(other * fading[side].slope, by_angle, by_q[side]);
+      add(angle * other * fading[side].curvature / 2, by_q[side], by_q[side]);
+      sum += angle * other * fading[side].slope * hessian_of_q(at, side);
+    }
+    add(angle * fading[0].slope * fading[1].slope, by_q[0], by_q[1]);
+    return sum;
+  }
+};
+
+/// Calls visit(hinge number, hinge, how it is bent) where no triangle is flat.
 template <class Visit>
 void for_each_hinge(const Bending& bending, const Matrix3Xd& x, const Visit& visit) {
-  for (int b = 0; b < bending.hinges.cols(); ++b) {
-    const Corners<double> corners = x(Eigen::all, bending.hinges.col(b));
-    if (const Hinge<double> at(corners); !at.is_flat()) visit(b, corners, at);
-  }
+  for (int b = 0; b < bending.hinges.cols(); ++b)
+    if (const Hinge at(x(Eigen::all, bending.hinges.col(b))); !at.is_flat())
+      visit(b, at, Bend(bending, b, at));
 }
 
-/// By x_0 ... x_3, of the hinge that they make.
-Matrix12 hessian_of(const Bending& bending, int b, const Corners<double>& x, const Hinge<double>& at,
-                    Curvature curvature) {
-  if (curvature != Curvature::Exact) {
-    Corners<double> gradient;
-    bent_by(bending, b, at, &gradient);
-    return bending.stiffness[b] * gradient.reshaped() * gradient.reshaped().transpose();
-  }
-  using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, 12, 1>>;
-  Corners<Dual> dual, gradient;
-  for (int k = 0; k < 12; ++k) dual(k) = Dual(x(k), 12, k);
-  const Dual angle = bent_by(bending, b, Hinge<Dual>(dual), &gradient);
-  Matrix12 H;
-  for (int k = 0; k < 12; ++k)
-    H.col(k) = bending.stiffness[b] *
-               (gradient(k).value() * angle.derivatives() + angle.value() * gradient(k).derivatives());
-  return H;
+/// Calls visit(hinge number, Hessian of its energy by x_0 ... x_3).
+template <class Visit>
+void for_each_hessian(const Bending& bending, const Matrix3Xd& x, Curvature curvature, const Visit& visit) {
+  for_each_hinge(bending, x, [&](int b, const Hinge& at, const Bend& bend) {
+    const Matrix3d gradient = bend.gradient(at);
+    Matrix9 H = gradient.reshaped() * gradient.reshaped().transpose();
+    if (curvature == Curvature::Exact) H += bend.counted() * bend.hessian(at);
+    visit(b, hessian_at_corners(bending.stiffness[b] * H));
+  });
 }
 
 /// Calls visit(stiffness times theta - theta_0 faded, gradient, nodes): what pushes the nodes of each hinge.
 template <class Visit>
 void for_each_torque(const Bending& bending, const Matrix3Xd& x, const Visit& visit) {
-  for_each_hinge(bending, x, [&](int b, const Corners<double>&, const Hinge<double>& at) {
-    Corners<double> gradient;
-    const double angle = bent_by(bending, b, at, &gradient);
-    visit(bending.stiffness[b] * angle, gradient, bending.hinges.col(b));
+  for_each_hinge(bending, x, [&](int b, const Hinge& at, const Bend& bend) {
+    visit(bending.stiffness[b] * bend.counted(), gradient_at_corners(bend.gradient(at)),
+          bending.hinges.col(b));
   });
 }
 
@@ -146,7 +213,7 @@ Bending make_bending(const Matrix3Xd& X, const Eigen::Matrix3Xi& F, double k_b) 
     const Vector3d e = X.col(hinge[1]) - X.col(hinge[0]);
     for (int side = 0; side < 2; ++side)
       bending.area(side, b) = e.cross(X.col(hinge[2 + side]) - X.col(hinge[0])).norm() / 2;
-    const Hinge<double> at(X(Eigen::all, hinge));
+    const Hinge at(X(Eigen::all, hinge));
     bending.hinges.col(b) = hinge;
     bending.rest_angle[b] = at.is_flat() ? 0 : angle_of(at);
     bending.stiffness[b] = at.is_flat() ? 0 : k_b * e.squaredNorm() / bending.area.col(b).sum();
@@ -161,23 +228,20 @@ Bending part_of(const Bending& bending, const std::vector<int>& hinges) {
 
 double energy(const Bending& bending, const Matrix3Xd& x) {
   double sum = 0;
-  for_each_hinge(bending, x, [&](int b, const Corners<double>&, const Hinge<double>& at) {
-    const double angle = bent_by(bending, b, at);
-    sum += bending.stiffness[b] / 2 * angle * angle;
+  for_each_hinge(bending, x, [&](int b, const Hinge&, const Bend& bend) {
+    sum += bending.stiffness[b] / 2 * bend.counted() * bend.counted();
   });
   return sum;
 }
 
 void add_forces(const Bending& bending, const Matrix3Xd& x, Matrix3Xd& f) {
-  for_each_torque(bending, x,
-                  [&](double torque, const Corners<double>& gradient, const Eigen::Vector4i& nodes) {
-                    for (int c = 0; c < 4; ++c) f.col(nodes[c]) -= torque * gradient.col(c);
-                  });
+  for_each_torque(bending, x, [&](double torque, const Corners& gradient, const Eigen::Vector4i& nodes) {
+    for (int c = 0; c < 4; ++c) f.col(nodes[c]) -= torque * gradient.col(c);
+  });
 }
 
 void add_hessian(const Bending& bending, const Matrix3Xd& x, BlockMatrix& K, Curvature curvature) {
-  for_each_hinge(bending, x, [&](int b, const Corners<double>& corners, const Hinge<double>& at) {
-    const Matrix12 H = hessian_of(bending, b, corners, at, curvature);
+  for_each_hessian(bending, x, curvature, [&](int b, const Matrix12& H) {
     for (int c = 0; c < 4; ++c)
       for (int d = 0; d < 4; ++d)
         if (const int i = bending.hinges(c, b), j = bending.hinges(d, b); i <= j)
@@ -186,8 +250,7 @@ void add_hessian(const Bending& bending, const Matrix3Xd& x, BlockMatrix& K, Cur
 }
 
 void add_hessian(const Bending& bending, const Matrix3Xd& x, SurfaceHessian& sum, Curvature curvature) {
-  for_each_hinge(bending, x, [&](int b, const Corners<double>& corners, const Hinge<double>& at) {
-    const Matrix12 H = hessian_of(bending, b, corners, at, curvature);
+  for_each_hessian(bending, x, curvature, [&](int b, const Matrix12& H) {
     for (int c = 0; c < 4; ++c)
       for (int d = c; d < 4; ++d)
         sum.blocks.push_back({bending.hinges(c, b), bending.hinges(d, b), H.block<3, 3>(3 * c, 3 * d)});
@@ -205,13 +268,12 @@ Eigen::Matrix2Xi pairs_of(const Bending& bending) {
 
 Eigen::VectorXd mean_bending_forces(const Bending& bending, const Matrix3Xd& x) {
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(x.cols()), count = sum;
-  for_each_torque(bending, x,
-                  [&](double torque, const Corners<double>& gradient, const Eigen::Vector4i& nodes) {
-                    for (int c = 0; c < 2; ++c) {
-                      sum[nodes[c]] += std::abs(torque) * gradient.col(c).norm();
-                      ++count[nodes[c]];
-                    }
-                  });
+  for_each_torque(bending, x, [&](double torque, const Corners& gradient, const Eigen::Vector4i& nodes) {
+    for (int c = 0; c < 2; ++c) {
+      sum[nodes[c]] += std::abs(torque) * gradient.col(c).norm();
+      ++count[nodes[c]];
+    }
+  });
   return sum.cwiseQuotient(count.cwiseMax(1));
 }
 
