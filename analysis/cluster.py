@@ -26,7 +26,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +102,12 @@ def _programs_of(task: Task) -> Path:
     raise RunError(f"{PROGRAMS}: the programs have been built anew, expected {task.programs_hash}")
 
 
+@lru_cache
+def _store(folder: Path, time_limit: float, programs: Path) -> Store:
+    """Kept, as a store looks at all its runs when it begins."""
+    return Store(folder, time_limit, programs)
+
+
 def perform(task: Task, folder: Path) -> dict[str, bytes]:
     """The files of a task's run, by name; made in a store of the folder unless that holds it.
 
@@ -126,7 +132,7 @@ def perform(task: Task, folder: Path) -> dict[str, bytes]:
     ]
     prefix = ("env", *(f"{name}={value}" for name, value in task.threads.items()), *task.request.prefix)
     here = replace(task.request, scene=scene, overrides=(*task.request.overrides, *files), prefix=prefix)
-    run = Store(folder / "runs", task.time_limit, programs).run_as(task.key, here).folder
+    run = _store(folder / "runs", task.time_limit, programs).run_as(task.key, here).folder
     found = {str(file.relative_to(run)): file.read_bytes() for file in run.rglob("*") if file.is_file()}
     for name in found.keys() & set(_NAMING):
         for of_worker, asked in names.items():

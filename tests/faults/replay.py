@@ -7,6 +7,7 @@ and Python files outside tests/, so that moving code does not lose it; any white
 from __future__ import annotations
 
 import argparse
+import ast
 import csv
 import os
 import random
@@ -88,7 +89,8 @@ def read_sources(root: Path) -> dict[Path, str]:
 
 
 def find(fault: Fault, sources: dict[Path, str]) -> tuple[Path, str]:
-    """The one file that holds the fault's text, and its content with the fault."""
+    """The one file that holds the fault's text, and its content with the fault. Raises ListError where there is none, or
+    where Python cannot read it: any test would notice that."""
     places = [(file, at) for file, text in sources.items() for at in fault.pattern.finditer(text)]
     if len(places) != 1:
         where = ", ".join(str(file) for file, _ in places) or "nowhere"
@@ -96,7 +98,15 @@ def find(fault: Fault, sources: dict[Path, str]) -> tuple[Path, str]:
             f"{fault.part}.toml: '{fault.name}': its text is found {len(places)} times ({where}), expected once"
         )
     file, at = places[0]
-    return file, sources[file][: at.start()] + fault.replacement + sources[file][at.end() :]
+    content = sources[file][: at.start()] + fault.replacement.lstrip() + sources[file][at.end() :]
+    if file.suffix == ".py":
+        try:
+            ast.parse(content)
+        except SyntaxError as error:
+            raise ListError(
+                f"{fault.part}.toml: '{fault.name}': {file}:{error.lineno}: {error.msg}, expected Python"
+            ) from error
+    return file, content
 
 
 class Copy:

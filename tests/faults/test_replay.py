@@ -54,8 +54,8 @@ def test_tests_named_are_there():
                 ), test
 
 
-def fault(text, **more):
-    return Fault("a fault", text, "1", ("test_x",), **more)
+def fault(text, replacement="1", **more):
+    return Fault("a fault", text, replacement, ("test_x",), **more)
 
 
 def test_text_that_is_missing_or_stands_twice_is_refused():
@@ -69,6 +69,16 @@ def test_text_that_is_missing_or_stands_twice_is_refused():
 def test_white_space_of_a_text_matches_any_other():
     (_, content) = find(fault("f(a, b)"), {ROOT / "a.cpp": "x = f(a,\n      b);"})
     assert content == "x = 1;"
+
+
+def test_the_place_keeps_its_indentation():
+    (_, content) = find(fault("    b = 2", replacement="    b = 3"), {Path("a.py"): "if a:\n  b = 2\n"})
+    assert content == "if a:\n  b = 3\n"
+
+
+def test_what_python_cannot_read_is_refused():
+    with pytest.raises(ListError, match=r"a\.py:2: expected an indented block"):
+        find(fault("b = 2", replacement="# b"), {Path("a.py"): "if a:\n  b = 2\n"})
 
 
 class WithoutBuilds(Copy):
