@@ -217,19 +217,15 @@ def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool) -> list[Compa
     return [found]
 
 
-def reproduce_command(
-    entry: Entry, is_written: bool, cluster: str = "", has_ended: bool = False
-) -> list[Compared]:
+def reproduce_command(entry: Entry, is_written: bool, cluster: str = "") -> list[Compared]:
     """Tables and figures of a study beside the stored ones. Raises RunError where it fails.
 
-    cluster: address of the scheduler whose workers make the study's runs, if there is one; has_ended: another entry has run
-    the command just now.
+    cluster: address of the scheduler whose workers make the study's runs, if there is one.
     """
     out = OUT / "reproduce" / entry.name
     out.mkdir(parents=True, exist_ok=True)
     own = {} if entry.sources or entry.figures else {file: _committed(file) for file in _files_of(entry)}
-    if not has_ended:
-        _run(entry, out / "output.txt", cluster)
+    _run(entry, out / "output.txt", cluster)
     found = [
         compare_tables(
             number,
@@ -276,15 +272,14 @@ def _committed(file: str) -> bytes | None:
     return (ROOT / file).read_bytes() if (ROOT / file).exists() else None
 
 
-def reproduce(
-    entry: Entry, is_written: bool, is_quiet: bool = False, cluster: str = "", has_ended: bool = False
-) -> list[Compared]:
+def reproduce(entry: Entry, is_written: bool, is_quiet: bool = False, cluster: str = "") -> list[Compared]:
     """What it makes beside what is stored. With is_written the page is written anew, and what it is of is noted."""
     start = time.monotonic()
-    if entry.rows:
-        found = reproduce_runs(entry, is_written, is_quiet)
-    else:
-        found = reproduce_command(entry, is_written, cluster, has_ended)
+    found = (
+        reproduce_runs(entry, is_written, is_quiet)
+        if entry.rows
+        else reproduce_command(entry, is_written, cluster)
+    )
     if is_written:
         stored = _stored()
         of = describe(PROGRAMS)
@@ -314,7 +309,7 @@ def _reproduce_all(arguments: argparse.Namespace, cluster: str) -> int:
     commit = describe(PROGRAMS)["commit"]
     if arguments.write and not re.fullmatch("[0-9a-f]+", commit):
         raise RunError(f"--write: the tree is {commit}, expected a commit without further changes")
-    minutes = {entry.command or entry.name: entry.minutes for entry in chosen}  # by what is run once
+    minutes = {entry.command or entry.name: entry.minutes for entry in chosen}  # the second time all is kept
     say(
         f"{len(chosen)} entries, {sum(minutes.values()):.0f} min at most on two cores: what is kept takes none",
         arguments.quiet,
@@ -334,17 +329,13 @@ def _reproduce_all(arguments: argparse.Namespace, cluster: str) -> int:
             for folder in (out / entry.name, *((ROOT / source).parent for source in entry.sources))
         }:
             forget(folder)
-    ended = set()
     for number, entry in enumerate(chosen, 1):
         place = f"[{number}/{len(chosen)}, {sum(minutes.values()):.0f} min left at most]"
         say(f"{place} {entry.name}: {entry.command or entry.heading}", arguments.quiet)
         found, error = [], ""
         try:
             with reminders(entry.name, arguments.quiet):
-                found = reproduce(
-                    entry, arguments.write, arguments.quiet, cluster, has_ended=entry.command in ended
-                )
-            ended.add(entry.command)
+                found = reproduce(entry, arguments.write, arguments.quiet, cluster)
         except RunError as failure:
             error = str(failure)
         minutes.pop(entry.command or entry.name, None)
