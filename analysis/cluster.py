@@ -40,13 +40,14 @@ _RETRIES = 2  # of a run whose worker has died
 _AT_ONCE = 64  # runs asked for beside each other, at least: those that wait cost nothing
 _PAUSE = 2.0  # s, between looks at the workers
 _THIS_MACHINE = "127.0.0.1"
-#: Of the engine. It takes no samples of Python's stack, which waits for programs, leaves the variables of threads as they
-#: are, on which a run depends, and what fails is told by us.
+#: Of the engine. It takes no samples of Python's stack, which waits for programs, and few of its processes, leaves the
+#: variables of threads as they are, on which a run depends, and what fails is told by us.
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": _RETRIES,
     "distributed.worker.profile.enabled": False,
     "distributed.nanny.pre-spawn-environ": {},
     "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
     "logging": {"distributed": "critical", "distributed.client": "critical"},
 }
 _NAMING = (
