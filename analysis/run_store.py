@@ -15,7 +15,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -56,6 +56,11 @@ class RunRequest:
     repetition: int = 0  #: of a timed run; only the first keeps its frames
     is_timed: bool = False  #: its seconds count: no other run shares its machine, and only those of one kind of machine are taken
     is_of_pair: bool = False  #: every key of the scene counts, as the folder of a pair is read for them
+
+    @cached_property
+    def values(self) -> dict[str, Any]:
+        """Of the scene, as it was when they were first asked for. Raises RunError when it cannot be read."""
+        return read_toml(self.scene)
 
 
 @dataclass(frozen=True)
@@ -142,10 +147,9 @@ class Store:
         Raises RunError when the scene or a program cannot be read.
         """
         ignored = set() if request.is_of_pair else _IGNORED[request.program]
-        scene = read_toml(request.scene)
         settings = _settings_of(request)
         parts = [
-            {key: value for key, value in scene.items() if key not in ignored},
+            {key: value for key, value in request.values.items() if key not in ignored},
             {key: value for key, value in settings.items() if key.split(".")[0] not in ignored},
             request.program,
             request.options,
@@ -230,7 +234,7 @@ class Store:
 
     def _loaded(self, request: RunRequest) -> RunRequest:
         """The request with the factor on its loads by which it strains as its scene wants, found by a trial."""
-        wanted = load_scale.wanted_strain(read_toml(request.scene), request.overrides)
+        wanted = load_scale.wanted_strain(request.values, request.overrides)
         if wanted is None:
             return request
 
@@ -261,7 +265,7 @@ class Store:
 
 def files_of(request: RunRequest) -> dict[str, Path]:
     """Place in the scene -> file, of all that a run reads. Raises RunError when the scene cannot be read."""
-    files = dict(_files_in(read_toml(request.scene), "", request.scene.parent))
+    files = dict(_files_in(request.values, "", request.scene.parent))
     for key, text in _settings_of(request).items():
         files = {place: file for place, file in files.items() if not f"{place}.".startswith(f"{key}.")}
         files |= dict(_files_in(value_of(text), key, Path()))
