@@ -1,6 +1,7 @@
 #include "meshing/surface_energies/bending.h"
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 #include <map>
 
@@ -123,11 +124,12 @@ struct Fading {
 /// theta - theta_0 of a hinge, in (-pi, pi], and how both sides fade it.
 struct Bend {
   double angle;
-  Fading fading[2];
+  std::array<Fading, 2> fading;
 
   Bend(const Bending& bending, int b, const Hinge& at)
       : angle(angle_of(at) - bending.rest_angle[b]),
-        fading{{at.q[0], kCrumpled * bending.area(0, b)}, {at.q[1], kCrumpled * bending.area(1, b)}} {
+        fading{Fading(at.q[0], kCrumpled * bending.area(0, b)),
+               Fading(at.q[1], kCrumpled * bending.area(1, b))} {
     if (angle > M_PI) angle -= 2 * M_PI;
     if (angle <= -M_PI) angle += 2 * M_PI;
   }
