@@ -86,7 +86,7 @@ Matrix9 hessian_of_angle(const Hinge& at, const Matrix3d& gradient) {
   return H;
 }
 
-/// Of q[side] (m2 and m).
+/// Of q[side] (m3 and m2).
 Matrix3d gradient_of_q(const Hinge& at, int side) {
   const Vector3d& a = at.arm[side];
   const double dot = a.dot(at.e);

@@ -306,7 +306,7 @@ def test_gear_of_needles_is_solved_by_both_programs(tmp_path):
     assert comparison["status"] == "ok"
     assert (
         comparison["models"]["node_averaged"]["displacement_error_l2"] < 0.4
-    )  # measured 0.24; the mesh of needles hangs on the processor
+    )  # 0.24 on one machine, below 0.2 on others
     for folder in (tmp_path / "out").rglob("run.json"):
         record = json.loads(folder.read_text())
         assert record["mesher"], folder
