@@ -164,12 +164,7 @@ const BlockMatrix& QuasiStaticSolver::preconditioning_matrix(const State& state)
     P_ = shifted(std::move(P_), forces_.constraints);
     return P_;
   }
-  for (const int k : P_.diagonal) {
-    Eigen::Matrix3d& block = P_.block[k];
-    if (block.isZero(0))
-      block = largest_stiffness_ * Eigen::Matrix3d::Identity();  // a node of no tetrahedron
-    block.diagonal() *= 1 + kShift;
-  }
+  for (const int k : P_.diagonal) P_.block[k].diagonal() *= 1 + kShift;
   filter(forces_.constraints, P_);
   return P_;
 }
