@@ -7,8 +7,10 @@ centre of volume is the origin.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
+import threading
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,6 +33,8 @@ _N_FINE = 3000  # of the surface that they are chosen from
 _GRID = 60  # cells of a level set along the longest side
 _ROUND = 24  # corners of a circle
 _MISSED = 0.25  # of the volume, by a triangulation at most
+
+_MAKING = threading.Lock()  # a study's workers are threads, and the cases of a body follow each other
 
 Field = Callable[[Array], Array]
 
@@ -62,14 +66,14 @@ def bodies() -> list[Body]:
 
 
 def write_body(body: Body, folder: Path) -> Path:
-    """The file of a body's surface, made where it is not there yet."""
+    """The file of a body's surface, made where it is not there yet, by one thread for all that ask for it."""
     file = folder / f"{body.name}.ply"
-    if not file.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        part = file.with_suffix(f".{os.getpid()}.ply")
-        shape = FAMILIES[body.family](random_of(f"{body.family}-{body.seed}"))
-        triangulate(shape, body.triangulation).save(part)
-        part.rename(file)
+    with _MAKING:
+        if not file.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            part = file.with_suffix(f".{os.getpid()}.ply")
+            triangulate(body).save(part)
+            part.rename(file)
     return file
 
 
@@ -78,13 +82,26 @@ def random_of(name: str) -> np.random.Generator:
     return np.random.default_rng(list(hashlib.sha256(name.encode()).digest()))
 
 
-def triangulate(raw: pv.PolyData, way: str) -> pv.PolyData:
-    """A closed surface anew; "cad" keeps it as it is, with its needles."""
+@functools.cache
+def _shape(family: str, seed: int) -> pv.PolyData:
+    return FAMILIES[family](random_of(f"{family}-{seed}"))
+
+
+@functools.cache
+def _fine(family: str, seed: int, is_even: bool) -> pv.PolyData:
+    """What triangulations of a shape are chosen from."""
+    shape = _shape(family, seed)
+    return _even(shape, _N_FINE) if is_even else _cut(shape, np.sqrt(shape.area / _N_FINE))
+
+
+def triangulate(body: Body) -> pv.PolyData:
+    """Its closed surface; "cad" is the shape's own, with its needles."""
+    raw, way = _shape(body.family, body.seed), body.triangulation
     if way == "cad":
         return raw
     # Even triangles are none of a grid's slivers; where they do not close, cut ones do.
-    for make_fine in (lambda: _even(raw, _N_FINE), lambda: _cut(raw, np.sqrt(raw.area / _N_FINE))):
-        fine, n = make_fine(), _VERTICES[way]
+    for is_even in (True, False):
+        fine, n = _fine(body.family, body.seed, is_even), _VERTICES[way]
         while n < fine.n_points:
             # Clusters wider than a part is thick cut through it; collapsed edges do not.
             if way == "graded" or n > 2 * _VERTICES[way]:

@@ -1,18 +1,23 @@
 """The bodies of the accuracy study: sound surfaces, the same wherever they are made, in halves that stay what they are."""
 
 import hashlib
+import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 import pyvista as pv
 
+from analysis.studies import bodies as made
 from analysis.studies.bodies import (
     _PRISMS,
     FAMILIES,
     Body,
     _circle,
+    _fine,
     _prism,
+    _shape,
     bodies,
     moments,
     random_of,
@@ -58,9 +63,26 @@ def test_bodies_are_closed_and_as_large_as_they_are_said_to_be(family, tmp_path)
 
 def test_body_is_the_same_anywhere(tmp_path):
     body = Body("anchor", 2, "graded")
-    one, other = (write_body(body, tmp_path / name).read_bytes() for name in ("a", "b"))
-    assert one == other
+    one = write_body(body, tmp_path / "a").read_bytes()
+    _shape.cache_clear()
+    _fine.cache_clear()
+    assert one == write_body(body, tmp_path / "b").read_bytes()
     assert one != write_body(Body("anchor", 3, "coarse"), tmp_path / "a").read_bytes()
+
+
+def test_threads_that_ask_for_one_body_wait_for_it(monkeypatch, tmp_path):
+    n_made = 0
+
+    def triangulate(_):
+        nonlocal n_made
+        n_made += 1
+        time.sleep(0.1)
+        return pv.Cube().triangulate()
+
+    monkeypatch.setattr(made, "triangulate", triangulate)
+    with ThreadPoolExecutor(4) as pool:
+        files = list(pool.map(write_body, 4 * [Body("plate", 1, "cad")], 4 * [tmp_path]))
+    assert n_made == 1 and files == 4 * list(tmp_path.iterdir())
 
 
 def test_prism_has_the_volume_of_its_polygon_less_its_holes():
@@ -73,10 +95,10 @@ def test_prism_has_the_volume_of_its_polygon_less_its_holes():
 
 def test_triangulations_differ_as_they_are_called():
     raw = FAMILIES["bracket"](random_of("bracket-1"))
-    assert triangulate(raw, "cad") is raw
+    assert triangulate(Body("bracket", 1, "cad")) == raw
 
     def lengths(way: str):
-        surface = triangulate(raw, way)
+        surface = triangulate(Body("bracket", 1, way))
         corners = surface.points[surface.regular_faces]
         return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
 
