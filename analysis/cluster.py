@@ -27,6 +27,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from .machine import LOCK, THREADS, kind
 from .paths import OUT, PROGRAMS
 from .run_store import Found, Item, LostRunError, RunRequest, Store, files_of, hash_of_programs, made_by, say
 from .runs import RunError
+from .turns import lent, taken
 
 _RUN, _PROGRAMS, _MACHINE = "run", "programs", "machine"
 _RETRIES = 2  # of a run whose worker has died
@@ -260,8 +262,20 @@ class Cluster:
     def each(self, function: Callable[[Item], Found], items: Iterable[Item]) -> Iterator[Found]:
         n_runs = sum(int(offered[_RUN]) for offered in self._workers().values())
         pool = ThreadPoolExecutor(max(_AT_ONCE, 2 * n_runs))
+
+        def in_turn(item: Item) -> Found:
+            with taken():
+                return function(item)
+
         try:
-            yield from pool.map(function, items)
+            with taken():
+                found = pool.map(in_turn, items)
+                while True:
+                    with lent():
+                        of_one = list(islice(found, 1))
+                    if not of_one:
+                        return
+                    yield from of_one
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 

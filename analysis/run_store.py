@@ -26,6 +26,7 @@ from .machine import THREADS, kind
 from .outputs import are_as_written
 from .paths import PROGRAMS, write_text
 from .runs import NOT_OK, SOLVED, RunError, built, read_toml, record_of
+from .turns import lent
 from .wording import duration
 
 # Top-level keys of a scene that change nothing in a program's result, as in its own input hash.
@@ -206,7 +207,7 @@ class Store:
         folder = self.folder / key
         if known := self._known(folder, request):
             return known
-        with _guards[str(folder)], locked(self.folder, f".{key}.lock"):
+        with lent(), _guards[str(folder)], locked(self.folder, f".{key}.lock"):
             return self._known(folder, request) or self._made(folder, request)
 
     def _made(self, folder: Path, request: RunRequest) -> Outcome:

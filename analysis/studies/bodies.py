@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
-import threading
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,8 +32,6 @@ _N_FINE = 3000  # of the surface that they are chosen from
 _GRID = 60  # cells of a level set along the longest side
 _ROUND = 24  # corners of a circle
 _MISSED = 0.25  # of the volume, by a triangulation at most
-
-_MAKING = threading.Lock()  # a study's workers are threads, and the cases of a body follow each other
 
 Field = Callable[[Array], Array]
 
@@ -66,14 +63,13 @@ def bodies() -> list[Body]:
 
 
 def write_body(body: Body, folder: Path) -> Path:
-    """The file of a body's surface, made where it is not there yet, by one thread for all that ask for it."""
+    """The file of a body's surface, made where it is not there yet."""
     file = folder / f"{body.name}.ply"
-    with _MAKING:
-        if not file.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            part = file.with_suffix(f".{os.getpid()}.ply")
-            triangulate(body).save(part)
-            part.rename(file)
+    if not file.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        part = file.with_suffix(f".{os.getpid()}.ply")
+        triangulate(body).save(part)
+        part.rename(file)
     return file
 
 

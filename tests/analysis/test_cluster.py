@@ -10,7 +10,8 @@ import sys
 import threading
 import time
 from argparse import Namespace
-from contextlib import nullcontext
+from collections import Counter
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -119,6 +120,38 @@ def test_a_run_has_the_same_key_with_and_without_a_cluster(scene, programs, tmp_
         key = store(tmp_path / "runs", programs).key(request(scene))
     with engine_of(Namespace(workers=2, cluster=None, listen="127.0.0.1", quiet=True)):
         assert store(tmp_path / "runs", programs).key(request(scene)) == key
+
+
+def test_of_the_threads_of_a_study_one_works_while_others_wait_for_runs(cluster, scene, programs, tmp_path):
+    kept = store(tmp_path, programs)
+    most: Counter[str] = Counter()
+    now: Counter[str] = Counter()
+
+    @contextmanager
+    def counted(what):
+        now[what] += 1
+        most[what] = max(most[what], now[what])
+        yield
+        now[what] -= 1
+
+    def measure(number):
+        with counted("at work"):
+            time.sleep(0.02)
+        with counted("waiting"):
+            outcome = kept.run(request(scene, f"density={1000 + number}"))
+        with counted("at work"):
+            time.sleep(0.02)
+        return outcome
+
+    for outcome in each(measure, range(6)):
+        with counted("at work"):
+            time.sleep(0.02)
+        assert outcome.status == "ok"
+    assert most["at work"] == 1 and most["waiting"] > 2
+
+    for pair in each(lambda number: [*each(measure, (number, number + 10))], range(3)):
+        assert [outcome.status for outcome in pair] == ["ok", "ok"]
+    assert most["at work"] == 1
 
 
 def test_inputs_travel_and_messages_name_those_asked_for(tmp_path):

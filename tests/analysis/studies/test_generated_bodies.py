@@ -1,15 +1,12 @@
 """The bodies of the accuracy study: sound surfaces, the same wherever they are made, in halves that stay what they are."""
 
 import hashlib
-import time
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 import pyvista as pv
 
-from analysis.studies import bodies as made
 from analysis.studies.bodies import (
     _PRISMS,
     FAMILIES,
@@ -68,21 +65,6 @@ def test_body_is_the_same_anywhere(tmp_path):
     _fine.cache_clear()
     assert one == write_body(body, tmp_path / "b").read_bytes()
     assert one != write_body(Body("anchor", 3, "coarse"), tmp_path / "a").read_bytes()
-
-
-def test_threads_that_ask_for_one_body_wait_for_it(monkeypatch, tmp_path):
-    n_made = 0
-
-    def triangulate(_):
-        nonlocal n_made
-        n_made += 1
-        time.sleep(0.1)
-        return pv.Cube().triangulate()
-
-    monkeypatch.setattr(made, "triangulate", triangulate)
-    with ThreadPoolExecutor(4) as pool:
-        files = list(pool.map(write_body, 4 * [Body("plate", 1, "cad")], 4 * [tmp_path]))
-    assert n_made == 1 and files == 4 * list(tmp_path.iterdir())
 
 
 def test_prism_has_the_volume_of_its_polygon_less_its_holes():
