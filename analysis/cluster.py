@@ -178,6 +178,7 @@ class Cluster:
         self.client, self.programs_hash = client, hash_of_programs(PROGRAMS)
         self._refused: set[str] = set()
         self._has_ended = threading.Event()
+        self._of_thread = threading.local()  # number: of the item that it works for
 
     @property
     def machine(self) -> str:
@@ -246,7 +247,11 @@ class Cluster:
             needed = dict.fromkeys([*needed, f"{_MACHINE} {n_runs} {machine}"], n_runs)
         task = task_of(store, request, key)
         name = f"{request.program}-{key}-{store.time_limit:g}"
-        future = self.client.submit(_on_worker, task, key=name, resources=needed, retries=_RETRIES)
+        # What was begun first is finished first, so that it is kept and told of.
+        urgency = -getattr(self._of_thread, "number", 0)
+        future = self.client.submit(
+            _on_worker, task, key=name, resources=needed, retries=_RETRIES, priority=urgency
+        )
         try:
             files = future.result()
         except KilledWorker:
@@ -263,13 +268,14 @@ class Cluster:
         n_runs = sum(int(offered[_RUN]) for offered in self._workers().values())
         pool = ThreadPoolExecutor(max(_AT_ONCE, 2 * n_runs))
 
-        def in_turn(item: Item) -> Found:
+        def in_turn(numbered: tuple[int, Item]) -> Found:
+            self._of_thread.number, item = numbered
             with taken():
                 return function(item)
 
         try:
             with taken():
-                found = pool.map(in_turn, items)
+                found = pool.map(in_turn, enumerate(items))
                 while True:
                     with lent():
                         of_one = list(islice(found, 1))

@@ -154,6 +154,20 @@ def test_of_the_threads_of_a_study_one_works_while_others_wait_for_runs(cluster,
     assert most["at work"] == 1
 
 
+def test_what_was_begun_first_is_finished_first(cluster, scene, programs, tmp_path):
+    kept = store(tmp_path, programs)
+    ended = []
+
+    def two_runs(number):
+        for run in (1, 2):
+            kept.run(request(scene, f"density={2000 + number}", f"gravity={run}"))
+        ended.append(number)
+
+    list(each(two_runs, range(16)))
+    first = [ended.index(number) for number in range(4)]
+    assert max(first) < 8, ended
+
+
 def test_inputs_travel_and_messages_name_those_asked_for(tmp_path):
     """The program finds content that is nowhere else, and what it writes of its inputs reads as if it had run here."""
     here, there = tmp_path / "here", tmp_path / "there"
