@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import csv
 import subprocess
-import threading
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -84,7 +83,6 @@ class Bench:
     def __init__(self, folder: Path, store: Store | None = None) -> None:
         self.folder = folder
         self.store = store or Store(folder / "runs", time_limit=_WALL)
-        self._remeshing = threading.Lock()  # of one body at a time: its limit is of the clock
 
     def measure(self, case: Case, loads: tuple[str, ...]) -> list[Row]:
         """A row for each program and load. What does not end is a row that says why."""
@@ -125,8 +123,7 @@ class Bench:
             part = file.with_suffix(".part.off")
             try:
                 if case.is_remeshed:
-                    with self._remeshing:
-                        remesh(case.file, part, limit=LIMIT)
+                    remesh(case.file, part, limit=LIMIT)
                 else:
                     command = [str(PROGRAMS / "meshing"), "repair", str(case.file), str(part)]
                     subprocess.run(command, check=False, capture_output=True)

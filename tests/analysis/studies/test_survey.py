@@ -1,8 +1,6 @@
 """The survey: which bodies it takes, and how it counts what became of them."""
 
-import time
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from pathlib import Path
 
@@ -215,25 +213,6 @@ def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_
     assert str(new) in Path(store.requests[-1].scene).read_text()
     np.testing.assert_allclose(np.ptp(points, axis=0).max(), 1)
     np.testing.assert_allclose(points.min(axis=0) + points.max(axis=0), 0, atol=1e-12)
-
-
-def test_bodies_are_remeshed_one_at_a_time(tmp_path, monkeypatch):
-    """Beside each other they would run out of the clock's time."""
-    busy: list[int] = []
-
-    def remesh(given, made, limit):
-        assert not busy
-        busy.append(1)
-        time.sleep(0.05)
-        busy.clear()
-        raise RunError("no surface")
-
-    monkeypatch.setattr("analysis.studies.survey.remesh", remesh)
-    bench = Bench(tmp_path, Recording(tmp_path))
-    wanted = [Case(tmp_path / "ball.obj", str(number) * 12, is_remeshed=True) for number in range(4)]
-    with ThreadPoolExecutor(4) as threads:
-        for rows in threads.map(lambda case: bench.measure(case, ("sag",)), wanted):
-            assert {row["message"] for row in rows} == {"remesh: no surface"}
 
 
 def test_a_row_tells_the_message_of_what_is_not_ok_alone(tmp_path):
