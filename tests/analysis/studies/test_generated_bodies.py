@@ -1,12 +1,16 @@
 """The bodies of the accuracy study: sound surfaces, the same wherever they are made, in halves that stay what they are."""
 
 import hashlib
+import os
+import subprocess
+import sys
 from collections import Counter
 
 import numpy as np
 import pytest
 import pyvista as pv
 
+from analysis.paths import ROOT
 from analysis.studies.bodies import (
     _PRISMS,
     FAMILIES,
@@ -65,6 +69,26 @@ def test_body_is_the_same_anywhere(tmp_path):
     _fine.cache_clear()
     assert one == write_body(body, tmp_path / "b").read_bytes()
     assert one != write_body(Body("anchor", 3, "coarse"), tmp_path / "a").read_bytes()
+
+
+def test_shape_is_the_same_whatever_a_processor_can_do():
+    code = "from analysis.studies.bodies import _shape\n"
+    code += "print([_shape(family, 1).points.tobytes() for family in ('anchor', 'plate', 'tube')])"
+    plain = {
+        "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX2 FMA3",
+        "OPENBLAS_CORETYPE": "Sandybridge",
+    }
+    one, other = (
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, **of},
+            cwd=ROOT,
+            check=True,
+            stdout=subprocess.PIPE,
+        )
+        for of in ({}, plain)
+    )
+    assert one.stdout == other.stdout
 
 
 def test_prism_has_the_volume_of_its_polygon_less_its_holes():
