@@ -33,7 +33,7 @@ from ..run_store import Progress, RunRequest, Store, each
 from ..runs import Run, RunError, load_run
 from ..surface_points import on_points_of
 from .accuracy_loads import CUTTABLE, FREE, HELD, of_cut_surface, scene_of
-from .bodies import Body, bodies, random_of, write_body
+from .bodies import Body, bodies, random_of, save, write_body
 from .result import Result, Section
 
 PAGE, DATA = PACKAGE / "ACCURACY.md", PACKAGE / "accuracy.csv"
@@ -127,8 +127,7 @@ class Bench:
             return scene, None
         cut_surface = surface.with_name(f"{case.body.name}-cut.ply")
         text, *finer = of_cut_surface(text, cut_surface, X, F)
-        if not cut_surface.exists():
-            pv.PolyData.from_regular_faces(*finer).save(cut_surface)
+        save(pv.PolyData.from_regular_faces(*finer), cut_surface)
         write_text(cut, text)
         return scene, cut
 

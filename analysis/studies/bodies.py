@@ -64,14 +64,24 @@ def bodies() -> list[Body]:
 
 
 def write_body(body: Body, folder: Path) -> Path:
-    """The file of a body's surface, made where it is not there yet."""
-    file = folder / f"{body.name}.ply"
+    """The file of a body's surface, made where this module has not made it yet."""
+    file = folder / _hash_of_source() / f"{body.name}.ply"
     if not file.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        part = file.with_suffix(f".{os.getpid()}.ply")
-        triangulate(body).save(part)
-        part.rename(file)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        save(triangulate(body), file)
     return file
+
+
+def save(surface: pv.PolyData, file: Path) -> None:
+    """Writes to a temporary name, then renames."""
+    part = file.with_suffix(f".{os.getpid()}.ply")
+    surface.save(part)
+    part.rename(file)
+
+
+@functools.cache
+def _hash_of_source() -> str:
+    return hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8]
 
 
 def random_of(name: str) -> np.random.Generator:

@@ -20,7 +20,7 @@ from ..compare import triangle_normals
 from ..drawing.film import draw_film, draw_strip
 from ..drawing.style import style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
-from ..paths import SCENES
+from ..paths import SCENES, write_text
 from ..report import Table
 from ..run_store import Outcome, Progress, RunRequest, Store, each, say
 from ..runs import Array, Run, RunError, load_frames, read_toml
@@ -181,7 +181,7 @@ def _write_obj(file: Path, X: Array, F: Array) -> None:
     lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in X]
     lines += [f"f {a} {b} {c}" for a, b, c in F + 1]
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text("\n".join(lines) + "\n")
+    write_text(file, "\n".join(lines) + "\n")
 
 
 def methods_of(scene: Path) -> dict[str, tuple[str, tuple[str, ...]]]:
@@ -250,8 +250,7 @@ class Strip:
 
         def run(number: int) -> Outcome:
             file = folder / f"{self.scene.stem}_{number}.obj"
-            if not file.exists():
-                _write_obj(file, jittered(rest.X, rest.F, file.stem), rest.F)
+            _write_obj(file, jittered(rest.X, rest.F, file.stem), rest.F)
             as_file = [
                 f'surface.file="{file}"', 'surface.shape=""', "surface.size=[0,0,0]", "surface.across=0"
             ]  # fmt: skip

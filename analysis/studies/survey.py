@@ -25,7 +25,7 @@ from ..grid import csv_of
 from ..paths import PACKAGE, PROGRAMS, SCENES, write_text
 from ..remesh import read_off, remesh, write_surface
 from ..report import Table
-from ..run_store import Outcome, Progress, RunRequest, Store, each
+from ..run_store import Outcome, Progress, RunRequest, Store, each, hash_of_programs
 from ..runs import Array, RunError
 from ..wording import percent
 from .accuracy_loads import scene_of
@@ -113,7 +113,7 @@ class Bench:
 
     def surface_of(self, case: Case) -> tuple[Path, Array, Array]:
         """File, points and triangles of a body whose longest side is 1 m. Raises RunError where it cannot be remeshed."""
-        folder = self.folder / "surfaces"
+        folder = self.folder / f"surfaces-{hash_of_programs(PROGRAMS)}"
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{case.name}{'-remeshed' * case.is_remeshed}.off"
         refused = file.with_suffix(".txt")

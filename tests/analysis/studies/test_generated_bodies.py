@@ -11,6 +11,7 @@ import pytest
 import pyvista as pv
 
 from analysis.paths import ROOT
+from analysis.studies import bodies as made
 from analysis.studies.bodies import (
     _PRISMS,
     FAMILIES,
@@ -69,6 +70,15 @@ def test_body_is_the_same_anywhere(tmp_path):
     _fine.cache_clear()
     assert one == write_body(body, tmp_path / "b").read_bytes()
     assert one != write_body(Body("anchor", 3, "coarse"), tmp_path / "a").read_bytes()
+
+
+def test_body_is_made_anew_where_what_makes_it_has_changed(tmp_path, monkeypatch):
+    body = Body("bracket", 2, "cad")
+    file = write_body(body, tmp_path)
+    file.write_text("kept")
+    assert write_body(body, tmp_path).read_text() == "kept"
+    monkeypatch.setattr(made, "_hash_of_source", lambda: "changed")
+    assert len(pv.read(write_body(body, tmp_path)).points) > 0
 
 
 def test_shape_is_the_same_whatever_a_processor_can_do():
