@@ -217,15 +217,19 @@ def reproduce_runs(entry: Entry, is_written: bool, is_quiet: bool) -> list[Compa
     return [found]
 
 
-def reproduce_command(entry: Entry, is_written: bool, cluster: str = "") -> list[Compared]:
+def reproduce_command(
+    entry: Entry, is_written: bool, cluster: str = "", has_run: bool = False
+) -> list[Compared]:
     """Tables and figures of a study beside the stored ones. Raises RunError where it fails.
 
-    cluster: address of the scheduler whose workers make the study's runs, if there is one.
+    cluster: address of the scheduler whose workers make the study's runs, if there is one. has_run: what the command leaves is
+    there, as the entry before has run it.
     """
     out = OUT / "reproduce" / entry.name
     out.mkdir(parents=True, exist_ok=True)
     own = {} if entry.sources or entry.figures else {file: _committed(file) for file in _files_of(entry)}
-    _run(entry, out / "output.txt", cluster)
+    if not has_run:
+        _run(entry, out / "output.txt", cluster)
     found = [
         compare_tables(
             number,
@@ -272,13 +276,18 @@ def _committed(file: str) -> bytes | None:
     return (ROOT / file).read_bytes() if (ROOT / file).exists() else None
 
 
-def reproduce(entry: Entry, is_written: bool, is_quiet: bool = False, cluster: str = "") -> list[Compared]:
-    """What it makes beside what is stored. With is_written the page is written anew, and what it is of is noted."""
+def reproduce(
+    entry: Entry, is_written: bool, is_quiet: bool = False, cluster: str = "", has_run: bool = False
+) -> list[Compared]:
+    """What it makes beside what is stored. With is_written the page is written anew, and what it is of is noted.
+
+    cluster, has_run: as reproduce_command.
+    """
     start = time.monotonic()
     found = (
         reproduce_runs(entry, is_written, is_quiet)
         if entry.rows
-        else reproduce_command(entry, is_written, cluster)
+        else reproduce_command(entry, is_written, cluster, has_run)
     )
     if is_written:
         stored = _stored()
@@ -309,7 +318,7 @@ def _reproduce_all(arguments: argparse.Namespace, cluster: str) -> int:
     commit = describe(PROGRAMS)["commit"]
     if arguments.write and not re.fullmatch("[0-9a-f]+", commit):
         raise RunError(f"--write: the tree is {commit}, expected a commit without further changes")
-    minutes = {entry.command or entry.name: entry.minutes for entry in chosen}  # the second time all is kept
+    minutes = {entry.command or entry.name: entry.minutes for entry in chosen}
     say(
         f"{len(chosen)} entries, {sum(minutes.values()):.0f} min at most on two cores: what is kept takes none",
         arguments.quiet,
@@ -322,6 +331,7 @@ def _reproduce_all(arguments: argparse.Namespace, cluster: str) -> int:
     out = OUT / "reproduce"
     stored = _stored()
     n_different = 0
+    last = ""  # command, if nothing that it may read was published since
     if arguments.force:
         for folder in {
             folder
@@ -335,9 +345,10 @@ def _reproduce_all(arguments: argparse.Namespace, cluster: str) -> int:
         found, error = [], ""
         try:
             with reminders(entry.name, arguments.quiet):
-                found = reproduce(entry, arguments.write, arguments.quiet, cluster)
+                found = reproduce(entry, arguments.write, arguments.quiet, cluster, entry.command == last)
+            last = "" if arguments.write and (entry.sources or entry.figures) else entry.command
         except RunError as failure:
-            error = str(failure)
+            error, last = str(failure), ""
         minutes.pop(entry.command or entry.name, None)
         n_left_out = sum(row.get("surface") in missing for row in entry.rows)
         left_out = f"{n_left_out} of {len(entry.rows)} rows left out" if n_left_out else ""

@@ -374,13 +374,18 @@ def test_one_page_lists_all_that_is_published_over_several_calls(page, monkeypat
     assert kept_in(report.parent)["two"]["commit"] == "abc"
 
 
-def test_a_command_of_several_entries_is_run_for_each(page, monkeypatch):
-    """It may read what has been published meanwhile."""
+@pytest.mark.parametrize(
+    "words, ending, n_runs", [((), "true", 1), ((), "exit 3", 2), (("--write",), "true", 2)]
+)
+def test_a_command_of_neighbours_is_run_once_unless_it_fails_or_may_read_what_was_published(
+    words, ending, n_runs, page, monkeypatch
+):
     (page.parent / "made.csv").write_text("c,d\nz,3\n")
-    entry = Entry("a", "PAGE.md", "Two", 1, (2,), command="echo >> runs", sources=("made.csv",))
+    command = f"echo >> runs; {ending}"
+    entry = Entry("a", "PAGE.md", "Two", 1, (2,), command=command, sources=("made.csv",))
     monkeypatch.setattr(module, "entries", lambda: {"a": entry, "b": replace(entry, name="b")})
-    assert main(parse_arguments(["reproduce", "--quiet"])) == 0
-    assert (page.parent / "runs").read_text() == "\n\n"
+    assert main(parse_arguments(["reproduce", "--quiet", *words])) == (ending != "true")
+    assert (page.parent / "runs").read_text() == "\n" * n_runs
 
 
 def test_rows_are_of_the_reference_as_the_scene_has_it(tmp_path, monkeypatch):
