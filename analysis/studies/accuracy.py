@@ -306,6 +306,15 @@ def finding(rows: list[Row]) -> str:
     return f"Error of {SPRINGS} over that of linear elements on the same nodes, in the median: {', '.join(words)}."
 
 
+def against_quadratic(rows: list[Row]) -> str:
+    """Where quadratic elements stay ahead of springs on the same surface, and by how much, in one sentence."""
+    words = []
+    for kind, name in (("free", "under free loads"), ("held", "where supports hold the body")):
+        if found := ratios([row for row in rows if row["kind"] == kind], FEM_P2, SPRINGS):
+            words.append(f"{median(found):.2g} {name}")
+    return f"Error of quadratic elements over that of {SPRINGS} on the same surface, in the median: {', '.join(words)}."
+
+
 def measured(rows: list[Row]) -> str:
     """How many of a half's cases there are so far."""
     places = {place_of(row) for row in rows if row["kind"] != EXACT}
@@ -377,7 +386,7 @@ _MODELS = (
 )
 _HEAD = """# Accuracy
 
-{finding} {measured}
+{finding} {against_quadratic} {measured}
 
 `./testbed study accuracy` measures the development half of the bodies and writes this page and
 [its rows](accuracy.csv); with `--held-out` it measures the other half, too. How it measures stands at the head of
@@ -406,7 +415,8 @@ def read_rows() -> list[Row]:
 
 
 def write_page(rows: list[Row]) -> None:
-    parts = [_HEAD.format(finding=finding(rows), measured=measured(rows))]
+    words = {"against_quadratic": against_quadratic(rows), "measured": measured(rows)}
+    parts = [_HEAD.format(finding=finding(rows), **words)]
     for section in sections_of(rows):
         parts.append("\n\n".join([f"## {section.title}", *section.sentences]) + "\n")
         parts += [_markdown(*table) for table in section.tables.values()]

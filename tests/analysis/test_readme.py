@@ -82,6 +82,16 @@ def test_the_sentence_on_seconds_counts_what_its_table_does():
     assert [int(number) for number in said.groups()] == sums
 
 
+def test_the_sentences_on_random_bodies_have_the_medians_of_their_page():
+    text = " ".join(README.split())
+    page = (ROOT / "analysis" / "ACCURACY.md").read_text()
+    (left,) = re.findall(r"ACCURACY.md\) ([\d.]+) of linear elements' error is left in the median", text)
+    assert f"in the median: {left} at nu = 0.25" in page
+    (free,) = re.findall(r"they have ([\d.]+) of the error of `node_averaged`, in the median", text)
+    (held,) = re.findall(r"Where supports hold a body it is ([\d.]+)\.", text)
+    assert f"in the median: {free} under free loads, {held} where supports hold the body." in page
+
+
 def test_the_sentence_on_large_strain_has_the_figures_of_its_run():
     """Those of the default pair, as comparison tables of large strain have them."""
     text = " ".join(README.split())

@@ -27,6 +27,7 @@ from analysis.studies.accuracy import (
     UNCUT,
     Bench,
     Case,
+    against_quadratic,
     cases,
     finding,
     plot_ratios,
@@ -104,6 +105,14 @@ def test_finding_states_the_median_for_each_poissons_ratio() -> None:
     rows = [row(LINEAR, "smooth", 0.2), row(SPRINGS, "smooth", 0.05)]
     rows += [row(LINEAR, "smooth", 0.2, nu="0.45"), row(SPRINGS, "smooth", 0.02, nu="0.45")]
     assert finding(rows).endswith("in the median: 0.25 at nu = 0.25, 0.1 at nu = 0.45.")
+
+
+def test_quadratic_elements_are_told_where_they_are_ahead_and_where_not() -> None:
+    rows = [row(SPRINGS, load, 0.2) for load in ("smooth", "pressed", "held_moved")]
+    rows += [row("fem_p2", "smooth", 0.02), row("fem_p2", "pressed", 0.08), row("fem_p2", "held_moved", 0.3)]
+    assert against_quadratic(rows).endswith(
+        "in the median: 0.25 under free loads, 1.5 where supports hold the body."
+    )
 
 
 def test_ratios_are_drawn_as_shares_of_the_cases(drawn) -> None:
