@@ -33,7 +33,8 @@ from typing import Any
 
 from .machine import LOCK, THREADS, kind
 from .paths import OUT, PROGRAMS
-from .run_store import Found, Item, LostRunError, RunRequest, Store, files_of, hash_of_programs, made_by, say
+from .progress import say
+from .run_store import Found, Item, LostRunError, RunRequest, Store, files_of, hash_of_programs, made_by
 from .runs import RunError
 from .turns import lent, taken
 

@@ -20,8 +20,9 @@ from .execute import Ended, execute, solver
 from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
 from .paths import PROGRAMS, ROOT
+from .progress import say
 from .references import halve_step, refine
-from .run_store import Outcome, RunRequest, Store, say, value_of
+from .run_store import Outcome, RunRequest, Store, value_of
 from .runs import (
     LATE,
     NOT_MODELLED,

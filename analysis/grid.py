@@ -21,8 +21,9 @@ from .experiment import default_folder, surface_overrides
 from .folder_lock import locked
 from .outputs import forget
 from .paths import ROOT, write_text
+from .progress import Progress, reminders
 from .report import html_table, page, svg_figure, text_table
-from .run_store import Outcome, Progress, RunRequest, Store, each, reminders
+from .run_store import Outcome, RunRequest, Store, each
 from .runs import RunError, load_run, read_toml
 from .verdict import SERVES, total
 from .wording import percent

@@ -15,7 +15,7 @@ from typing import Any
 from .comparison import compare
 from .experiment_folder import Experiment
 from .methods import REFERENCE, label_of
-from .run_store import say
+from .progress import say
 from .runs import LATE, NOT_OK, SOLVED, STOPPED_EARLY, outcome_of, record_of
 from .verdict import needs_finer_reference
 from .wording import duration

@@ -29,9 +29,10 @@ from .folder_lock import locked
 from .machine import describe
 from .outputs import forget
 from .paths import MESHES, OUT, PACKAGE, PROGRAMS, ROOT, SCENES, write_text
+from .progress import Progress, reminders, say
 from .report import Table, csv_table
 from .reproduction import Compared, compare_files, compare_tables, keep, write_report
-from .run_store import Progress, Store, each, reminders, say
+from .run_store import Store, each
 from .runs import RunError
 from .wording import percent
 

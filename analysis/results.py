@@ -13,9 +13,9 @@ from .machine import describe
 from .methods import label_of
 from .outputs import are_as_written, list_of
 from .paths import PACKAGE, PROGRAMS, write_text
+from .progress import reminders, say
 from .remesh import sentence_of
 from .report import render
-from .run_store import reminders, say
 from .verdict import conclusion, finding
 
 _SHOWN = {".html", ".gif", ".jpg", ".png"}  # a run's own folder holds none of these

@@ -7,11 +7,9 @@ import json
 import os
 import platform
 import shutil
-import sys
 import threading
-import time
 import tomllib
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -25,9 +23,9 @@ from .folder_lock import locked
 from .machine import THREADS, kind
 from .outputs import are_as_written
 from .paths import PROGRAMS, write_text
+from .progress import tell_made
 from .runs import NOT_OK, SOLVED, RunError, built, read_toml, record_of
 from .turns import lent
-from .wording import duration
 
 # Top-level keys of a scene that change nothing in a program's result, as in its own input hash.
 _IGNORED = {
@@ -220,6 +218,7 @@ class Store:
         except LostRunError as error:
             return Outcome("failed", str(error), 0, 0, 0)
         part.rename(folder)
+        tell_made()
         found = self._known(folder, request)
         assert found
         return found
@@ -311,61 +310,3 @@ def _hash_of_file(file: Path) -> str:
 @lru_cache
 def _hash_of_version(file: Path, _time: int, _size: int) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-_PAUSE = 10.0  # s, without a word at most
-_last: dict[str, Any] = {
-    "text": "",
-    "said": 0.0,
-    "shown": 0.0,
-}  # what was said last, and when it was said and repeated
-
-
-def say(text: str, is_quiet: bool) -> None:
-    """Progress, on stderr."""
-    if not is_quiet:
-        now = time.monotonic()
-        _last.update(text=text, said=now, shown=now)
-        print(text, file=sys.stderr, flush=True)
-
-
-class Progress:
-    """Tells what is done of so many things, and how long the others will take by the pace of the last ones."""
-
-    def __init__(self, n: int, is_quiet: bool) -> None:
-        self.n, self.is_quiet, self.n_done = n, is_quiet, 0
-        self._times = deque([time.monotonic()], maxlen=20)
-
-    def say(self, text: str) -> None:
-        """Of one more that is done."""
-        self.n_done += 1
-        self._times.append(time.monotonic())
-        pace = (self._times[-1] - self._times[0]) / (len(self._times) - 1)
-        left = f", {duration(pace * (self.n - self.n_done))} left" if self.n_done < self.n else ""
-        say(f"[{self.n_done}/{self.n}{left}] {text}", self.is_quiet)
-
-
-@contextmanager
-def reminders(text: str, is_quiet: bool, pause: float = _PAUSE) -> Iterator[None]:
-    """Within it, what was said last is repeated whenever nothing has been said for so long (s), with the seconds since.
-
-    text: what is repeated until something is said.
-    """
-    has_ended = threading.Event()
-    now = time.monotonic()
-    _last.update(text=text, said=now, shown=now)
-
-    def remind() -> None:
-        while not has_ended.wait(max(0.0, _last["shown"] + pause - time.monotonic())):
-            now = time.monotonic()
-            if now >= _last["shown"] + pause:
-                _last["shown"] = now
-                print(f"{_last['text']}: {now - _last['said']:.0f} s", file=sys.stderr, flush=True)
-
-    thread = threading.Thread(target=remind, daemon=True)
-    if not is_quiet:
-        thread.start()
-    try:
-        yield
-    finally:
-        has_ended.set()

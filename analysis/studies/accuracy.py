@@ -28,8 +28,9 @@ from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..grid import csv_of
 from ..methods import FEM_P2, label_of
 from ..paths import PACKAGE, PROGRAMS, write_text
+from ..progress import Progress
 from ..report import Table
-from ..run_store import Progress, RunRequest, Store, each
+from ..run_store import RunRequest, Store, each
 from ..runs import Run, RunError, load_run
 from ..surface_points import on_points_of
 from .accuracy_loads import CUTTABLE, FREE, HELD, of_cut_surface, scene_of

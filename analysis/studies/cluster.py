@@ -26,8 +26,9 @@ import numpy as np
 from ..cluster import Cluster, engine_of
 from ..grid import sweep
 from ..paths import ROOT, SCENES
+from ..progress import say
 from ..report import Table
-from ..run_store import Here, made_by, say
+from ..run_store import Here, made_by
 from ..runs import RunError
 from .result import Result, Section, alone
 

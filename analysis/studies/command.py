@@ -15,7 +15,7 @@ from ..cluster import engine_of
 from ..folder_lock import locked
 from ..outputs import forget
 from ..paths import ROOT
-from ..run_store import reminders
+from ..progress import reminders
 from ..runs import RunError
 from . import (
     accuracy,

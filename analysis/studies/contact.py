@@ -18,8 +18,9 @@ import numpy as np
 from ..compare import compare_runs, free_motions
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES
+from ..progress import say
 from ..report import Table
-from ..run_store import RunRequest, Store, say
+from ..run_store import RunRequest, Store
 from ..runs import Array, Run, load_run, read_toml
 from ..wording import percent, percent_signed, significant
 from .half_space import write_octant

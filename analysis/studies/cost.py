@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 
 from ..drawing.style import style_of, svg_of
 from ..paths import write_text
+from ..progress import say
 from ..report import Table
-from ..run_store import RunRequest, Store, say
+from ..run_store import RunRequest, Store
 from .result import Figures, Result, Section
 
 _VALGRIND = ("valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null")

@@ -14,8 +14,9 @@ import numpy as np
 
 from ..grid import csv_of
 from ..paths import write_text
+from ..progress import Progress
 from ..report import Table
-from ..run_store import Progress, each
+from ..run_store import each
 from ..runs import Run, RunError
 from ..verdict import total
 from .accuracy import SPRINGS, Bench, Case, Row, cases, error_of

@@ -13,8 +13,9 @@ from pathlib import Path
 
 from ..experiment import run_solvers
 from ..paths import PACKAGE, SCENES, THUMBNAIL, write_text
+from ..progress import Progress
 from ..results import results_of
-from ..run_store import Progress, Store, each
+from ..run_store import Store, each
 from ..runs import RunError
 from .result import Result, Section
 

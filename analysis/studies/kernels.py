@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..paths import ROOT
+from ..progress import say
 from ..report import Table
-from ..run_store import Outcome, RunRequest, Store, say
+from ..run_store import Outcome, RunRequest, Store
 from ..runs import RunError
 from .benchmarks import benchmarks_of, cpu_seconds
 from .result import Result, Section, alone

@@ -20,8 +20,9 @@ import numpy as np
 import pyvista as pv
 
 from ..paths import PROGRAMS, SCENES
+from ..progress import say
 from ..report import Table
-from ..run_store import RunRequest, Store, say
+from ..run_store import RunRequest, Store
 from ..runs import Array, Run, RunError, load_run, scene_of
 from .benchmarks import benchmarks_of
 from .result import Result, Section, alone

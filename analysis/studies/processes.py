@@ -19,8 +19,8 @@ from statistics import mean
 from typing import Any
 
 from ..paths import PROGRAMS, SCENES
+from ..progress import say
 from ..report import Table
-from ..run_store import say
 from ..runs import RunError, built, record_of
 from ..wording import percent
 from .result import Result, Section, alone

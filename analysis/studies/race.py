@@ -15,7 +15,8 @@ import numpy as np
 from ..compare import compare_runs, free_motions, keeps_volume, trajectory_error, volume_change
 from ..machine import has_waited
 from ..methods import FEM_P1, FEM_P1_EXPLICIT, FEM_P2, FEM_P2_EXPLICIT
-from ..run_store import Outcome, RunRequest, Store, say
+from ..progress import say
+from ..run_store import Outcome, RunRequest, Store
 from ..runs import Run, RunError, load_run
 
 _NETWORKS = ("uniform", "affine", "van_gelder", "lloyd", "moment")

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from ..compare import trajectory_error
 from ..paths import SCENES
+from ..progress import say
 from ..report import Table
-from ..run_store import Outcome, RunRequest, Store, each, say
+from ..run_store import Outcome, RunRequest, Store, each
 from ..runs import RunError, load_run
 from ..wording import percent, percent_signed, significant
 from .result import Result, Section, alone

@@ -11,8 +11,9 @@ from pathlib import Path
 
 from .. import machine
 from ..paths import PROGRAMS, write_text
+from ..progress import say
 from ..report import Table, csv_table, html_table, image_figure, page, svg_figure, text_table
-from ..run_store import is_of_one_machine, say
+from ..run_store import is_of_one_machine
 
 Figures = dict[str, tuple[str | Path, str]]
 

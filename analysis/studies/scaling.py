@@ -20,8 +20,9 @@ from matplotlib.figure import Figure
 from ..drawing.style import number_logarithmic, style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import PROGRAMS, SCENES
+from ..progress import say
 from ..report import Table
-from ..run_store import Outcome, RunRequest, Store, say
+from ..run_store import Outcome, RunRequest, Store
 from .benchmarks import benchmarks_of, cpu_seconds
 from .result import Figures, Result, Section, alone
 

@@ -31,8 +31,8 @@ from matplotlib.patches import Patch
 
 from ..drawing.style import svg_of
 from ..paths import PROGRAMS, write_text
+from ..progress import say
 from ..report import Table
-from ..run_store import say
 from ..runs import RunError
 from ..wording import percent
 from .result import Figures, Result, Section

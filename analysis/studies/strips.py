@@ -21,8 +21,9 @@ from ..drawing.film import draw_film, draw_strip
 from ..drawing.style import style_of, svg_of
 from ..methods import FEM_P1, FEM_P2, label_of
 from ..paths import SCENES, write_text
+from ..progress import Progress, say
 from ..report import Table
-from ..run_store import Outcome, Progress, RunRequest, Store, each, say
+from ..run_store import Outcome, RunRequest, Store, each
 from ..runs import Array, Run, RunError, load_frames, read_toml
 from ..shape_measures import (
     Surface,

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from ..compare import triangle_normals
+from ..progress import say
 from ..report import Table
-from ..run_store import say
 from ..runs import Array, Run, scene_of
 from ..surface_points import on_points_of
 from ..wording import percent

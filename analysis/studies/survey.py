@@ -23,9 +23,10 @@ import numpy as np
 
 from ..grid import csv_of
 from ..paths import PACKAGE, PROGRAMS, SCENES, write_text
+from ..progress import Progress
 from ..remesh import read_off, remesh, write_surface
 from ..report import Table
-from ..run_store import Outcome, Progress, RunRequest, Store, each, hash_of_programs
+from ..run_store import Outcome, RunRequest, Store, each, hash_of_programs
 from ..runs import Array, RunError
 from ..wording import percent
 from .accuracy_loads import scene_of

@@ -14,8 +14,9 @@ from ..comparison import compare
 from ..experiment import TIME_LIMIT, run_solvers
 from ..grid import csv_of
 from ..paths import write_text
+from ..progress import Progress
 from ..report import Table
-from ..run_store import Progress, Store, each
+from ..run_store import Store, each
 from ..runs import RunError
 from ..verdict import FAILS, SERVES, has_figures, verdict_on
 from ..wording import percent

@@ -33,7 +33,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..paths import SCENES
-from ..run_store import Store, each, say
+from ..progress import say
+from ..run_store import Store, each
 from . import fronts
 from .frame_budget import frame_budget
 from .race import FULL, QUICK, REFERENCE_LIMIT, REGIMES, SceneStudy, is_dynamic

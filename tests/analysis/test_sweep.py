@@ -1,17 +1,13 @@
 """Sweeps over programs that stand in for the solvers: runs made once, failures are rows, a kill loses nothing."""
 
 import csv
-import io
 import json
 import os
 import platform
 import random
 import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from pages import fetched
@@ -21,7 +17,7 @@ from synthetic import write_run
 from analysis import grid as sweeps
 from analysis.__main__ import parse_arguments
 from analysis.grid import finding, measure, parse_grid, settings_of, sweep
-from analysis.run_store import Outcome, Progress, RunRequest, Store, reminders, say
+from analysis.run_store import Outcome, RunRequest, Store
 from analysis.runs import RunError
 
 GRID = {"material.nu": list(ERRORS), "network.multiplicity": ["3", "5"]}
@@ -348,44 +344,6 @@ def test_only_what_dead_processes_left_is_cleared(tmp_path):
         (folder / "run.json").write_text("{}")
     Store(tmp_path)
     assert [folder.exists() for folder in (left, busy, elsewhere, whole)] == [False, True, True, True]
-
-
-def test_progress_stands_on_stderr(capsys):
-    say("half way", is_quiet=False)
-    say("nothing", is_quiet=True)
-    assert capsys.readouterr() == ("", "half way\n")
-
-
-def test_time_left_follows_the_pace_of_the_last(monkeypatch):
-    moments = iter([0.0, 1.0, 3.0, *(3.0 + 10 * n for n in range(1, 29))])  # s
-    said = []
-    monkeypatch.setattr("analysis.run_store.time", SimpleNamespace(monotonic=lambda: next(moments)))
-    monkeypatch.setattr("analysis.run_store.say", lambda text, is_quiet: said.append(text))
-    progress = Progress(31, is_quiet=False)
-    for number in range(30):
-        progress.say(str(number))
-    assert said[:2] == ["[1/31, 30 s left] 0", "[2/31, 40 s left] 1"]
-    assert said[-1] == "[30/31, 10 s left] 29"
-
-
-def wait_for(stream, text):
-    deadline = time.monotonic() + 60
-    while text not in stream.getvalue() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert text in stream.getvalue()
-
-
-def test_who_waits_is_told_again_what_is_at_work(monkeypatch):
-    monkeypatch.setattr("sys.stderr", io.StringIO())
-    with reminders("study", is_quiet=False, pause=0.02):
-        wait_for(sys.stderr, "study: 0 s\nstudy: 0 s\n")
-        say("half way", is_quiet=False)
-        wait_for(sys.stderr, "half way\nhalf way: 0 s\n")
-    monkeypatch.setattr("sys.stderr", io.StringIO())
-    time.sleep(0.1)
-    with reminders("study", is_quiet=True, pause=0.02):
-        time.sleep(0.1)
-    assert sys.stderr.getvalue() == ""
 
 
 def test_command_makes_the_share_that_it_names(scene, tmp_path, monkeypatch):
