@@ -32,6 +32,7 @@ _N_FINE = 3000  # of the surface that they are chosen from
 _GRID = 60  # cells of a level set along the longest side
 _ROUND = 24  # corners of a circle
 _DIGIT = 2.0**-30  # m, the last of a coordinate
+_FOLDED = 170.0  # degrees between normals of neighbours, at most
 _MISSED = 0.25  # of the volume, by a triangulation at most
 
 Field = Callable[[Array], Array]
@@ -126,8 +127,11 @@ def _cut(surface: pv.PolyData, edge: float) -> pv.PolyData:
 
 
 def _is_usable(surface: pv.PolyData) -> bool:
-    """Closed, and crosses itself nowhere."""
+    """Closed, crosses itself nowhere, and has no triangle folded onto its neighbour."""
     if not surface.is_manifold or surface.n_open_edges > 0:
+        return False
+    kinds = {"boundary_edges": False, "non_manifold_edges": False, "manifold_edges": False}
+    if surface.extract_feature_edges(_FOLDED, **kinds).n_cells > 0:
         return False
     with TemporaryDirectory() as folder:
         file = Path(folder) / "surface.ply"

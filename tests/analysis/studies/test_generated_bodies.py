@@ -18,6 +18,7 @@ from analysis.studies.bodies import (
     Body,
     _circle,
     _fine,
+    _is_usable,
     _prism,
     _shape,
     bodies,
@@ -107,6 +108,13 @@ def test_prism_has_the_volume_of_its_polygon_less_its_holes():
     polygons = sum(12 * r**2 * np.sin(2 * np.pi / 24) for r in (0.2, 0.3))
     assert prism.volume == pytest.approx((2 - polygons) * 0.5 / 2**3, rel=1e-9)  # its longest side is 1 m
     assert prism.n_points == 2 * (4 + 24 + 24)
+
+
+@pytest.mark.parametrize("height, is_usable", [(0.02, False), (0.2, True)])
+def test_triangles_folded_onto_their_neighbours_are_not_usable(height, is_usable):
+    """Those of a cone meet its base at 1 and 11 degrees."""
+    cone = pv.Cone(height=height, radius=1, resolution=24).triangulate().clean()
+    assert _is_usable(cone) == is_usable
 
 
 def test_triangulations_differ_as_they_are_called():
