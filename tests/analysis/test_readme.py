@@ -88,7 +88,7 @@ def test_the_sentences_on_random_bodies_have_the_medians_of_their_page():
     (left,) = re.findall(r"ACCURACY.md\) ([\d.]+) of linear elements' error is left in the median", text)
     assert f"in the median: {left} at nu = 0.25" in page
     (free,) = re.findall(r"they have ([\d.]+) of the error of `node_averaged`, in the median", text)
-    (held,) = re.findall(r"Where supports hold a body it is ([\d.]+)\.", text)
+    (held,) = re.findall(r"Where supports hold a body they have ([\d.]+) times its error\.", text)
     assert f"in the median: {free} under free loads, {held} where supports hold the body." in page
 
 

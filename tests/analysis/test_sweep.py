@@ -346,6 +346,15 @@ def test_only_what_dead_processes_left_is_cleared(tmp_path):
     assert [folder.exists() for folder in (left, busy, elsewhere, whole)] == [False, True, True, True]
 
 
+def test_time_left_is_told_of_runs_that_are_made_and_not_of_those_that_are_kept(
+    scene, programs, tmp_path, capsys
+):
+    for says in (True, False):
+        store = Store(tmp_path / "runs", programs=programs)
+        sweep(scene, GRID, tmp_path / str(says), is_quiet=False, store=store)
+        assert ("left]" in capsys.readouterr().err) == says
+
+
 def test_command_makes_the_share_that_it_names(scene, tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(sweeps, "sweep", lambda *words: asked.append(words) or [])
