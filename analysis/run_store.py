@@ -32,6 +32,7 @@ _IGNORED = {
     "fem_reference": {"name", "network", "comparison", "playback"},
     "massspring": {"name", "reference", "comparison", "playback"},
 }
+_SURFACE = "surface.file"
 _MESHERS = ("gmsh_worker", "tetgen_worker")
 _READER = "vtk_worker"
 _MARK = f".part-{platform.node()}-"  # of a folder that a process works on; its number follows
@@ -141,15 +142,16 @@ class Store:
                 shutil.rmtree(part, ignore_errors=True)
 
     def key(self, request: RunRequest) -> str:
-        """Hash of programs, threads, scene, its files and overrides that the run's result depends on.
+        """Hash of programs, threads, scene, its files and overrides that the run's result depends on. A surface counts by
+        its name and content wherever it lies, but for a pair, whose folder tells it.
 
         Raises RunError when the scene or a program cannot be read.
         """
-        ignored = set() if request.is_of_pair else _IGNORED[request.program]
+        ignored = set() if request.is_of_pair else {*_IGNORED[request.program], _SURFACE}
         settings = _settings_of(request)
         parts = [
-            {key: value for key, value in request.values.items() if key not in ignored},
-            {key: value for key, value in settings.items() if key.split(".")[0] not in ignored},
+            _without(request.values, ignored),
+            {key: value for key, value in settings.items() if not {key, key.split(".")[0]} & ignored},
             request.program,
             request.options,
             request.prefix,
@@ -158,7 +160,7 @@ class Store:
             # Programs of earlier commits have none.
             _hash_of_file(worker) if (worker := self.programs / _READER).exists() else "",
             [os.environ.get(name, "") for name in THREADS],
-            {place: _hash_of_file(file) for place, file in files_of(request).items()},
+            {place: (file.name, _hash_of_file(file)) for place, file in files_of(request).items()},
             *([_engine.machine] if request.is_timed else []),
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
@@ -270,6 +272,14 @@ def files_of(request: RunRequest) -> dict[str, Path]:
         files = {place: file for place, file in files.items() if not f"{place}.".startswith(f"{key}.")}
         files |= dict(_files_in(value_of(text), key, Path()))
     return files
+
+
+def _without(value: Any, ignored: set[str], within: str = "") -> Any:
+    """A value of a scene without the keys that are ignored."""
+    if not isinstance(value, dict):
+        return value
+    kept = {key: part for key, part in value.items() if within + key not in ignored}
+    return {key: _without(part, ignored, f"{within}{key}.") for key, part in kept.items()}
 
 
 def _settings_of(request: RunRequest) -> dict[str, str]:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import pytest
 from solvers import calls, make_solvers
 
 from analysis.paths import ROOT
@@ -74,3 +75,23 @@ def test_run_is_that_of_the_programs_as_they_were_when_it_began(ball, tmp_path, 
     monkeypatch.setattr(Store, "_execute", build_meanwhile)
     assert store.run(request).folder == folder
     assert store.key(request) != folder.name and not store.find(request)
+
+
+@pytest.mark.parametrize("is_override", [True, False])
+def test_a_surface_counts_by_name_and_content_wherever_it_lies(is_override, ball, tmp_path):
+    """But for a pair: the folder of one is read for its scene."""
+    store = Store(tmp_path / "runs", programs=make_solvers(tmp_path / "home", ball))
+
+    def key(surface, content, is_of_pair=False):
+        file, scene = tmp_path / surface, tmp_path / f"{surface.replace('/', '-')}.toml"
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(content)
+        line = f'surface.file="{file}"'
+        scene.write_text("" if is_override else f"surface.across=0\n{line}")
+        words = (line,) if is_override else ()
+        return store.key(RunRequest("massspring", scene, words, is_of_pair=is_of_pair))
+
+    first = key("one/ball.off", "OFF")
+    assert key("two/ball.off", "OFF") == first
+    assert len({first, key("two/ball.off", "off"), key("two/box.off", "OFF")}) == 3
+    assert key("one/ball.off", "OFF", is_of_pair=True) != key("two/ball.off", "OFF", is_of_pair=True)
