@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import re
 import subprocess
 from collections import defaultdict
 from dataclasses import dataclass, replace
@@ -268,7 +269,7 @@ def _place_of(row: Row, program: str) -> tuple[str, ...]:
 
 
 def table_of_failures(rows: list[Row], sources: dict[str, Row]) -> Table:
-    """A line for each run that is not ok, with where its body comes from."""
+    """A line for each run that is not ok, with where its body comes from; FILE is its surface."""
     head = ["body", "from", "surface", "program", "load", "end", "seconds", "message"]
     lines = []
     for row in rows:
@@ -276,7 +277,8 @@ def table_of_failures(rows: list[Row], sources: dict[str, Row]) -> Table:
             source = sources.get(row["body"])
             origin = f"{source['repository']}: {source['path']}" if source else "-"
             cells = [row[key] for key in ("surface", "program", "load", "end")]
-            lines.append([row["body"], origin, *cells, row.get("seconds", "-"), row["message"]])
+            said = re.sub(rf"\S*/{row['body']}\S*?\.off", "FILE", row["message"])
+            lines.append([row["body"], origin, *cells, row.get("seconds", "-"), said])
     return head, lines
 
 
