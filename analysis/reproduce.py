@@ -255,7 +255,8 @@ def reproduce_command(
 
 
 def _run(entry: Entry, output: Path, cluster: str) -> None:
-    command = f"{entry.command} --cluster {cluster}" if cluster else entry.command
+    study = f"./testbed study --cluster {cluster} " if cluster else "./testbed study "
+    command = entry.command.replace("./testbed study ", study)
     with output.open("w") as said:
         done = subprocess.run(command, shell=True, cwd=ROOT, stdout=said, check=False)
     if done.returncode:

@@ -4,7 +4,7 @@ Each body of bodies.py bears one load while it is free and one while a part of i
 reference of all methods is quadratic elements on the surface as every method cuts it, refined: triangles are cut further
 where supports end, and tetrahedra split in eight. The reference's own error is estimated from what the split changed, as if
 it were of first order. Errors are relative, of the surface's displacement in the L2 norm. Half of the bodies are for
-development; --held-out measures the others, too. The exact fields are those of build/bin/accuracy, on the bodies of even
+development; --held-out measures the others instead. The exact fields are those of build/bin/accuracy, on the bodies of even
 triangles. What is finished is kept, and published in ACCURACY.md.
 """
 
@@ -75,16 +75,20 @@ class Case:
         return f"{self.body.name}, {self.load}, nu = {self.nu}"
 
 
-def cases(has_held_out: bool = False, is_quick: bool = False) -> list[Case]:
+def cases() -> list[Case]:
     """In an order that a hash draws, so that what is there of an unfinished study is a sample of all."""
     found = []
     for body in bodies():
-        if body.is_held_out and not has_held_out:
-            continue
         random = random_of(f"loads of {body.name}")
         loads = [random.choice(FREE), random.choice(HELD)]
         found += [Case(body, str(load), nu) for load in loads for nu in RATIOS]
     found.sort(key=lambda case: random_of(case.body.name).random())
+    return found
+
+
+def cases_of_half(is_held_out: bool, is_quick: bool = False) -> list[Case]:
+    """Cases of a half of the bodies, or four of them."""
+    found = [case for case in cases() if case.body.is_held_out == is_held_out]
     return [case for case in found if case.body.triangulation == "cad"][:4] if is_quick else found
 
 
@@ -321,7 +325,7 @@ def measured(rows: list[Row]) -> str:
     places = {place_of(row) for row in rows if row["kind"] != EXACT}
     words = []
     for half, is_held_out in (("development", False), ("held-out", True)):
-        n_all = sum(case.body.is_held_out == is_held_out for case in cases(has_held_out=True))
+        n_all = len(cases_of_half(is_held_out))
         name = half.replace(" ", "-")
         words.append(f"{sum(place[0] == half for place in places)} of {n_all} {name} cases")
     return f"{' and '.join(words)} have been measured, in an order drawn at random."
@@ -390,7 +394,7 @@ _HEAD = """# Accuracy
 {finding} {against_quadratic} {measured}
 
 `./testbed study accuracy` measures the development half of the bodies and writes this page and
-[its rows](accuracy.csv); with `--held-out` it measures the other half, too. How it measures stands at the head of
+[its rows](accuracy.csv); with `--held-out` it measures the other half. How it measures stands at the head of
 [the study](studies/accuracy.py).
 """
 _REFERENCES = """## References
@@ -432,7 +436,7 @@ def _markdown(head: list[str], rows: list[list[str]]) -> str:
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """--quick: four cases, a minute, and nothing is published."""
     bench = Bench(folder)
-    wanted = cases(arguments.held_out, arguments.quick)
+    wanted = cases_of_half(arguments.held_out, arguments.quick)
     rows: list[Row] = []
     progress = Progress(len(wanted), arguments.quiet)
     for case, found in zip(wanted, each(bench.measure, wanted), strict=True):

@@ -163,7 +163,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--held-out",
         action="store_true",
-        help="accuracy, estimate, survey: the bodies too that nothing was developed on",
+        help="accuracy, estimate: the half of the bodies that nothing was developed on; survey: these too",
     )
     parser.add_argument(
         "--seeds",

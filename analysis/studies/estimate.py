@@ -19,7 +19,7 @@ from ..report import Table
 from ..run_store import each
 from ..runs import Run, RunError
 from ..verdict import total
-from .accuracy import SPRINGS, Bench, Case, Row, cases, error_of
+from .accuracy import SPRINGS, Bench, Case, Row, cases_of_half, error_of
 from .result import Result, Section
 
 ESTIMATE = "estimate"
@@ -103,7 +103,7 @@ def finding(rows: list[Row]) -> str:
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """--quick: four cases, some minutes."""
     bench = Bench(folder)
-    wanted = cases(arguments.held_out, arguments.quick)
+    wanted = cases_of_half(arguments.held_out, arguments.quick)
     rows: list[Row] = []
     progress = Progress(len(wanted), arguments.quiet)
     for case, found in zip(wanted, each(lambda case: measure(bench, case), wanted), strict=True):

@@ -33,7 +33,7 @@ _LONG = 120.0  # s, in which a verdict is wanted
 def drawn(n: int) -> list[Case]:
     """A case of each of so many bodies, drawn by its name."""
     of_body: dict[str, list[Case]] = {}
-    for case in cases(has_held_out=True):
+    for case in cases():
         of_body.setdefault(case.body.name, []).append(case)
     return [of[random_of(f"verdict on {body}").integers(len(of))] for body, of in of_body.items()][:n]
 

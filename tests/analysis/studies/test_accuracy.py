@@ -29,6 +29,7 @@ from analysis.studies.accuracy import (
     Case,
     against_quadratic,
     cases,
+    cases_of_half,
     finding,
     plot_ratios,
     publish,
@@ -129,9 +130,10 @@ def test_ratios_are_drawn_as_shares_of_the_cases(drawn) -> None:
 
 
 def test_every_body_bears_a_free_and_a_held_load_and_halves_stay_apart() -> None:
-    every, learnt = cases(has_held_out=True), cases()
-    assert len(set(every)) == len(every) and set(learnt) < set(every)
-    assert not any(case.body.is_held_out for case in learnt)
+    every = cases()
+    learnt, judged = cases_of_half(is_held_out=False), cases_of_half(is_held_out=True)
+    assert len(set(every)) == len(every) == len(learnt) + len(judged)
+    assert not any(case.body.is_held_out for case in learnt) and all(case.body.is_held_out for case in judged)
     by_body = {}
     for case in every:
         by_body.setdefault((case.body, case.nu), []).append(case.kind)
@@ -185,10 +187,10 @@ from pathlib import Path
 from pathlib import Path
 from analysis.run_store import Store
 from analysis.runs import record_of
-from analysis.studies.accuracy import Bench, cases
+from analysis.studies.accuracy import Bench, cases_of_half
 folder, programs = map(Path, sys.argv[1:])
 bench = Bench(folder, Store(folder / "runs", programs=programs))
-rows = [row for case in cases(is_quick=True) for row in bench.measure(case)]
+rows = [row for case in cases_of_half(is_held_out=False, is_quick=True) for row in bench.measure(case)]
 (folder / "rows.txt").write_text(repr(rows))
 """
 
