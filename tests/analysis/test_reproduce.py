@@ -388,6 +388,19 @@ def test_a_command_of_neighbours_is_run_once_unless_it_fails_or_may_read_what_wa
     assert (page.parent / "runs").read_text() == "\n" * n_runs
 
 
+def test_a_cluster_is_told_to_the_studies_of_a_command_alone(page):
+    testbed = page.parent / "testbed"
+    testbed.write_text('#!/bin/sh\necho "$@" >> said\n')
+    testbed.chmod(0o755)
+    (page.parent / "made.csv").write_text("c,d\nz,3\n")
+    command = "./testbed study one && ./testbed study two --quick && ./testbed view three"
+    entry = Entry("s", "PAGE.md", "Two", 1, (2,), command=command, sources=("made.csv",))
+    reproduce(entry, is_written=False, is_quiet=True, cluster="tcp://a:1")
+    assert (page.parent / "said").read_text().splitlines() == [
+        "study --cluster tcp://a:1 one", "study --cluster tcp://a:1 two --quick", "view three",
+    ]  # fmt: skip
+
+
 def test_rows_are_of_the_reference_as_the_scene_has_it(tmp_path, monkeypatch):
     """However fine the one is that a verdict needs."""
     values = {True: {"n_nodes": 5, "displacement_error_l2": 0.25}, False: {"n_nodes": 7}}
