@@ -39,7 +39,7 @@ from .wording import percent
 MANIFEST, STORED, PUBLISHED = PACKAGE / "manifest.toml", PACKAGE / "reproduced.json", PACKAGE / "published"
 _ROUNDING = 1e-8
 _TIME_LIMIT = 200.0  # s, of a reference that is refined for its error, where a table shows that
-_NAME = re.compile(r"[a-z_]+\.toml|[a-z]+(_[a-z]+)+")
+_NAME = re.compile(r"(?<![\w/-])([a-z_]+\.toml|[a-z]+(_[a-z]+)+)")
 
 
 @dataclass(frozen=True)

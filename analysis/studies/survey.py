@@ -269,7 +269,7 @@ def _place_of(row: Row, program: str) -> tuple[str, ...]:
 
 
 def table_of_failures(rows: list[Row], sources: dict[str, Row]) -> Table:
-    """A line for each run that is not ok, with where its body comes from; FILE is its surface."""
+    """A line for each run that is not ok, with where its body comes from; FILE is its surface, and no folder is told."""
     head = ["body", "from", "surface", "program", "load", "end", "seconds", "message"]
     lines = []
     for row in rows:
@@ -278,6 +278,7 @@ def table_of_failures(rows: list[Row], sources: dict[str, Row]) -> Table:
             origin = f"{source['repository']}: {source['path']}" if source else "-"
             cells = [row[key] for key in ("surface", "program", "load", "end")]
             said = re.sub(rf"\S*/{row['body']}\S*?\.off", "FILE", row["message"])
+            said = re.sub(r"(?<!\S)/\S*/", "", said)
             lines.append([row["body"], origin, *cells, row.get("seconds", "-"), said])
     return head, lines
 

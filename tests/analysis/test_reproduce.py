@@ -268,16 +268,18 @@ def test_figures_of_a_command_are_compared_and_copied(page):
 def test_tables_of_a_study_are_compared_and_written(page):
     """Its columns without a name and a cell are left out, and those that the manifest names are picked."""
     made = page.parent / "made.csv"
-    made.write_text("c,error,\n`bar_sag`,4,\nz,5,\n")
+    made.write_text("c,error,\n`bar_sag`,4,\na/to_p-of_A_top.stl,5,\n")
     entry = Entry("s", "PAGE.md", "Two", 1, (2,), command="true", sources=("made.csv",))
     assert said(entry) == ["columns c, d -> c, error"]
     picked = replace(entry, columns=("c",))
     assert said(picked) == ["columns c, d -> c"]
     reproduce(entry, is_written=True, is_quiet=True)
-    assert "| c | error |\n| --- | --- |\n| `bar_sag` | 4 |\n| z | 5 |\n" in page.read_text()
-    assert stored_file(entry, 2).read_text() == "c,error\nbar_sag,4\nz,5\n"
-    made.write_text("c,error,\nbar_sag,4.2,\nz,7,\n")
-    assert said(entry) == ["z: 5 -> 7"]
+    assert (
+        "| c | error |\n| --- | --- |\n| `bar_sag` | 4 |\n| a/to_p-of_A_top.stl | 5 |\n" in page.read_text()
+    )
+    assert stored_file(entry, 2).read_text() == "c,error\nbar_sag,4\na/to_p-of_A_top.stl,5\n"
+    made.write_text("c,error,\nbar_sag,4.2,\na/to_p-of_A_top.stl,7,\n")
+    assert said(entry) == ["a/to_p-of_A_top.stl: 5 -> 7"]
     made.write_text("c,error,\nz,5,\n")
     assert said(entry) == ["2 rows -> 1"]
     with pytest.raises(RunError, match="no column 'd', expected one of c, error"):

@@ -147,8 +147,10 @@ def test_what_does_not_end_ok_is_named_with_its_source():
     assert [line[0] for line in lines] == ["b", "c", "c"]
     assert lines[0][1] == "someone/something: parts/b.stl" and lines[1][1] == "-"
     assert lines[0][-2:] == ["60", "why"]
-    told = row("b", "massspring", "refused", 1, message="failed: /out/runs/b-remeshed.off:3: 7, not /c.off")
-    assert table_of_failures([told], sources)[1][0][-1] == "failed: FILE:3: 7, not /c.off"
+    told = row(
+        "b", "massspring", "refused", 1, message="failed: /out/runs/b-remeshed.off:3: 7/s, not /x/c.off"
+    )
+    assert table_of_failures([told], sources)[1][0][-1] == "failed: FILE:3: 7/s, not c.off"
 
 
 def test_programs_agree_where_their_displacements_do_by_what_springs_expect():
