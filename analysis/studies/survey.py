@@ -21,6 +21,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pyvista as pv
 
 from ..grid import csv_of
 from ..paths import PACKAGE, PROGRAMS, SCENES, write_text
@@ -31,7 +32,7 @@ from ..run_store import Outcome, RunRequest, Store, each, hash_of_programs
 from ..runs import Array, RunError
 from ..wording import percent
 from .accuracy_loads import scene_of
-from .result import Result, Section
+from .result import Figures, Result, Section
 
 SOURCES = PACKAGE / "survey.csv"
 LIMIT = 60  # s of computing, of a run and of remeshing
@@ -283,6 +284,25 @@ def table_of_failures(rows: list[Row], sources: dict[str, Row]) -> Table:
     return head, lines
 
 
+def pictures_of_failures(rows: list[Row], bench: Bench, wanted: list[Case]) -> Figures:
+    """Triangles of each body, as it is, of which a run is not ok."""
+    failed = {row["body"] for row in rows if row["end"] != "ok"}
+    figures: Figures = {}
+    for case in wanted:
+        if case.name in failed and not case.is_remeshed:
+            try:
+                _, X, F = bench.surface_of(case)
+            except RunError:  # there is none to be drawn
+                continue
+            file = bench.folder / f"{case.name}.png"
+            plotter = pv.Plotter(off_screen=True, window_size=[600, 450])
+            plotter.add_mesh(pv.PolyData.from_regular_faces(X, F), color="lightgrey", show_edges=True)
+            plotter.screenshot(file)
+            plotter.close()
+            figures[case.name] = (file, f"{case.name}, its {len(F)} triangles")
+    return figures
+
+
 def read_sources() -> dict[str, Row]:
     """Of each body by its name in tables, where it comes from."""
     with SOURCES.open(newline="") as lines:
@@ -313,7 +333,9 @@ def study(arguments: argparse.Namespace, folder: Path) -> Result:
         rows += [{**row, "kind": sources.get(case.name, {}).get("kind", "")} for row in found]
         progress.say(f"{case.name}, {case.surface}: {', '.join(row['end'] for row in found)}")
         write_text(folder / "rows.csv", csv_of(rows))
-    return Result("A survey of bodies that nobody picked", finding(rows), sections_of(rows, sources))
+    sections = sections_of(rows, sources)
+    sections[-1].figures = pictures_of_failures(rows, bench, wanted)
+    return Result("A survey of bodies that nobody picked", finding(rows), sections)
 
 
 def sections_of(rows: list[Row], sources: dict[str, Row]) -> list[Section]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista as pv
 from scipy.stats import binomtest
 
 from analysis.run_store import Outcome
@@ -18,6 +19,7 @@ from analysis.studies.survey import (
     far_slower,
     finding,
     interval,
+    pictures_of_failures,
     read_sources,
     row_of,
     table,
@@ -217,6 +219,32 @@ def test_a_body_is_centred_scaled_and_run_by_both_programs_under_both_loads(tmp_
     assert str(new) in Path(store.requests[-1].scene).read_text()
     np.testing.assert_allclose(np.ptp(points, axis=0).max(), 1)
     np.testing.assert_allclose(points.min(axis=0) + points.max(axis=0), 0, atol=1e-12)
+
+
+def test_a_body_of_which_a_run_is_not_ok_is_drawn(tmp_path, ball):
+    """Once; one that cannot be repaired has no surface."""
+
+    class Surfaces:
+        folder = tmp_path
+
+        def surface_of(self, case):
+            if case.name == "b" * 12:
+                raise RunError("no surface")
+            return (case.file, *ball)
+
+    wanted = [
+        Case(Path(f"{name}.stl"), 20 * name, is_remeshed) for name in "abcd" for is_remeshed in (False, True)
+    ]
+    rows = [
+        row(12 * name, "massspring", end, 1)
+        for name, end in zip("abcdd", ["ok", "failed", "refused", "ok", "out of time"], strict=True)
+    ]
+    figures = pictures_of_failures(rows, Surfaces(), wanted)
+    assert list(figures) == [12 * "c", 12 * "d"]
+    file, caption = figures[12 * "d"]
+    assert caption == f"{12 * 'd'}, its {len(ball[1])} triangles"
+    image = pv.read(file)["PNGImage"]
+    assert len(np.unique(image, axis=0)) > 3, "edges, faces and background"
 
 
 def test_a_row_tells_the_message_of_what_is_not_ok_alone(tmp_path):
