@@ -9,8 +9,10 @@ import pytest
 import pyvista as pv
 from scipy.stats import binomtest
 
+from analysis.__main__ import parse_arguments
 from analysis.run_store import Outcome
 from analysis.runs import RunError
+from analysis.studies import survey
 from analysis.studies.survey import (
     Bench,
     Case,
@@ -22,6 +24,7 @@ from analysis.studies.survey import (
     pictures_of_failures,
     read_sources,
     row_of,
+    study,
     table,
     table_of_agreement,
     table_of_failures,
@@ -245,6 +248,27 @@ def test_a_body_of_which_a_run_is_not_ok_is_drawn(tmp_path, ball):
     assert caption == f"{12 * 'd'}, its {len(ball[1])} triangles"
     image = pv.read(file)["PNGImage"]
     assert len(np.unique(image, axis=0)) > 3, "edges, faces and background"
+
+
+def test_the_report_shows_bodies_beside_the_table_of_what_does_not_end_ok(tmp_path, ball, monkeypatch):
+    write_bodies(tmp_path / "bodies", 2)
+
+    class StandIn:
+        def __init__(self, folder):
+            self.folder = folder
+
+        def measure(self, case, loads):
+            place = {"surface": case.surface, "half": "development", "message": "", "estimate": ""}
+            return [row(case.name, "massspring", "refused", 1, **place) for _ in loads]
+
+        def surface_of(self, case):
+            return (case.file, *ball)
+
+    monkeypatch.setattr(survey, "Bench", StandIn)
+    words = ["study", "survey", "--quick", "--quiet", "--held-out", "--bodies", str(tmp_path / "bodies")]
+    result = study(parse_arguments(words), tmp_path)
+    names = [line[0] for line in result.sections[-1].tables["failures"][1]]
+    assert len(names) == 2 and list(result.sections[-1].figures) == names
 
 
 def test_a_row_tells_the_message_of_what_is_not_ok_alone(tmp_path):
