@@ -103,7 +103,7 @@ def finding(rows: list[Row]) -> str:
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """--quick: four cases, some minutes."""
     bench = Bench(folder)
-    wanted = cases_of_half(arguments.held_out, arguments.quick)
+    wanted = cases_of_half(arguments.held_out, arguments.quick)[: arguments.count]
     rows: list[Row] = []
     progress = Progress(len(wanted), arguments.quiet)
     for case, found in zip(wanted, each(lambda case: measure(bench, case), wanted), strict=True):

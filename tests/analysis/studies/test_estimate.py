@@ -7,7 +7,7 @@ import numpy as np
 from analysis.__main__ import parse_arguments
 from analysis.runs import RunError
 from analysis.studies import estimate
-from analysis.studies.accuracy import cases
+from analysis.studies.accuracy import cases, cases_of_half
 from analysis.studies.command import main
 from analysis.studies.estimate import ESTIMATE, finding, measure, table
 
@@ -79,6 +79,14 @@ def test_each_question_is_a_row_beside_the_refined_reference():
     assert set(bench.asked) == {("scene", case)} and rows[-1]["status"] == "too large"
     assert (rows[0]["error"], rows[0]["estimate"]) == ("0.04", "0.06")
     assert (rows[0]["seconds"], rows[0]["price"]) == ("1.5", "2")
+
+
+def test_a_count_takes_the_first_cases_that_the_hash_draws(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(estimate, "Bench", StandIn)
+    words = ["study", "estimate", "--held-out", "--count", "3", "--out", str(tmp_path)]
+    assert main(parse_arguments(words)) == 0
+    *_, last = [line for line in capsys.readouterr().err.splitlines() if line.startswith("[")]
+    assert last == f"[3/3] {cases_of_half(is_held_out=True)[2].name}"
 
 
 def test_quick_study_leaves_a_report(tmp_path, monkeypatch, capsys):
