@@ -28,15 +28,15 @@ def test_estimates_are_summed_up_over_their_errors():
         row(ESTIMATE, 0, 0, status="failed")
     ]
     line = line_of(rows, "free", ESTIMATE)
-    assert (line["cases"], line["no result"], line["within two"], line["met"]) == ("4", "1", "75%", "-")
+    assert (line["cases"], line["no result"], line["within two"], line["met"]) == ("4", "1", "75 %", "-")
     assert (line["estimate / error"], line["error"], line["nodes"]) == ("1.25", "10 %", "100")
     assert line["price"] == "1.5"
-    assert finding(rows) == "Estimates are within a factor two of the error in 75% of 4 cases."
+    assert finding(rows) == "Estimates are within a factor two of the error in 75 % of 4 cases."
 
 
 def test_a_target_is_met_up_to_half_as_much_again():
     rows = [row("target 0.05", error, 0.05, "held") for error in (0.01, 0.07, 0.08)]
-    assert line_of(rows, "held", "target 0.05")["met"] == "67%"
+    assert line_of(rows, "held", "target 0.05")["met"] == "67 %"
     assert line_of(rows, "held", "target 0.1")["within two"] == "-"
     assert finding(rows) == "No estimate was found."
 
@@ -94,7 +94,7 @@ def test_quick_study_leaves_a_report(tmp_path, monkeypatch, capsys):
     tmp_path.joinpath("out").mkdir()
     assert main(parse_arguments(["study", "estimate", "--quick", "--out", str(tmp_path / "out")])) == 0
     said = capsys.readouterr()
-    assert "within a factor two of the error in 100% of 4 cases" in said.out and "[4/4]" in said.err
+    assert "within a factor two of the error in 100 % of 4 cases" in said.out and "[4/4]" in said.err
     assert {"rows.csv", "estimates.csv", "report.html"} <= {
         file.name for file in (tmp_path / "out").iterdir()
     }
