@@ -291,7 +291,7 @@ def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("address", metavar="ADDRESS", help="of the scheduler, as tcp://192.168.0.1:8786")
     parser.add_argument(
         "--cores",
-        type=_count,
+        type=whole_number,
         default=os.cpu_count(),
         metavar="N",
         help="runs at once; default: %(default)s, all cores",
@@ -311,7 +311,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Of commands that make many runs."""
     parser.add_argument(
         "--workers",
-        type=_count,
+        type=whole_number,
         default=1,
         metavar="N",
         help="runs at once on this machine; default: %(default)s",
@@ -327,7 +327,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def _count(text: str) -> int:
+def whole_number(text: str) -> int:
+    """Of a command line. Raises argparse.ArgumentTypeError for what is no number from 1."""
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}', expected a number from 1")
     return int(text)

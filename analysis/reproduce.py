@@ -15,7 +15,6 @@ import json
 import re
 import shutil
 import subprocess
-import time
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -285,7 +284,6 @@ def reproduce(
 
     cluster, has_run: as reproduce_command.
     """
-    start = time.monotonic()
     found = (
         reproduce_runs(entry, is_written, is_quiet)
         if entry.rows
@@ -294,8 +292,7 @@ def reproduce(
     if is_written:
         stored = _stored()
         of = describe(PROGRAMS)
-        minutes = round((time.monotonic() - start) / 60, 1)
-        stored[entry.name] = {"commit": of["commit"], "machine": of["processor"], "minutes": minutes}
+        stored[entry.name] = {"commit": of["commit"], "machine": of["processor"]}
         write_text(STORED, json.dumps(dict(sorted(stored.items())), indent=2) + "\n")
     return found
 

@@ -33,6 +33,7 @@ from ..report import Table
 from ..run_store import RunRequest, Store, each
 from ..runs import Run, RunError, load_run
 from ..surface_points import on_points_of
+from ..wording import percent
 from .accuracy_loads import CUTTABLE, FREE, HELD, of_cut_surface, scene_of
 from .bodies import Body, bodies, random_of, save, write_body
 from .result import Result, Section
@@ -252,10 +253,10 @@ def table(rows: list[Row], keys: list[str]) -> Table:
             lines[-1] += [
                 f"{median(found):.2f}",
                 f"{max(found):.2f}",
-                f"{np.mean(np.array(found) <= 1 / 3):.0%}",
+                percent(float(np.mean(np.array(found) <= 1 / 3)), 2),
             ]
         own = (errors_of(of, method) for method in (SPRINGS, UNCUT, LINEAR, FEM_P2))
-        lines[-1] += [f"{100 * median(errors):.2g} %" if errors else "-" for errors in own]
+        lines[-1] += [percent(median(errors), 2) if errors else "-" for errors in own]
     return head, [line + ["-"] * (len(head) - len(line)) for line in lines]
 
 
@@ -272,7 +273,7 @@ def table_of_equal_nodes(rows: list[Row]) -> Table:
             cut = {place_of(row) for row in of if row["method"] == EQUAL}
             same = ratios([row for row in of if place_of(row) in cut], UNCUT, FEM_P2)
             numbers = [f"{value:.2f}" for value in (median(found), max(found), median(same))]
-            lines.append([*group, str(len(found)), *numbers, f"{100 * median(errors_of(of, EQUAL)):.2g} %"])
+            lines.append([*group, str(len(found)), *numbers, percent(median(errors_of(of, EQUAL)), 2)])
     return head, lines
 
 
@@ -296,7 +297,7 @@ def table_of_models(rows: list[Row]) -> Table:
                 str(len(found)),
                 str(failed),
                 *numbers,
-                f"{100 * median(own):.2g} %" if own else "-",
+                percent(median(own), 2) if own else "-",
             ]
         )
     return head, lines

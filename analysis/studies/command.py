@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from ..cluster import engine_of
+from ..cluster import engine_of, whole_number
 from ..folder_lock import locked
 from ..outputs import forget
 from ..paths import ROOT
@@ -114,7 +114,7 @@ STUDIES = {
     "estimate": Study(
         "the springs' own estimates beside their errors, and nodes added for a target, on the same bodies: an hour",
         estimate.study,
-        frozenset({"quick", "held_out"}),
+        frozenset({"quick", "held_out", "count"}),
     ),
     "cluster": Study(
         "a sweep of small runs by one worker and by two, one of which is killed: half an hour", cluster.study
@@ -149,7 +149,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="few and small: to try it out")
     parser.add_argument(
         "--repetitions",
-        type=int,
+        type=whole_number,
         metavar="N",
         help="of every timed run (5; of scaling 3); their median counts",
     )
@@ -178,7 +178,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--bodies", type=Path, metavar="DIR", help="survey: a folder of closed surfaces")
     parser.add_argument(
-        "--count", type=int, metavar="N", help="survey: so many of them, drawn by the hashes of their files"
+        "--count",
+        type=whole_number,
+        metavar="N",
+        help="survey: so many of them, drawn by the hashes of their files; estimate: so many cases, drawn at random",
     )
     parser.add_argument(
         "--against", metavar="COMMIT", help="kernels: build this commit apart, and measure it in the same run"

@@ -19,6 +19,7 @@ from ..report import Table
 from ..run_store import each
 from ..runs import Run, RunError
 from ..verdict import total
+from ..wording import percent
 from .accuracy import SPRINGS, Bench, Case, Row, cases_of_half, error_of
 from .result import Result, Section
 
@@ -79,12 +80,12 @@ def _summary(rows: list[Row], asked: str) -> list[str]:
     ratios = estimates / errors
     low, high = np.quantile(ratios, [0.1, 0.9])
     is_near = (ratios >= 1 / 2) & (ratios <= 2)
-    met = "-" if asked == ESTIMATE else f"{np.mean(errors <= _MET * float(asked.split()[1])):.0%}"
+    met = "-" if asked == ESTIMATE else percent(float(np.mean(errors <= _MET * float(asked.split()[1]))), 2)
     return [
         *(f"{value:.2f}" for value in (np.median(ratios), low, high)),
-        f"{np.mean(is_near):.0%}",
+        percent(float(np.mean(is_near)), 2),
         met,
-        f"{100 * np.median(errors):.2g} %",
+        percent(float(np.median(errors)), 2),
         *(f"{median(float(row[key]) for row in rows):.3g}" for key in ("n_nodes", "seconds", "price")),
     ]
 
@@ -97,13 +98,13 @@ def finding(rows: list[Row]) -> str:
     ]
     if not near:
         return "No estimate was found."
-    return f"Estimates are within a factor two of the error in {np.mean(near):.0%} of {len(near)} cases."
+    return f"Estimates are within a factor two of the error in {percent(float(np.mean(near)), 2)} of {len(near)} cases."
 
 
 def study(arguments: argparse.Namespace, folder: Path) -> Result:
     """--quick: four cases, some minutes."""
     bench = Bench(folder)
-    wanted = cases_of_half(arguments.held_out, arguments.quick)
+    wanted = cases_of_half(arguments.held_out, arguments.quick)[: arguments.count]
     rows: list[Row] = []
     progress = Progress(len(wanted), arguments.quiet)
     for case, found in zip(wanted, each(lambda case: measure(bench, case), wanted), strict=True):

@@ -17,6 +17,7 @@ from ..progress import say
 from ..report import Table
 from ..run_store import Outcome, RunRequest, Store
 from ..runs import RunError
+from ..wording import significant
 from .benchmarks import benchmarks_of, cpu_seconds
 from .result import Result, Section, alone
 
@@ -243,11 +244,12 @@ def table_of_runs(timed: list[Timed], trees: list[Tree]) -> Table:
 
 
 def table_of_kernels(timed: list[Timed], trees: list[Tree]) -> Table:
-    head = ["kernel", *(f"us, {tree.name}" for tree in trees), "times as fast", "over its limit"]
+    names = [tree.name for tree in trees]
+    head = ["kernel", *(f"us, {name}" for name in names), "times as fast", "over its limit"]
     rows = [
         [
             t.name,
-            *(_cell(t.seconds[tree.name] * 1e6 if tree.name in t.seconds else None, ".4g") for tree in trees),
+            *(significant(1e6 * t.seconds[name], 4) if name in t.seconds else "-" for name in names),
             _cell(ratio(t, trees), ".2f"),
             _cell(t.over_limit, ".2f"),
         ]

@@ -22,7 +22,7 @@ from ..paths import PROGRAMS, SCENES
 from ..progress import say
 from ..report import Table
 from ..runs import RunError, built, record_of
-from ..wording import percent
+from ..wording import percent, significant
 from .result import Result, Section, alone
 
 _COUNTS = (1, 2, 4)
@@ -109,7 +109,7 @@ def row(kind: str, problem: str, solved: Solved, small: Solved) -> list[str]:
         str(solved.record.get("linear_iterations", "-")),
         f"{sum(cpu_beyond(solved, small)):.2g}",
         f"{sum(of['messages']):.0f}",
-        f"{sum(of['bytes']) / 1e6:.2g}",
+        significant(sum(of["bytes"]) / 1e6, 2),
         f"{max(of['sums']):.0f}",
         f"{memory / 1e6:.0f}",
     ]
@@ -184,8 +184,8 @@ def far_row(kind: str, problem: str, n: int, pairs: dict[int, tuple[Solved, Solv
     # One process would take in proportion to its unknowns.
     of_one = sum(cpu_beyond(*one)) * n_dofs / one[0].record["n_dofs"]
     parts = (found.work, found.messages, found.sums, found.serial)
-    cells = [f"{seconds:.2g}" for seconds in parts]
-    return [kind, problem, str(n), f"{n_dofs:.2g}", *cells, percent(of_one / (n * found.total), 2)]
+    cells = [significant(seconds, 2) for seconds in parts]
+    return [kind, problem, str(n), significant(n_dofs, 2), *cells, percent(of_one / (n * found.total), 2)]
 
 
 def measure(n_vertices: int, folder: Path, is_quiet: bool) -> tuple[Table, Table]:

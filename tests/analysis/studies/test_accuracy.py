@@ -75,7 +75,7 @@ def test_table_states_ratios_own_errors_and_what_has_none() -> None:
     head, lines = table(rows, ["half", "kind", "nu"])
     free, held = (dict(zip(head, line, strict=True)) for line in lines)
     assert (free["cases"], free["no result"], free["undecided"]) == ("2", "1", "0")
-    assert (free["median"], free["worst"], free["<= 1/3"]) == ("0.35", "0.60", "50%")
+    assert (free["median"], free["worst"], free["<= 1/3"]) == ("0.35", "0.60", "50 %")
     assert (free["own error"], free["linear"], free["quadratic"]) == ("4 %", "15 %", "1 %")
     assert (held["undecided"], held["median"], held["uncut"], held["quadratic"]) == ("1", "0.30", "20 %", "-")
 
@@ -93,12 +93,12 @@ def test_models_are_compared_on_exact_fields_alone() -> None:
     fields = {"kind": EXACT}
     rows = [
         row(LINEAR, "bending", 0.2, **fields),
-        row("affine", "bending", 0.4, **fields),
+        row("affine", "bending", 2.34, **fields),
         row("affine", "smooth", 9),
     ]
     rows.append(row("lloyd", "bending", 0, status="refused: floppy", **fields))
     lines = {line[1]: line[3:] for line in table_of_models(rows)[1]}
-    assert lines["affine"] == ["1", "0", "2.00", "2.00", "40 %"]
+    assert lines["affine"] == ["1", "0", "11.70", "11.70", "230 %"]
     assert lines["lloyd"] == ["0", "1", "-", "-", "-"]
 
 
@@ -226,7 +226,7 @@ def test_publishing_one_half_leaves_the_other(tmp_path, monkeypatch):
     publish([row(SPRINGS, "smooth", 0.05), row(LINEAR, "smooth", 0.2)])
     assert [r["error"] for r in read_rows()] == ["0.5", "0.05", "0.2"]
     assert (
-        "| development | free | 0.25 | 1 | 0 | 0 | 0.25 | 0.25 | 100% | 5 % |"
+        "| development | free | 0.25 | 1 | 0 | 0 | 0.25 | 0.25 | 100 % | 5 % |"
         in (tmp_path / "page.md").read_text()
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from analysis.__main__ import parse_arguments
 from analysis.runs import RunError
 from analysis.studies import estimate
-from analysis.studies.accuracy import cases
+from analysis.studies.accuracy import cases, cases_of_half
 from analysis.studies.command import main
 from analysis.studies.estimate import ESTIMATE, finding, measure, table
 
@@ -28,15 +28,15 @@ def test_estimates_are_summed_up_over_their_errors():
         row(ESTIMATE, 0, 0, status="failed")
     ]
     line = line_of(rows, "free", ESTIMATE)
-    assert (line["cases"], line["no result"], line["within two"], line["met"]) == ("4", "1", "75%", "-")
+    assert (line["cases"], line["no result"], line["within two"], line["met"]) == ("4", "1", "75 %", "-")
     assert (line["estimate / error"], line["error"], line["nodes"]) == ("1.25", "10 %", "100")
     assert line["price"] == "1.5"
-    assert finding(rows) == "Estimates are within a factor two of the error in 75% of 4 cases."
+    assert finding(rows) == "Estimates are within a factor two of the error in 75 % of 4 cases."
 
 
 def test_a_target_is_met_up_to_half_as_much_again():
     rows = [row("target 0.05", error, 0.05, "held") for error in (0.01, 0.07, 0.08)]
-    assert line_of(rows, "held", "target 0.05")["met"] == "67%"
+    assert line_of(rows, "held", "target 0.05")["met"] == "67 %"
     assert line_of(rows, "held", "target 0.1")["within two"] == "-"
     assert finding(rows) == "No estimate was found."
 
@@ -81,12 +81,20 @@ def test_each_question_is_a_row_beside_the_refined_reference():
     assert (rows[0]["seconds"], rows[0]["price"]) == ("1.5", "2")
 
 
+def test_a_count_takes_the_first_cases_that_the_hash_draws(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(estimate, "Bench", StandIn)
+    words = ["study", "estimate", "--held-out", "--count", "3", "--out", str(tmp_path)]
+    assert main(parse_arguments(words)) == 0
+    *_, last = [line for line in capsys.readouterr().err.splitlines() if line.startswith("[")]
+    assert last == f"[3/3] {cases_of_half(is_held_out=True)[2].name}"
+
+
 def test_quick_study_leaves_a_report(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(estimate, "Bench", StandIn)
     tmp_path.joinpath("out").mkdir()
     assert main(parse_arguments(["study", "estimate", "--quick", "--out", str(tmp_path / "out")])) == 0
     said = capsys.readouterr()
-    assert "within a factor two of the error in 100% of 4 cases" in said.out and "[4/4]" in said.err
+    assert "within a factor two of the error in 100 % of 4 cases" in said.out and "[4/4]" in said.err
     assert {"rows.csv", "estimates.csv", "report.html"} <= {
         file.name for file in (tmp_path / "out").iterdir()
     }

@@ -117,3 +117,11 @@ def test_an_option_that_means_nothing_to_a_study_is_refused():
     ):
         with pytest.raises(RunError, match=what):
             command.main(parse_arguments(["study", *words]))
+
+
+@pytest.mark.parametrize("option", ["--repetitions", "--count", "--workers"])
+@pytest.mark.parametrize("value", ["0", "-3", "2.5"])
+def test_numbers_of_things_are_whole_and_at_least_one(option, value, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        parse_arguments(["study", "survey", f"{option}={value}"])
+    assert f"argument {option}: '{value}', expected a number from 1" in capsys.readouterr().err
