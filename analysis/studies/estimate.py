@@ -39,10 +39,12 @@ def measure(bench: Bench, case: Case) -> list[Row]:
     scene, _ = bench.scenes(case)
     place = {"body": case.body.name, "kind": case.kind, "load": case.load, "nu": case.nu}
     rows = []
+    reference: Run | None = None  # read once, as it is large
     for asked, key in _keys().items():
         row = {**place, "asked": asked}
         try:
-            reference, _ = bench.references(scene, case)
+            if reference is None:
+                reference, _ = bench.references(scene, case)
             springs = bench.run("massspring", scene, case.nu, f"network.calibration={SPRINGS}", key)
         except RunError as error:
             rows.append({**row, "status": str(error)})

@@ -77,7 +77,7 @@ def test_each_question_is_a_row_beside_the_refined_reference():
     case, bench = cases()[0], StandIn()
     rows = measure(bench, case)
     assert [row["asked"] for row in rows] == [ESTIMATE, "target 0.1", "target 0.05", "target 0.03"]
-    assert set(bench.asked) == {("scene", case)} and rows[-1]["status"] == "too large"
+    assert bench.asked == [("scene", case)] and rows[-1]["status"] == "too large"
     assert (rows[0]["error"], rows[0]["estimate"]) == ("0.04", "0.06")
     assert (rows[0]["seconds"], rows[0]["price"]) == ("1.5", "3")
 
