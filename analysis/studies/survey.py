@@ -270,18 +270,27 @@ def _place_of(row: Row, program: str) -> tuple[str, ...]:
 
 
 def table_of_failures(rows: list[Row], sources: dict[str, Row]) -> Table:
-    """A line for each run that is not ok, with where its body comes from; FILE is its surface, and no folder is told."""
-    head = ["body", "from", "surface", "program", "load", "end", "seconds", "message"]
-    lines = []
+    """What is not ok, with where its body comes from: a line for runs on one surface that end alike, their most seconds.
+
+    FILE is the surface, and no folder is told.
+    """
+    alike: dict[tuple[str, ...], list[Row]] = defaultdict(list)
     for row in rows:
         if row["end"] != "ok":
-            source = sources.get(row["body"])
-            origin = f"{source['repository']}: {source['path']}" if source else "-"
-            cells = [row[key] for key in ("surface", "program", "load", "end")]
             said = re.sub(rf"\S*/{row['body']}\S*?\.off", "FILE", row["message"])
             said = re.sub(r"(?<!\S)/\S*/", "", said)
-            lines.append([row["body"], origin, *cells, row.get("seconds", "-"), said])
-    return head, lines
+            alike[row["body"], row["surface"], row["end"], said].append(row)
+    lines = []
+    for (body, surface, end, said), of in alike.items():
+        source = sources.get(body)
+        origin = f"{source['repository']}: {source['path']}" if source else "-"
+        loads: dict[str, list[str]] = defaultdict(list)
+        for row in of:
+            loads[row["program"]].append(row["load"])
+        runs = "; ".join(f"{program} {', '.join(under)}" for program, under in loads.items())
+        took = [float(row["seconds"]) for row in of if "seconds" in row]
+        lines.append([body, origin, surface, runs, end, f"{max(took):.2g}" if took else "-", said])
+    return ["body", "from", "surface", "runs", "end", "most s", "message"], lines
 
 
 def pictures_of_failures(rows: list[Row], bench: Bench, wanted: list[Case]) -> Figures:

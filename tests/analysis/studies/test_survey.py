@@ -158,6 +158,30 @@ def test_what_does_not_end_ok_is_named_with_its_source():
     assert table_of_failures([told], sources)[1][0][-1] == "failed: FILE:3: 7/s, not c.off"
 
 
+def test_runs_on_one_surface_that_end_alike_are_a_line():
+    of_a = [row("a", "massspring", "refused", 1), row("a", "massspring", "refused", 3, load="free")]
+    of_a.append(row("a", "fem_reference", "refused", 2, load="free"))
+    apart = [row("a", "massspring", "refused", 1, surface="remeshed"), row("a", "massspring", "failed", 1)]
+    unmeshed = row("b", "massspring", "failed", 1)
+    del unmeshed["seconds"]
+    head, lines = table_of_failures([*of_a, *apart, unmeshed], {})
+    assert len(head) == len(lines[0])
+    assert lines[0] == [
+        "a",
+        "-",
+        "as it is",
+        "massspring sag, free; fem_reference free",
+        "refused",
+        "3",
+        "why",
+    ]
+    assert [line[2:6] for line in lines[1:]] == [
+        ["remeshed", "massspring sag", "refused", "1"],
+        ["as it is", "massspring sag", "failed", "1"],
+        ["as it is", "massspring sag", "failed", "-"],
+    ]
+
+
 def test_programs_agree_where_their_displacements_do_by_what_springs_expect():
     rows = [
         row(name, program, "ok", 1, displacement=size)
