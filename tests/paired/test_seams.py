@@ -19,7 +19,7 @@ surface = {{ file = "cubes.ply" }}
 region = {{ box = {{ low = [0, -9, -9], high = [0, 9, 9] }} }}
 [[seams]]
 from = {{ box = {{ low = [1, -9, -9], high = [1, 9, 9] }} }}
-to = {{ box = {{ low = [{1 + GAP}, -9, -9], high = [{1 + GAP}, 9, 9] }} }}
+to = {{ box = {{ low = [{1 + GAP / 2}, -9, -9], high = [{1 + 3 * GAP / 2}, 9, 9] }} }}
 stiffness = {STITCH}
 """
 
