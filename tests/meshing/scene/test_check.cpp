@@ -191,7 +191,7 @@ TEST(CheckSupports, TakesPartsThatSeamsTieForOne) {
   scene.supports.emplace_back().region.shape = Box{{5.5, -1, -1}, {6, 1, 1}};
   EXPECT_EQ(refusal_on(scene, surface), "");
   expect_parts(refusal_on(scene, join(surface, third)),
-               {"1 of the surface's 2 parts meet no support", "from -6 -1 -1 to -4 1 1"});
+               {"1 of the surface's 2 parts meet no support", "from -6 -1 -1 to -4  1  1"});
 }
 
 TEST(CheckSupports, TakesTheWallOfACavityForAPartOfItsBody) {
