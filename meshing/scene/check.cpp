@@ -77,8 +77,9 @@ std::string box_text(const Eigen::Matrix3Xd& X) {
   return text.str();
 }
 
-/// Vertices of each part that is not joined to others, the walls of its cavities among them.
-std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
+/// Vertices of each part that neither triangles nor stitches join to others, the walls of its cavities among them.
+std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface,
+                                       const std::vector<SurfaceProblem::Stitch>& stitches) {
   const std::vector<Shell> shells = shells_of(surface);
   std::vector<std::vector<int>> parts(shells.size());
   for (size_t s = 0; s < shells.size(); ++s) {
@@ -86,6 +87,16 @@ std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
     std::vector<int>& part = parts[is_cavity ? shells[s].parent : static_cast<int>(s)];
     for (const int f : shells[s].triangles)
       for (const int v : surface.F.col(f)) part.push_back(v);
+  }
+  std::vector<int> part_of(surface.X.cols());
+  for (size_t p = 0; p < parts.size(); ++p)
+    for (const int v : parts[p]) part_of[v] = static_cast<int>(p);
+  for (const auto& [a, b, stiffness] : stitches) {
+    const int into = part_of[a], from = part_of[b];
+    if (into == from) continue;
+    for (const int v : parts[from]) part_of[v] = into;
+    parts[into].insert(parts[into].end(), parts[from].begin(), parts[from].end());
+    parts[from].clear();
   }
   parts.erase(std::remove_if(parts.begin(), parts.end(), [](const auto& part) { return part.empty(); }),
               parts.end());
@@ -97,11 +108,10 @@ std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface) {
 void check_supports(const Scene& scene, const SurfaceMesh& surface, const SurfaceProblem& problem,
                     const std::string& file) {
   const bool is_static = scene.time.mode == TimeMode::Static;
-  if (!is_static || scene.reference.inertia_relief || !scene.obstacles.empty() || !scene.handles.empty())
-    return;
-  const std::vector<std::vector<int>> parts = parts_of(surface);
-  // One part may be free: its rigid motions are known. Seams tie parts.
-  if (problem.constrained.empty() && (parts.size() == 1 || !scene.seams.empty())) return;
+  if (!is_static || !scene.obstacles.empty() || !scene.handles.empty()) return;
+  const std::vector<std::vector<int>> parts = parts_of(surface, problem.stitches);
+  // One body may be free: its rigid motions are known, and reference.inertia_relief balances them.
+  if (problem.constrained.empty() && parts.size() == 1) return;
   std::vector<bool> is_constrained(surface.X.cols(), false);
   for (const auto& [vertices, support] : problem.constrained)
     for (const int v : vertices) is_constrained[v] = true;
@@ -114,7 +124,7 @@ void check_supports(const Scene& scene, const SurfaceMesh& surface, const Surfac
                            " of the surface's " + std::to_string(parts.size()) +
                            " parts meet no support, first the one " +
                            box_text(surface.X(Eigen::all, parts[loose[0]])) +
-                           "; expected one for each in statics, or reference.inertia_relief");
+                           "; expected a support for each in statics, or seams that tie it to others");
 }
 
 void check_motion(const Scene& scene, const SurfaceMesh& surface, const std::string& file) {

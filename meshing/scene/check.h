@@ -15,7 +15,7 @@ namespace testbed::meshing {
 void check_scene(const Scene& scene, const std::string& file);
 
 /// That no part of the surface lacks a support that others have, and that there is one where there are several parts, in
-/// statics without obstacles to hold them.
+/// statics without obstacles to hold them. Parts that seams tie count as one.
 /// @param problem  what the scene prescribes on the surface
 /// @param file  of the scene, for the message
 /// @throws std::runtime_error naming file, line and the box of the part.

@@ -165,13 +165,33 @@ TEST(CheckSupports, RefusesAPartWithoutTheSupportThatOthersHaveInStaticsAlone) {
   scene.supports.emplace_back().region.shape = HalfSpace{{0, 0, 0}, {1, 0, 0}};
   expect_parts(refusal_on(scene, surface),
                {"1 of the surface's 2 parts meet no support", "from  4 -1 -1 to 6 1 1"});
-  Scene relieved = scene, moving = scene, constrained = scene, on_a_floor = scene;
-  relieved.reference.inertia_relief = true;
+  Scene moving = scene, constrained = scene, on_a_floor = scene;
   moving.time.mode = TimeMode::Dynamic;
   constrained.supports[0].region.shape = Everywhere{};
   on_a_floor.obstacles.emplace_back();
-  for (const Scene& other : {relieved, moving, constrained, on_a_floor})
-    EXPECT_EQ(refusal_on(other, surface), "");
+  for (const Scene& other : {moving, constrained, on_a_floor}) EXPECT_EQ(refusal_on(other, surface), "");
+}
+
+TEST(CheckSupports, KnowsThatInertiaBalancesTheRigidMotionsOfOneBody) {
+  Scene scene = ball();
+  scene.reference.inertia_relief = true;
+  EXPECT_EQ(refusal_on(scene, make_shape("ball", 100)), "");
+  expect_parts(refusal_on(scene, two_balls()), {"2 of the surface's 2 parts meet no support"});
+}
+
+TEST(CheckSupports, TakesPartsThatSeamsTieForOne) {
+  const SurfaceMesh surface = two_balls();
+  SurfaceMesh third = make_shape("ball", 42);
+  third.X.row(0).array() -= 5;
+  Scene scene = ball();
+  Seam& seam = scene.seams.emplace_back();
+  seam.from.shape = Box{{0.5, -1, -1}, {1, 1, 1}};
+  seam.to.shape = Box{{4, -1, -1}, {4.5, 1, 1}};
+  EXPECT_EQ(refusal_on(scene, surface), "") << "one free body";
+  scene.supports.emplace_back().region.shape = Box{{5.5, -1, -1}, {6, 1, 1}};
+  EXPECT_EQ(refusal_on(scene, surface), "");
+  expect_parts(refusal_on(scene, join(surface, third)),
+               {"1 of the surface's 2 parts meet no support", "from -6 -1 -1 to -4  1  1"});
 }
 
 TEST(CheckSupports, TakesTheWallOfACavityForAPartOfItsBody) {
