@@ -144,6 +144,15 @@ def test_the_readme_repeats_the_results():
     assert [of_readme[scene] for scene in both] == [of_results[scene] for scene in both]
 
 
+def test_estimates_are_as_near_as_the_readme_says():
+    assert "within a factor two on [bodies drawn at random]" in (ROOT / "README.md").read_text()
+    *_, (head, rows) = tables_of(
+        (ROOT / "analysis/RESULTS.md").read_text(), "3 Accuracy of the spring models"
+    )
+    near = [row[head.index("within two")] for row in rows if row[head.index("asked")] == "estimate"]
+    assert len(near) == 2 and all(float(share.rstrip(" %")) >= 95 for share in near)
+
+
 def test_the_models_are_those_that_are_drawn():
     names = [name.strip("`") for name in _table(ROOT / "massspring" / "README.md", "name")]
     assert names == [name for name in _STYLES if name not in (REFERENCE, FEM_P1, FEM_P2)]
