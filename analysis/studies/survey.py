@@ -272,12 +272,13 @@ def _place_of(row: Row, program: str) -> tuple[str, ...]:
 def table_of_failures(rows: list[Row], sources: dict[str, Row]) -> Table:
     """What is not ok, with where its body comes from: a line for runs on one surface that end alike, their most seconds.
 
-    FILE is the surface, and no folder is told.
+    FILE is the surface, SCENE.toml its free load, and no folder is told.
     """
     alike: dict[tuple[str, ...], list[Row]] = defaultdict(list)
     for row in rows:
         if row["end"] != "ok":
             said = re.sub(rf"\S*/{row['body']}\S*?\.off", "FILE", row["message"])
+            said = re.sub(rf"\S*/{row['body']}\S*?\.toml", "SCENE.toml", said)
             said = re.sub(r"(?<!\S)/\S*/", "", said)
             alike[row["body"], row["surface"], row["end"], said].append(row)
     lines = []

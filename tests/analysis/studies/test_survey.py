@@ -153,9 +153,13 @@ def test_what_does_not_end_ok_is_named_with_its_source():
     assert lines[0][1] == "someone/something: parts/b.stl" and lines[1][1] == "-"
     assert lines[0][-2:] == ["60", "why"]
     told = row(
-        "b", "massspring", "refused", 1, message="failed: /out/runs/b-remeshed.off:3: 7/s, not /x/c.off"
+        "b",
+        "massspring",
+        "refused",
+        1,
+        message="failed: /out/b.toml: /out/runs/b-remeshed.off:3: 7/s, not /x/c.off",
     )
-    assert table_of_failures([told], sources)[1][0][-1] == "failed: FILE:3: 7/s, not c.off"
+    assert table_of_failures([told], sources)[1][0][-1] == "failed: SCENE.toml: FILE:3: 7/s, not c.off"
 
 
 def test_runs_on_one_surface_that_end_alike_are_a_line():
