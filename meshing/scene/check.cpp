@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
+#include <boost/pending/disjoint_sets.hpp>
 #include <sstream>
 #include <stdexcept>
 
@@ -81,23 +82,18 @@ std::string box_text(const Eigen::Matrix3Xd& X) {
 std::vector<std::vector<int>> parts_of(const SurfaceMesh& surface,
                                        const std::vector<SurfaceProblem::Stitch>& stitches) {
   const std::vector<Shell> shells = shells_of(surface);
-  std::vector<std::vector<int>> parts(shells.size());
+  std::vector<size_t> shell_of(surface.X.cols());
+  boost::disjoint_sets_with_storage<> joined(shells.size());
   for (size_t s = 0; s < shells.size(); ++s) {
-    const bool is_cavity = shells[s].depth % 2 == 1;
-    std::vector<int>& part = parts[is_cavity ? shells[s].parent : static_cast<int>(s)];
     for (const int f : shells[s].triangles)
-      for (const int v : surface.F.col(f)) part.push_back(v);
+      for (const int v : surface.F.col(f)) shell_of[v] = s;
+    const bool is_cavity = shells[s].depth % 2 == 1;
+    if (is_cavity) joined.union_set(s, static_cast<size_t>(shells[s].parent));
   }
-  std::vector<int> part_of(surface.X.cols());
-  for (size_t p = 0; p < parts.size(); ++p)
-    for (const int v : parts[p]) part_of[v] = static_cast<int>(p);
-  for (const auto& [a, b, stiffness] : stitches) {
-    const int into = part_of[a], from = part_of[b];
-    if (into == from) continue;
-    for (const int v : parts[from]) part_of[v] = into;
-    parts[into].insert(parts[into].end(), parts[from].begin(), parts[from].end());
-    parts[from].clear();
-  }
+  for (const auto& [a, b, stiffness] : stitches) joined.union_set(shell_of[a], shell_of[b]);
+  std::vector<std::vector<int>> parts(shells.size());
+  for (Eigen::Index v = 0; v < surface.X.cols(); ++v)
+    parts[joined.find_set(shell_of[v])].push_back(static_cast<int>(v));
   parts.erase(std::remove_if(parts.begin(), parts.end(), [](const auto& part) { return part.empty(); }),
               parts.end());
   return parts;
