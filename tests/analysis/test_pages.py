@@ -145,7 +145,9 @@ def test_the_readme_repeats_the_results():
 
 
 def test_estimates_are_as_near_as_the_readme_says():
-    assert "at small strain within a factor two on [bodies drawn at random]" in (ROOT / "README.md").read_text()
+    assert (
+        "at small strain within a factor two on [bodies drawn at random]" in (ROOT / "README.md").read_text()
+    )
     *_, (_, (head, rows)) = tables_of(
         (ROOT / "analysis/RESULTS.md").read_text(), "3 Accuracy of the spring models"
     )

@@ -63,14 +63,14 @@ def test_kernels_stand_beside_the_limit_of_the_present_tree(trees, monkeypatch):
             return []
         is_now = "now" in program.parts
         forces = {"name": "forces", "cpu_time": 2.0 if is_now else 6.0, "time_unit": "us", "over_limit": 1.4}
-        return [forces, {"name": "new", "cpu_time": 1.0, "time_unit": "ms"}] if is_now else [forces]
+        return [forces, {"name": "new", "cpu_time": 20.0, "time_unit": "ms"}] if is_now else [forces]
 
     monkeypatch.setattr(kernels, "benchmarks_of", benchmarks_of)
     forces, new = kernels.measure_kernels(trees, 2, is_quiet=True)
     assert forces.seconds == pytest.approx({"v1": 6e-6, "now": 2e-6}) and forces.over_limit == 1.4
     assert kernels.table_of_kernels([forces, new], trees)[1] == [
         ["forces", "6", "2", "3.00", "1.40"],
-        ["new", "-", "1000", "-", "-"],
+        ["new", "-", "20000", "-", "-"],
     ]
     words = kernels.finding([], [forces, new], trees)
     assert words == "Kernels take 1.4 (forces) to 1.4 (forces) times their limit."
